@@ -41,15 +41,13 @@ Part = Callable[[str], str]
 
 EXECUTABLE = """#!/usr/bin/env python3
 \"\"\"{about}\"\"\"
+import signal
 import sys
 
 if __name__ == "__main__":  # the processes that it starts read this file too
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
     try:
-        import signal
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
         from behavior_controller import command
-    except KeyboardInterrupt:
-        sys.exit(1)
     except (ImportError, SyntaxError) as error:  # no workspace, or another one's Python
         sys.exit("{name}: {{}}, for {{}}: build the workspace as the README says, "
                  "and source its setup.bash".format(error, sys.executable))

@@ -1,12 +1,11 @@
 """Commands without a ROS master: check missions, print the palette for Groot2, draw a mission with
 py-trees-render."""
 import argparse
-import contextlib
 import json
 import os
 import sys
 import time
-from typing import Any, Dict, List, Optional, Set, Tuple
+from typing import Any, Dict, List, NoReturn, Optional, Set, Tuple
 from xml.sax.saxutils import quoteattr
 
 from behavior_controller import NOT_SET_UP
@@ -39,11 +38,9 @@ def validate(argv: Optional[List[str]] = None) -> int:
     """``validateMission FILE…``: print every fault of each file. Return 0 if none has a fault, else
     2."""
     options = ros_arguments.parse(_validation_arguments(), argv)
-    if not options.watch:
-        return _judge_all(options)[0]
-    with contextlib.suppress(KeyboardInterrupt):
+    if options.watch:
         _watch(options)
-    return exit_codes.SUCCESS
+    return _judge_all(options)[0]
 
 
 def _validation_arguments() -> argparse.ArgumentParser:
@@ -60,8 +57,7 @@ def _validation_arguments() -> argparse.ArgumentParser:
     parser.add_argument("--palette", metavar="FILE", action="append", default=[],
                         help="a file with a TreeNodesModel: its node types are taken as stubs")
     parser.add_argument("--interface", metavar="ROBOT", choices=sorted(INTERFACES), default="",
-                        help="check for this robot, whatever the configuration says: "
-                             f"{', '.join(sorted(INTERFACES))}")
+                        help="check for this robot, whatever the configuration says: %(choices)s")
     parser.add_argument("--folder", action="store_true",
                         help="take trees that a file lacks from the other files in its folder")
     parser.add_argument("--ignore", metavar="CODE", action="append", default=[], type=_code,
@@ -99,8 +95,8 @@ def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
     return exit_codes.WRONG_INPUT if wrong else exit_codes.SUCCESS, validation.files
 
 
-def _watch(options: argparse.Namespace) -> None:
-    """Check the files again at each change of one of them, without end."""
+def _watch(options: argparse.Namespace) -> NoReturn:
+    """Check the files again at each change of one of them, until Ctrl-C ends the process."""
     given = list(options.files) + list(options.palette)
     files: Set[str] = set()
     while True:

@@ -31,7 +31,7 @@ def run(name: str, module: str, function: str = "main", redraws: bool = False) -
     for stream in (sys.stdout, sys.stderr):
         _make_safe(stream, redraws)
     main = _loaded(name, module, function, exit_codes.UNAVAILABLE)
-    code, reasons = exit_codes.UNAVAILABLE, []
+    code, lines = exit_codes.UNAVAILABLE, []
     try:
         try:
             code = main()
@@ -40,16 +40,16 @@ def run(name: str, module: str, function: str = "main", redraws: bool = False) -
     except OSError as error:
         code = exit_codes.UNAVAILABLE
         named = f"{error.filename}: " if error.filename else ""
-        reasons = [f"the output cannot be written: {named}{error.strerror}"]
+        lines = [f"the output cannot be written: {named}{error.strerror}"]
     except FaultsFound as error:  # of another package's leaves
-        code, reasons = exit_codes.WRONG_INPUT, _lines(error)
+        code, lines = exit_codes.WRONG_INPUT, str(error).split("\n")
     except ImportError as error:
-        reasons = [str(error)]
+        lines = [str(error)]
     except (MemoryError, RecursionError):
-        reasons = ["there is too little memory for this"]
-    if reasons:
-        _discard(sys.stdout.fileno())
-    _complain(name, reasons + [str(doubt) for doubt in extensions.doubts()])
+        lines = ["there is too little memory for this"]
+    lines += map(str, extensions.doubts())
+    if lines:
+        _end(name, code, lines)
     sys.exit(code)
 
 
@@ -60,8 +60,7 @@ def run_node(name: str, module: str, function: str, *arguments: str) -> NoReturn
     try:
         sys.exit(main(*arguments))
     except (MemoryError, OSError, RuntimeError) as error:
-        reason = no_resources(error)
-    _end(name, exit_codes.BROKEN, [reason])
+        _end(name, exit_codes.BROKEN, [no_resources(error)])
 
 
 def _loaded(name: str, module: str, function: str, broken: int) -> Callable[..., int]:
@@ -70,26 +69,27 @@ def _loaded(name: str, module: str, function: str, broken: int) -> Callable[...,
     try:
         return getattr(importlib.import_module(module), function)
     except FaultsFound as error:
-        code, reasons = exit_codes.WRONG_INPUT, _lines(error)
+        code, lines = exit_codes.WRONG_INPUT, str(error).split("\n")
     except ModuleNotFoundError as error:
-        code, reasons = exit_codes.UNAVAILABLE, [NOT_SET_UP.format(error, sys.executable)]
+        code, lines = exit_codes.UNAVAILABLE, [NOT_SET_UP.format(error, sys.executable)]
     except (ImportError, MemoryError, OSError, RuntimeError) as error:
-        code, reasons = broken, ["cannot be loaded: " + (str(error) or type(error).__name__)]
+        code, lines = broken, ["cannot be loaded: " + (str(error) or type(error).__name__)]
         if getattr(error, "name", None) == "py_trees":
-            code, reasons = exit_codes.UNAVAILABLE, [str(error)]  # it is too old
-    _end(name, code, reasons)
+            code, lines = exit_codes.UNAVAILABLE, [str(error)]  # it is too old
+    _end(name, code, lines)
 
 
-def _end(name: str, code: int, reasons: List[str]) -> NoReturn:
-    """End with these lines. Threads must not hold the process, and the node's streams need one."""
-    lines = "".join(f"{name}: {reason}\n" for reason in reasons)
+def _end(name: str, code: int, lines: List[str]) -> NoReturn:
+    """End with these lines on standard error.
+
+    Nothing holds the process: no thread, no standard error that is full, and no rest of an output
+    that cannot be written.
+    """
+    text = without_controls("".join(f"{name}: {line}\n" for line in lines))
     with contextlib.suppress(OSError):
-        os.write(2, without_controls(lines).encode("utf-8", "backslashreplace"))
+        sys.stderr.flush()
+        os.write(2, text.encode(sys.stderr.encoding or "utf-8", "backslashreplace"))
     os._exit(code)
-
-
-def _lines(error: FaultsFound) -> List[str]:
-    return [str(fault) for fault in error.faults]
 
 
 def _make_safe(stream: Any, redraws: bool) -> None:
@@ -111,20 +111,3 @@ def _open_closed_streams() -> None:
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if getattr(sys, name) is None:
             setattr(sys, name, open(number, mode))
-
-
-def _discard(descriptor: int) -> None:
-    """Discard the rest of a buffer: Python would try to write it again at exit and print its own
-    error."""
-    null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, descriptor)
-    os.close(null)
-
-
-def _complain(name: str, lines: List[str]) -> None:
-    try:
-        for line in lines:
-            sys.stderr.write(f"{name}: {line}\n")
-        sys.stderr.flush()
-    except OSError:
-        _discard(sys.stderr.fileno())

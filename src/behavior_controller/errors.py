@@ -7,9 +7,11 @@
     ├── NodesMissing             robot nodes that the start-up check did not find
     └── bt errors                (script, port, tick) derive from it where they are defined
 """
-from typing import Any, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple, TypeVar
 
 from behavior_controller.text import clean
+
+Part = TypeVar("Part")
 
 
 class Fault(NamedTuple):
@@ -67,6 +69,15 @@ class ConfigurationError(FaultsFound):
 
 class MissionError(FaultsFound):
     """The mission cannot be used (exit code 2)."""
+
+
+def attempt(part: Callable[[], Part], faults: List[Fault]) -> Optional[Part]:
+    """Return what ``part`` returns; None if it has faults, which are added to ``faults``."""
+    try:
+        return part()
+    except FaultsFound as invalid:
+        faults.extend(invalid.faults)
+        return None
 
 
 class NodesMissing(BehaviorControllerError):

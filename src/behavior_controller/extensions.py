@@ -13,7 +13,7 @@ import sys
 import threading
 import traceback
 from types import FrameType, ModuleType
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 from xml.etree import ElementTree
 
 from behavior_controller import exit_codes
@@ -81,11 +81,10 @@ class Extension(NamedTuple):
             lines = read_bytes(file).decode(errors="replace").splitlines()
         except Unreadable:
             lines = []
-        for wanted in near:
-            for number, line in enumerate(lines, 1):
-                if wanted in line:
-                    return BrokenExtension(self.package, f"{name}: {text} ({place(file, number)})")
-        return BrokenExtension(self.package, f"{name}: {text}")
+        numbers = [number for wanted in near for number, line in enumerate(lines, 1)
+                   if wanted in line]
+        where = f" ({place(file, numbers[0])})" if numbers else ""
+        return BrokenExtension(self.package, f"{name}: {text}{where}")
 
 
 def quoted(name: str) -> Tuple[str, str]:
@@ -131,11 +130,8 @@ def raising(error: BaseException) -> Optional[str]:
 
 
 def _package_of(frame: FrameType) -> Optional[str]:
-    return _packages.get(_top(frame.f_globals.get("__name__", "")))
-
-
-def _top(module: str) -> str:
-    return module.partition(".")[0]
+    module = frame.f_globals.get("__name__", "")
+    return _packages.get(module.partition(".")[0])
 
 
 def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
@@ -154,7 +150,7 @@ def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
             hint = "; this module must not import leaves or phrases"
         raise BrokenExtension(
             package, f"{export} cannot be imported: {described(error)}{hint}") from error
-    _packages[_top(name)] = package
+    _packages[name.partition(".")[0]] = package
     extension = Extension(package, folder, module)
     for wanted, value in values.items():
         # a single record is a tuple too, of its fields
@@ -197,14 +193,10 @@ def _give_up() -> None:
 
 @functools.lru_cache(maxsize=None)
 def _exports() -> Tuple[Tuple[str, str, Dict[str, str]], ...]:
+    """Return package, folder and the modules of each export to us, by package; the first package of
+    a name counts."""
     _doubts.clear()
-    return tuple(sorted(_read_exports(), key=lambda export: export[0]))
-
-
-def _read_exports() -> Iterator[Tuple[str, str, Dict[str, str]]]:
-    """Yield package, folder and the modules of each package that exports some to us; the first of a
-    name counts."""
-    names = set()
+    exports: Dict[str, List[Tuple[str, str, Dict[str, str]]]] = {}
     for folder in package_folders():
         path = os.path.join(folder, MANIFEST)
         try:
@@ -213,10 +205,10 @@ def _read_exports() -> Iterator[Tuple[str, str, Dict[str, str]]]:
             _doubt(folder, f"cannot be read: {error}")
             continue
         name = package_name(manifest) or os.path.basename(folder)
-        if name not in names:
-            names.add(name)
-            for element in _export_elements(name, path, manifest):
-                yield name, folder, dict(element.attrib)
+        if name not in exports:
+            exports[name] = [(name, folder, dict(element.attrib))
+                             for element in _export_elements(name, path, manifest)]
+    return tuple(export for name in sorted(exports) for export in exports[name])
 
 
 def _export_elements(package: str, path: str, manifest: bytes) -> List[ElementTree.Element]:

@@ -27,7 +27,7 @@ from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH  
 from behavior_controller.robot.requests import AttentionStatus, Faces  # noqa: E402
 from behavior_controller.ros.master import Directory  # noqa: E402
 from behavior_controller.ros.watchdog import Monitor  # noqa: E402
-from behavior_controller.ros.startup_check import resolved  # noqa: E402
+from behavior_controller.ros.types import resolved  # noqa: E402
 from behavior_controller.ros.subscriber import RosTopics  # noqa: E402
 from behavior_controller.ros.types import TYPES  # noqa: E402
 

@@ -38,7 +38,7 @@ from behavior_controller.execution.safe_state import SafeState
 from behavior_controller.leaves import recovery as recovery_leaf
 from behavior_controller.leaves import release_1_0
 from behavior_controller.leaves.base import (
-    Attempt, FailureLog, InstantAction, InstantCondition, MissionContext, MissionLeaf, ServiceLeaf)
+    FailureLog, InstantAction, InstantCondition, MissionContext, MissionLeaf, ServiceLeaf)
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.knowledge import RetrieveListOfExhibits, SelectExhibit
 from behavior_controller.leaves.recovery import HandleFallBack
@@ -116,17 +116,17 @@ def in_leaves(is_meant: Callable[[Any], bool], change: Callable[[Any], None]) ->
             changed[id(leaf)] = leaf
             change(leaf)
 
-    attempt = Attempt.__init__
+    attempt = ServiceLeaf.try_once
 
-    def broken_attempt(self: Attempt, leaf: Any) -> None:
+    def broken_attempt(leaf: Any) -> Any:
         once(leaf)
-        attempt(self, leaf)
+        return attempt(leaf)
 
     def in_tree(tree: Tree) -> None:
         for node in tree.nodes:
             once(node)
 
-    with in_trees(in_tree), mock.patch.object(Attempt, "__init__", broken_attempt):
+    with in_trees(in_tree), mock.patch.object(ServiceLeaf, "try_once", broken_attempt):
         yield
 
 
@@ -308,7 +308,8 @@ def asks_again_after_the_answer(leaf: Any) -> None:
 def does_not_await_the_answer(leaf: Any) -> None:
     def start() -> Any:
         leaf.started_at = leaf.mission.clock.now()
-        leaf.try_once()
+        leaf.begun = leaf.try_once()  # kept: it would drop the request
+        next(leaf.begun, None)
         return leaf.succeeded()
 
     leaf.on_start = start
@@ -336,19 +337,16 @@ def hears_late(leaf: Any) -> None:
     try_once = leaf.try_once
 
     def attempt() -> Any:
-        begun, seen = try_once(), []
-        poll, clock = begun.poll, leaf.mission.clock
-
-        def late() -> Any:
-            call = begun._call
-            if call is not None and getattr(call, "_inner", call).result is not None:
-                seen[:] = seen or [clock.call_after(LATE, leaf.wake)]
-                if seen[0].callback is not None:
-                    return None
-            return None if call is not None and not seen else poll()
-
-        begun.poll = late
-        return begun
+        begun = try_once()
+        try:
+            next(begun)
+        except StopIteration as over:  # at once
+            return over.value
+        call = begun.gi_frame.f_locals["call"]
+        while getattr(call, "_inner", call).result is None:
+            yield
+        yield from leaf.pause(LATE)
+        return (yield from begun)
 
     leaf.try_once = attempt
 

@@ -16,7 +16,7 @@ from behavior_controller.monitoring.moment import robot_line
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros import console as module
 from behavior_controller.ros.tcpros import Trouble
-from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console, report_internal_error
+from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console
 from behavior_controller.text import Source
 from test_story import RUNS, Teller, rig_of
 
@@ -181,7 +181,7 @@ def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alon
 
 def test_a_shortage_that_many_threads_meet_is_one_line(told, console):
     for _ in range(3):
-        report_internal_error(console, RuntimeError("can't start new thread"))
+        console.report_internal_error(RuntimeError("can't start new thread"))
     console.drain(5)
     assert len(told) == 1 and "no more memory, threads or files" in told[0]
 

@@ -359,7 +359,7 @@ def test_a_service_names_the_piece_that_is_left_out(piece, following):
                           (SetRecognition(True), "switching speech recognition on"),
                           (SetRecognition(False), "switching speech recognition off")])
 def test_what_is_switched_on_or_off_is_told_so(request_, doing):
-    assert tuple(request_.words) == (doing, "", "", "notice")
+    assert tuple(request_.words) == (doing, "", "", "notice", None)
 
 
 def test_what_a_robot_of_release_1_0_may_lack():

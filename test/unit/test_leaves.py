@@ -472,10 +472,10 @@ def test_places_with_the_same_coordinates_keep_their_names():
     go = "<Navigate/><PerformDeicticGesture/>"
     rig = one_leaf(
         "<Sequence><LookUpEntrance/><RetrieveListOfExhibits/>{0}<SelectExhibit/>{0}"
-        "<Navigate target='1;2;3'/><SelectExhibit/>{0}</Sequence>".format(go), answer)
+        "<Navigate target='1;2;4'/><SelectExhibit/>{0}</Sequence>".format(go), answer)
     assert rig.tick() is SUCCESS
     assert [event.what for event in rig.of(StepStarted) if event.what] == [
-        "to the entrance", "at the entrance", "to first", "at first", "to 1, 2, 3°", "to second",
+        "to the entrance", "at the entrance", "to first", "at first", "to 1, 2, 4°", "to second",
         "at second"]
 
 
@@ -606,7 +606,7 @@ def test_a_request_of_a_wrong_kind_is_an_error_of_its_leaf(wanted, words):
         def request(self):
             return wanted
     with pytest.raises(TypeError, match=words):
-        FixtureBell("bell").try_once()
+        next(FixtureBell("bell").try_once())
 
 
 def rig_with(monkeypatch, leaf, element):

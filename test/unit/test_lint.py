@@ -47,7 +47,7 @@ def faults(body, *more):
     documents = [parse(text.format(body, "".join("\n" + tree for tree in more)), "m.xml")]
     checked = check(documents, REGISTRY)
     assert checked.faults == []
-    found = lint(documents, checked, REGISTRY, GIVEN)
+    found = lint(checked, GIVEN)
     assert all(fault.is_warning for fault in found)
     return found
 
@@ -288,7 +288,7 @@ def test_an_unused_tree_of_an_included_file_is_no_concern():
         parse('<root BTCPP_format="4"><BehaviorTree ID="Main"><Act/></BehaviorTree></root>',
               "m.xml")
     ]
-    assert lint(documents, check(documents, REGISTRY), REGISTRY) == []
+    assert lint(check(documents, REGISTRY)) == []
 
 
 def test_a_subtree_that_never_fails():
@@ -445,7 +445,7 @@ def test_a_mission_with_faults_is_not_linted():
         parse(
             '<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))
     ]
-    found = lint(documents, check(documents, REGISTRY), REGISTRY, GIVEN)
+    found = lint(check(documents, REGISTRY), GIVEN)
     assert [fault.code for fault in found] == ["unknown-node"]
 
 
@@ -507,7 +507,7 @@ def test_no_node_of_the_recorded_traces_ends_as_it_is_thought_not_to():
             {tree_id: root.below for tree_id, root in reversed(list(checked.trees.items()))},
             registry)
         unreached = {
-            fault[1:3] for fault in lint(documents, checked, registry)
+            fault[1:3] for fault in lint(checked)
             if fault.code == "never-reached"
         }
         seen = {}
@@ -533,7 +533,7 @@ def test_few_warnings_about_data_in_the_recorded_traces():
         for case in map(json.loads, file):
             documents = [parse(case["xml"])]
             registry = conformance.registry_of(case, [])
-            found = lint(documents, check(documents, registry, strict=True), registry,
+            found = lint(check(documents, registry, strict=True),
                          list(case["blackboard"]))
             assert [
                 fault for fault in found if fault.code in ("never-written", "subtree-port-missing")

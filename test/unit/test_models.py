@@ -1,6 +1,6 @@
 """A palette in the file that does not fit the node types is told, with its place."""
 from behavior_controller import folders
-from behavior_controller.bt.linter.palettes import check_models
+from behavior_controller.bt.linter.palette import check_models
 from behavior_controller.bt.linter.findings import MOST_FAULTS, Findings
 from behavior_controller.bt.loader.document import parse, read
 from behavior_controller.leaves import registry

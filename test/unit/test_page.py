@@ -30,8 +30,7 @@ from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring import server
 from behavior_controller.monitoring import web_page as page_module
 from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.view import SENTENCES
-from behavior_controller.monitoring.parts import PARTS
+from behavior_controller.monitoring.view import PARTS, SENTENCES
 from behavior_controller.monitoring.story import condition, counted, how_it_ended, why
 from behavior_controller.monitoring.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
@@ -1127,7 +1126,8 @@ def test_a_loop_runs_what_it_is_told_on_its_own_thread_until_it_is_closed():
     def end():
         told.append("end" if asyncio.get_event_loop() is told[1] else "end without its loop")
 
-    loop = server.LoopThread("a loop", begin, end)
+    port = socket.socket()
+    loop = server.LoopThread("a loop", [[port]], begin, end)
     assert is_running.wait(5.0)
     thread, = [each for each in threading.enumerate() if each.name == "a loop"]
     assert thread.daemon
@@ -1136,7 +1136,16 @@ def test_a_loop_runs_what_it_is_told_on_its_own_thread_until_it_is_closed():
     assert not thread.is_alive()
     loop.call(told.append, "late")
     assert told[:1] + told[2:] == ["a loop", "called", "finish", "end", "cancelled"
-                                   ] and told[1].is_closed()
+                                   ] and told[1].is_closed() and port.fileno() == -1
+
+
+def test_without_a_port_no_loop_runs():
+    begun = []
+    loop = server.LoopThread("no loop", [], lambda: begun.append(1))
+    assert "no loop" not in [each.name for each in threading.enumerate()]
+    loop.call(begun.append, 2)
+    loop.close()
+    assert begun == [] and not loop.is_serving
 
 
 def test_a_connection_that_is_used_keeps_its_place(show, monkeypatch):

@@ -2,7 +2,8 @@
 
 A safe estimate: whatever a node may do according to the file counts as possible.
 """
-from functools import partial
+from functools import partial, reduce
+from operator import or_
 from typing import Callable, List, Mapping, Optional, Union
 
 SUCCEEDS, FAILS, SKIPS = 1, 2, 4
@@ -25,10 +26,7 @@ def by(outcome: Optional[Outcome], attributes: Attributes, children: List[int]) 
 
 def of_any_child(_attributes: Attributes, children: List[int]) -> int:
     """Return the ends of all children."""
-    result = 0
-    for child in children:
-        result |= child
-    return result
+    return reduce(or_, children, 0)
 
 
 def of_any_child_or(end: int) -> Outcome:

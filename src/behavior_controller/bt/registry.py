@@ -129,8 +129,8 @@ def _check_fields(what: str, record: object, kinds: Dict[str, Tuple[type, ...]])
     for field, allowed in kinds.items():
         value = getattr(record, field)
         if not isinstance(value, allowed):
-            raise ValueError(f"the {field} of the {what} is {value!r}, and not of the type "
-                             f"{allowed[0].__name__}")
+            wrong = f"the {field} of the {what} is {value!r}"
+            raise ValueError(f"{wrong}, and not of the type {allowed[0].__name__}")
 
 
 def argument(name: str) -> str:
@@ -154,10 +154,9 @@ class Registry:
             if spec.id in self._specs:
                 raise ValueError(f"the node type {spec.id} is registered twice")
             _check_fields(f"node type {spec.id!r}", spec, _SPEC_FIELDS)
-            is_port = [isinstance(port, Port) for port in spec.ports]
-            if isinstance(spec.ports, Port) or not all(is_port):
-                raise ValueError(f"the ports of the node type {spec.id} are not a tuple of Port; "
-                                 "with one port it needs a comma")
+            if isinstance(spec.ports, Port) or {type(port) for port in spec.ports} - {Port}:
+                wrong = f"the ports of the node type {spec.id} are not a tuple of Port"
+                raise ValueError(f"{wrong}; with one port it needs a comma")
             for port in spec.ports:
                 _check_fields(f"port {port.name} of {spec.id}", port, _PORT_FIELDS)
                 self._check_type(port, spec)
@@ -169,18 +168,22 @@ class Registry:
     def _check_type(self, port: Port, spec: NodeSpec) -> None:
         if isinstance(port.type, PortType):
             if self._types.setdefault(port.type, port.type) is not port.type:
-                raise ValueError(f"the type {port.type} of the port {port.name} of {spec.id} is "
-                                 "not the one of that name that other ports have; make one "
-                                 "PortType and use it for all")
+                wrong = f"the type {port.type} of the port {port.name} of {spec.id}"
+                raise ValueError(f"{wrong} is not the one of that name that other ports have; "
+                                 "make one PortType and use it for all")
         elif port.type not in TYPES:
             hint = did_you_mean(port.type, [*TYPES, *self._types])
             hint = hint or "there are: " + " ".join(TYPES)
-            raise ValueError(f"the port {port.name} of {spec.id} has the unknown type {port.type} "
-                             f"({hint}; a type of your own is a PortType)")
+            wrong = f"the port {port.name} of {spec.id} has the unknown type {port.type}"
+            raise ValueError(f"{wrong} ({hint}; a type of your own is a PortType)")
 
     def find(self, node_id: str) -> Optional[NodeSpec]:
         """Return the node type of that name, or None."""
         return self._specs.get(node_id)
+
+    def __getitem__(self, node_id: str) -> NodeSpec:
+        """Return the node type of a checked mission."""
+        return self._specs[node_id]
 
     def all(self) -> List[NodeSpec]:
         """Return every node type, in the order of registration."""

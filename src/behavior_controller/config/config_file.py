@@ -110,7 +110,6 @@ def _is_file_name(text: str) -> bool:
     return re.fullmatch(r"[^/\\\0]+", text) is not None and text not in (".", "..")
 
 
-
 def _address(text: str) -> str:
     """Return an address or name; unclear forms are refused.
 
@@ -237,7 +236,7 @@ def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[s
     for name, value in (overrides or {}).items():
         reader.override(name, value)
     for name, text in (arguments or {}).items():
-        reader.argument(name, text)
+        reader.given_value(name, text, f"argument {name}")
     return reader
 
 
@@ -288,49 +287,37 @@ class Collector:
         column = len(line) - len(line.lstrip()) + 1
         content = line.strip()
         name = content[:_NAME_END.search(content).start()]  # type: ignore[union-attr]
-        if not name:
-            if content and content[0] != "#":
-                self._fault((self.path, line_number, column),
-                            "this is not a line of the form: key value")
-            return
         rest = content[len(name):].lstrip()
         rest = rest[1:].lstrip() if rest.startswith("=") else rest
         text = rest[:_COMMENT.search(rest).start()].rstrip()  # type: ignore[union-attr]
         place = self.path, line_number, column
-        if name in self.given:
+        if not name:
+            if content and content[0] != "#":
+                self._fault(place, "this is not a line of the form: key value")
+        elif name in self.given:
             self._fault(place, f"the key {name} is in line {self.given[name]} already")
         elif self._is_key(name, place):
-            self.given[name] = line_number
             begin = column + len(content) - len(rest) if text else column
             self._value(name, text, (self.path, line_number, begin))
 
     def override(self, name: str, value: object) -> None:
         """Process one private ROS parameter."""
-        where, hint = f"parameter ~{name}", did_you_mean(name, self.keys)
-        if name in self.keys:
-            self.given_value(name, value, where)
-        elif hint:  # other parameters below our name belong to other programs
-            self._fault((where, 0, 0), f"unknown key {name}", hint)
+        # other parameters below our name belong to other programs
+        if name in self.keys or did_you_mean(name, self.keys):
+            self.given_value(name, value, f"parameter ~{name}")
 
     def given_value(self, name: str, value: Any, where: str) -> None:
-        """Process a value from a parameter or a record."""
+        """Process a value from a parameter, an argument or a record."""
         place = where, 0, 0
-        self.given.setdefault(name, 0)
-        if name not in self.keys:
-            self._fault(place, f"unknown key {name}")
+        if not self._is_key(name, place):
+            return
         # ROS also has lists, mappings, dates, bytes and null
-        elif not isinstance(value, (int, float, str)):
+        if not isinstance(value, (int, float, str)):
+            self.given.setdefault(name, 0)
             self._fault(place, f"{name} cannot be of type {type(value).__name__}",
                         f"allowed: {self.keys[name].allowed}")
         else:
             self._value(name, str(value).lower() if isinstance(value, bool) else str(value), place)
-
-    def argument(self, name: str, text: str) -> None:
-        """Process one argument of the command line."""
-        place = f"argument {name}", 0, 0
-        if self._is_key(name, place):
-            self.given.setdefault(name, 0)
-            self._value(name, text, place)
 
     def _is_key(self, name: str, place: Place) -> bool:
         """Return whether this is a key; another name is a fault, one of another program a warning.
@@ -344,6 +331,7 @@ class Collector:
         return name in self.keys
 
     def _value(self, name: str, text: str, place: Place) -> None:
+        self.given.setdefault(name, place[1])
         before = len(self.faults)
         value = parsed(self.keys[name].read, text, name, place, self.faults)
         if len(self.faults) == before:

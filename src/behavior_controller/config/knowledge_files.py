@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
 
 from behavior_controller import folders
-from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.config.config_file import (
     Key, MOST_FAULTS, REQUIRED, Reader, boolean, configured, integer, number, one_of, parsed,
@@ -154,6 +154,9 @@ class _EntryFile:
 
     def findings(self) -> List[Fault]:
         """Return faults and warnings in the order of the file, then those about missing entries."""
+        if len(self.warnings) > MOST_FAULTS:
+            del self.warnings[MOST_FAULTS:]
+            self.warn((0, 0), f"more than {MOST_FAULTS} warnings; the rest is not shown", "")
         return sorted(self.faults + self.warnings,
                       key=lambda fault: (not fault.line, fault.line, fault.column))
 
@@ -175,15 +178,12 @@ class _EntryFile:
     def fault(self, place: Tuple[int, int], text: str, hint: str) -> None:
         self.faults.append(Fault(self.source.file, *place, text, hint))
 
-    def lacks(self, key: str, form: str) -> None:
-        self.fault((0, 0), f"the required key {key} is missing", f"add a line: {key} {form}")
+    def require(self, key: str, form: str) -> None:
+        if key not in self.lines:
+            self.fault((0, 0), f"the required key {key} is missing", f"add a line: {key} {form}")
 
     def warn(self, place: Tuple[int, int], text: str, hint: str) -> None:
-        if len(self.warnings) == MOST_FAULTS:
-            text, hint = f"more than {MOST_FAULTS} warnings; the rest is not shown", ""
-            place = (0, 0)
-        if len(self.warnings) <= MOST_FAULTS:
-            self.warnings.append(Fault(self.source.file, *place, text, hint, True))
+        self.warnings.append(Fault(self.source.file, *place, text, hint, True))
 
     def value(self, line: _Line, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
         """Return the value of the word at ``index``, or None, with a fault."""
@@ -210,13 +210,11 @@ class _Culture(_EntryFile):
 
     def finish(self) -> None:
         """Report the missing phrases of the chosen language."""
-        if _LANGUAGE not in self.lines:
-            self.lacks(_LANGUAGE, f"<{_LANGUAGE_READER.allowed}>")
+        self.require(_LANGUAGE, f"<{_LANGUAGE_READER.allowed}>")
         for number, key in _PHRASES[self.language].items() if self.language else ():
-            if key not in self.lines:
-                if number <= LAST_REQUIRED:
-                    self.lacks(key, "<text>")
-            elif not self.lines[key].rest(1):
+            if number <= LAST_REQUIRED:
+                self.require(key, "<text>")
+            if key in self.lines and not self.lines[key].rest(1):
                 self.fault((self.lines[key].number, 1), f"{key} cannot be empty",
                            "allowed: the text to say")
 
@@ -276,8 +274,7 @@ class _Environment(_EntryFile):
 
     def finish(self) -> None:
         """Report what the tour needs and the file lacks."""
-        if _TOUR not in self.lines:
-            self.lacks(_TOUR, _FORMS[_TOUR])
+        self.require(_TOUR, _FORMS[_TOUR])
         written = {line.key for line in self.lines.values()}
         spoken = [language for language in LANGUAGES if not written.isdisjoint(_MESSAGES[language])]
         languages = spoken if self.languages is None else self.languages
@@ -334,11 +331,8 @@ def load(mission: str = "") -> Knowledge:
     faults: List[Fault] = []
     sources: Dict[str, Optional[Source]] = dict.fromkeys(_CONFIGURATIONS)
     for kind, name in _CONFIGURATIONS.items():
-        try:
-            configuration = read_source(folders.config(name), "the configuration")
-            sources[kind] = _source(configuration, kind, mission)
-        except ConfigurationError as error:
-            faults.extend(error.faults)
+        sources[kind] = attempt(lambda: _source(
+            read_source(folders.config(name), "the configuration"), kind, mission), faults)
     return read(sources[_ENVIRONMENT], sources[_CULTURE], faults=faults)
 
 

@@ -7,7 +7,7 @@ import itertools
 import os
 import re
 from dataclasses import dataclass, field
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 from behavior_controller import extensions, folders
 from behavior_controller.errors import ConfigurationError, Fault
@@ -73,6 +73,7 @@ KEYS = _keys_of(SPEECHES) + (
     Key(NO, _PHRASES, REQUIRED, "what means no"),
     Key(UNCLEAR, _PHRASES, (), "what is not an answer although it sounds like one"),
 )
+_OF_ANSWERS = frozenset(key.name for key in KEYS[len(SPEECHES):])
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ class Phrases:
     def spoken_answer(self, utterance: str) -> Optional[str]:
         """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes;
         ``Error…`` is not an answer."""
-        if _begins_with_error(utterance):
+        if begins_with_error(utterance):
             return None
         meanings = self._meanings_in(_sentence(utterance))
         return next((answer for answer in (NO, YES) if answer in meanings), None)
@@ -146,10 +147,11 @@ class Phrases:
 
 def is_error(utterance: str) -> bool:
     """Return whether this is an error of the speech recognition, and not a visitor's words."""
-    return "Error" in utterance or _begins_with_error(utterance)
+    return "Error" in utterance or begins_with_error(utterance)
 
 
-def _begins_with_error(utterance: str) -> bool:
+def begins_with_error(utterance: str) -> bool:
+    """Return whether the utterance is in the form of an error of D5.4.3's speech recognition."""
     return utterance.lstrip().lower().startswith("error")
 
 
@@ -172,39 +174,33 @@ def load(language: str, mission: str = "") -> Phrases:
         raise ConfigurationError.of("language", f"there are no phrases in {language}", hint)
     name = f"phrases_{language}.ini"
     own = read_source(folders.of_mission(folders.data(name), mission), "the file of phrases")
-    read(own, KEYS)
-    others = []
+    return _phrases(own, KEYS, _of_packages(name))
+
+
+def _of_packages(name: str) -> Iterator[Tuple[Source, Tuple[Key, ...]]]:
+    """Yield the file of that name of each package that has phrases, and its keys."""
     for extension in extensions.exported("phrases"):
-        others.append(read_source(
-            os.path.join(extension.folder, "data", name),
-            f"the file of phrases of the package {extension.package}"))
-        configured(others[-1], _keys_of(extension.declared("SPEECHES", Speech)))
-    return read(own._replace(text="\n".join(source.text for source in [own] + others)))
-
-
-def _added() -> List[Speech]:
-    return [speech for extension in extensions.exported("phrases")
-            for speech in extension.declared("SPEECHES", Speech)]
+        source = read_source(os.path.join(extension.folder, "data", name),
+                             f"the file of phrases of the package {extension.package}")
+        yield source, _keys_of(extension.declared("SPEECHES", Speech))
 
 
 def recorded(source: Source) -> Phrases:
     """Return the phrases of a record. It has all that its mission says; what packages have declared
     since then is said by its name."""
     written = re.findall(r"^\s*(\w+)", source.text, re.MULTILINE)
-    others = tuple(key for key in KEYS if key.read is not _TEXT)
-    names = dict.fromkeys(written + [speech.node for speech in SPEECHES + tuple(_added())])
-    texts = tuple(Key(name, _TEXT, name, "") for name in names
-                  if name not in {key.name for key in others})
-    return read(source, texts + others)
+    added = [speech for extension in extensions.exported("phrases")
+             for speech in extension.declared("SPEECHES", Speech)]
+    names = dict.fromkeys(written + [speech.node for speech in SPEECHES + tuple(added)])
+    texts = tuple(Key(name, _TEXT, name, "") for name in names if name not in _OF_ANSWERS)
+    return _phrases(source, texts + KEYS[len(SPEECHES):])
 
 
-def read(source: Source, keys: Tuple[Key, ...] = ()) -> Phrases:
-    """Return the phrases of a file with these keys, or with those of all packages.
-
-    Raises ConfigurationError with every fault.
-    """
-    keys = keys or KEYS + _keys_of(_added())
-    values = configured(source, keys)
+def _phrases(source: Source, keys: Tuple[Key, ...],
+             others: Iterable[Tuple[Source, Tuple[Key, ...]]] = ()) -> Phrases:
+    """Return the phrases of a file with these keys, and of ``others``. Raises ConfigurationError
+    with every fault of the first file that has any."""
+    values, text = configured(source, keys), source.text
     faults = []
     for one, other in itertools.combinations((YES, NO, UNCLEAR), 2):
         for phrase in sorted(set(values[one]).intersection(values[other])):
@@ -212,6 +208,10 @@ def read(source: Source, keys: Tuple[Key, ...] = ()) -> Phrases:
             faults.append(Fault(source.file, 0, 0, text, "keep one of them"))
     if faults:
         raise ConfigurationError(faults)
-    return Phrases({key.name: values[key.name] for key in keys if key.read is _TEXT},
+    for added, its_keys in others:
+        values.update(configured(added, its_keys))
+        text += "\n" + added.text
+    return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS},
                    (values["tabletYes"], values["tabletNo"]),
-                   {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)}, source)
+                   {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)},
+                   source._replace(text=text))

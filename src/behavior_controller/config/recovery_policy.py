@@ -14,6 +14,9 @@ from behavior_controller.text import Source, did_you_mean
 CAUSES = [cause.value for cause in Cause]
 SKIP, GIVE_UP = "skip", "giveUp"
 
+MOST_RECOVERIES = 99
+"""The largest budget of recoveries, and the most retries of a step."""
+
 MOST_DOUBLINGS = 12
 """From 1 s to more than the longest pause that a policy may name."""
 

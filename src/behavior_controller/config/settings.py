@@ -2,12 +2,12 @@
 record."""
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 from behavior_controller.ros_arguments import ASSIGNMENT, ROS_WORDS
 from behavior_controller.errors import Fault
 from behavior_controller.robot.declarations import Interface, Plain, Service
-from behavior_controller.robot.interfaces import DEFAULT, INTERFACES, by_deadline
+from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 from behavior_controller.config.config_file import (
     Collector, Key, REQUIRED, bind_address, boolean, collected, filled, folder, integer, key,
     keys_of, language_name, mission_name, number, one_of, port, read_source, seconds, values_of)
@@ -118,14 +118,18 @@ class Settings:
         return dict(values_of(self), **self.deadlines)
 
 
-def _deadline(services: Sequence[Service]) -> Key:
-    """Return the key of the deadline that services share."""
-    names = " or ".join(dict.fromkeys(f"`{service.name}`" for service in services))
-    return Key(services[0].deadline_key, seconds(0.001), services[0].deadline,
-               f"seconds that {names} may take")
+def _deadlines() -> Iterator[Key]:
+    """Yield the keys of the deadlines; the services of a node share one."""
+    by_key: Dict[str, List[Service]] = {}
+    for robot in INTERFACES.values():
+        for service in robot.services:
+            by_key.setdefault(service.deadline_key, []).append(service)
+    for name, services in by_key.items():
+        names = " or ".join(dict.fromkeys(f"`{service.name}`" for service in services))
+        yield Key(name, seconds(0.001), services[0].deadline, f"seconds that {names} may take")
 
 
-_DEADLINES = tuple(map(_deadline, by_deadline()))
+_DEADLINES = tuple(_deadlines())
 KEYS: Tuple[Key, ...] = tuple(keys_of(Settings).values()) + _DEADLINES
 
 
@@ -167,22 +171,20 @@ def unread(words: Iterable[str], keys: Optional[Sequence[str]] = None) -> List[F
     A name with a slash is a remapping, and a ``_key`` belongs to the configuration. The node's ROS
     names have slashes. ``keys`` are those of the node; None: the controller's.
     """
-    keys = [key.name for key in KEYS] if keys is None else keys
+    known = ["_" + name for name in ([key.name for key in KEYS] if keys is None else keys)]
     faults = []
     for word in words:
         name, is_assignment, value = word.partition(ASSIGNMENT)
         if not is_assignment or "/" in name or name in ROS_WORDS:
             continue
-        is_special = name.startswith("__")
-        hint = did_you_mean("_" + name, ["_" + key for key in keys])
-        if is_special:
-            hint = did_you_mean(name, ROS_WORDS)
-        if hint or is_special:
-            faults.append(Fault("argument " + word, 0, 0, f"the node does not read {name}",
-                                hint or f"allowed: {', '.join(ROS_WORDS)}"))
-        elif ASSIGNMENT in value:
+        text, hint = f"the node does not read {name}", did_you_mean("_" + name, known)
+        if name.startswith("__"):
+            hint = did_you_mean(name, ROS_WORDS) or f"allowed: {', '.join(ROS_WORDS)}"
+        elif not hint and ASSIGNMENT in value:
             text = "this is not of the form name:=other_name"
-            faults.append(Fault("argument " + word, 0, 0, text))
+        elif not hint:
+            continue
+        faults.append(Fault("argument " + word, 0, 0, text, hint))
     return faults
 
 

@@ -48,6 +48,10 @@ def _change_course(state: State, **changes: Any) -> State:
     return replace(state, course=replace(state.course, **changes))
 
 
+def _change_robot(state: State, **changes: Any) -> State:
+    return replace(state, robot=replace(state.robot, **changes))
+
+
 def _first(items: Iterable[Item], fits: Callable[[Item], bool]) -> Optional[Item]:
     return next(filter(fits, items), None)
 
@@ -70,7 +74,7 @@ def _tree_shown(state: State, event: TreeShown) -> State:
 
 def _run_started(state: State, event: RunStarted) -> State:
     """Begin anew but for the visits: the mission may be replaced while the node runs."""
-    state = _abandon(_end_steps(state, lambda step: True), lambda exchange: True)
+    state = _abandon(_end_steps(state))
     return replace(state, started=event, uids={}, recoveries=(), failures={}, recovered=None)
 
 
@@ -81,11 +85,11 @@ def _run_finished(state: State, event: RunFinished) -> State:
                               seconds=state.at - came, waited=came - state.visit.began)
         state = replace(state, outcomes={**state.outcomes, "": 1})
         state = _conclude(state, state.visits[-1])
-    return replace(_end_steps(state, lambda step: True), finished=event, held={})
+    return replace(_end_steps(state), finished=event, held={})
 
 
 def _pass_started(state: State, event: PassStarted) -> State:
-    state = _abandon(_end_steps(state, lambda step: True), lambda exchange: True)
+    state = _abandon(_end_steps(state))
     visits = (state.visits + (Visit(event.number, state.at),))[-KEPT:]
     return replace(state, visits=visits, visit_count=event.number, recoveries=(), running={},
                    held={}, course=Course(pass_began=event.at, met=event.at),
@@ -104,9 +108,9 @@ def _pass_finished(state: State, event: PassFinished) -> State:
     visit, robot = state.visits[-1], state.robot
     count = state.outcomes.get(visit.outcome, 0) + 1
     is_lost = bool(robot.goal_name) and robot.goal is None and robot.place is None
-    state = replace(state, outcomes={**state.outcomes, visit.outcome: count},
-                    robot=replace(robot, is_lost=is_lost))
-    return _conclude(_end_steps(state, lambda step: True), visit)
+    state = replace(_change_robot(state, is_lost=is_lost),
+                    outcomes={**state.outcomes, visit.outcome: count})
+    return _conclude(_end_steps(state), visit)
 
 
 def _why_done(state: State) -> Reason:
@@ -172,12 +176,11 @@ def _begin_step(state: State, step: Step) -> State:
     return replace(state, steps=state.steps + (step,))
 
 
-def _end_steps(state: State, is_over: Callable[[Step], bool]) -> State:
-    ended = tuple(replace(step, ended=state.at) for step in state.steps if is_over(step))
-    if not ended:
-        return state
-    rest = tuple(step for step in state.steps if not is_over(step))
-    return replace(state, steps=rest, facts=state.facts + ended)
+def _end_steps(state: State, is_over: Callable[[Step], bool] = lambda step: True) -> State:
+    for step in filter(is_over, state.steps):
+        state = replace(state, steps=_without(state.steps, step))
+        state = _conclude(state, replace(step, ended=state.at))
+    return state
 
 
 def _note_uid(state: State, path: str, uid: int) -> State:
@@ -320,12 +323,9 @@ def _retried(state: State, event: Retried) -> State:
     failed = LeafFailure(state.at, state.visit_count, uid, event.node, event.path, event.failure,
                          event.attempt)
     failures = {**state.failures, event.path: state.failures.get(event.path, ()) + (failed,)}
-    state = _end_steps(state, lambda step: step.uid == uid or _recovers(step, event.path))
+    state = _end_steps(state, lambda step: step.uid == uid or (
+        isinstance(step.cause, Recovering) and step.cause.path == event.path))
     return _conclude(replace(state, failures=failures), failed)
-
-
-def _recovers(step: Step, path: str) -> bool:
-    return isinstance(step.cause, Recovering) and step.cause.path == path
 
 
 def _recovered(state: State, event: Recovered) -> State:
@@ -371,7 +371,7 @@ def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) ->
 
 
 def _paused(state: State, event: Paused) -> State:
-    state = _end_steps(state, lambda step: True)
+    state = _end_steps(state)
     return _begin_step(state, Step("", state.at, event.limit, 0, True, cause=event))
 
 
@@ -409,16 +409,14 @@ def _asked(state: State, event: Asked) -> State:
     exchange = Exchange(event.call, event.service, event.request, state.at, uid)
     kind = type(event.request).__name__
     if state.robot.services.get(kind) != event.service:
-        services = {**state.robot.services, kind: event.service}
-        state = replace(state, robot=replace(state.robot, services=services))
+        state = _change_robot(state, services={**state.robot.services, kind: event.service})
     if uid and step is not None:
         state = replace(state, steps=state.steps[:-1] + (replace(step, call=event.call),))
     if isinstance(event.request, GoTo):
         what = step.what if uid and step is not None else ""
         name = what[3:] if what.startswith("to ") else what
-        robot = replace(state.robot, goal=event.request.goal, goal_name=name, place=None,
-                        is_lost=False)
-        state = replace(state, robot=robot)
+        state = _change_robot(state, goal=event.request.goal, goal_name=name, place=None,
+                              is_lost=False)
     if _ends_safe_state(event.request):
         state = replace(state, safe_state=None)
     return replace(state, exchanges=state.exchanges + (exchange,))
@@ -445,16 +443,15 @@ def _feedback_received(state: State, event: FeedbackReceived) -> State:
     return replace(state, steps=steps)
 
 
-def _abandon(state: State, is_abandoned: Callable[[Exchange], bool]) -> State:
+def _abandon(state: State,
+             is_abandoned: Callable[[Exchange], bool] = lambda exchange: True) -> State:
     """Note that the results of requests are not awaited any more."""
-    dropped = tuple(exchange for exchange in state.exchanges if is_abandoned(exchange))
-    if not dropped:
-        return state
-    rest = tuple(exchange for exchange in state.exchanges if not is_abandoned(exchange))
-    robot = state.robot
-    if any(isinstance(exchange.request, GoTo) for exchange in dropped):
-        robot = replace(robot, goal=None)  # how far it drives is not known
-    return replace(state, exchanges=rest, robot=robot, facts=state.facts + dropped)
+    for exchange in filter(is_abandoned, state.exchanges):
+        if isinstance(exchange.request, GoTo):
+            state = _change_robot(state, goal=None)  # how far it drives is not known
+        state = replace(state, exchanges=_without(state.exchanges, exchange))
+        state = _conclude(state, exchange)
+    return state
 
 
 def _moved(robot: Robot, exchange: Exchange) -> Robot:
@@ -488,16 +485,16 @@ def _forgotten(robot: Robot, service: str) -> Robot:
 def _health_changed(state: State, event: HealthChanged) -> State:
     robot, key = state.robot, (event.name, event.respect)
     troubles = {other: change for other, change in robot.troubles.items() if other != key}
+    ill_since = dict(robot.ill_since)
     if not event.is_well:
         troubles[key] = event
-    names = {name for name, _ in troubles}
-    ill_since = {name: since for name, since in robot.ill_since.items() if name in names}
-    if not event.is_well:
         first = [recovery.failures[0] for recovery in state.recoveries if recovery.failures]
         times = [failed.at for failed in first if failed.failure.resource == event.name]
         ill_since.setdefault(event.name, min(times, default=state.at))
-    if event.respect == GONE and not event.is_well:
-        robot = _forgotten(robot, event.name)
+        if event.respect == GONE:
+            robot = _forgotten(robot, event.name)
+    elif event.name not in {name for name, _ in troubles}:
+        ill_since.pop(event.name, None)
     robot = replace(robot, troubles=troubles, ill_since=ill_since)
     return _note_blindness(replace(state, robot=robot), event.name)
 
@@ -527,10 +524,9 @@ def _ticked(state: State, event: Tick) -> State:
 
 
 def _entries_written(state: State, event: EntriesWritten) -> State:
-    changed = dict(event.entries)
-    kept = {name: text for name, text in state.entries.items() if name not in changed}
-    kept.update((name, text) for name, text in changed.items() if text is not None)
-    return replace(state, entries=kept)
+    changed = {**state.entries, **dict(event.entries)}
+    return replace(state, entries={name: text for name, text in changed.items()
+                                   if text is not None})
 
 
 def _noticed(state: State, event: Noticed) -> State:

@@ -6,7 +6,7 @@ reported twice and recovery and operator get the same information (D5.4.3 sectio
 monitoring).
 """
 import collections
-from typing import Callable, Deque, Dict, List, Mapping, NamedTuple, Set, Tuple
+from typing import Callable, Deque, Dict, List, Mapping, NamedTuple, Tuple
 
 from msgspec.structs import replace
 
@@ -57,8 +57,7 @@ class Health:
         """``wake`` is called after each report, so that the tick thread publishes it."""
         self._wake = wake
         self._reports: Deque[HealthChanged] = collections.deque()
-        self._troubles: Set[Tuple[str, str]] = set()
-        self._gone: Dict[str, str] = {}  # by name of the service or topic: its node
+        self._troubles: Dict[Tuple[str, str], HealthChanged] = {}  # by name and respect
         self._changes: List[HealthChanged] = []
         self.calls: Mapping[str, CallCount] = {}
         self.last_arrivals: Dict[str, float] = {}
@@ -107,20 +106,22 @@ class Health:
         key = (change.name, change.respect)
         if (key in self._troubles) is change.is_well:
             self._changes.append(change)
-            self._troubles ^= {key}  # it was in it, or was not
+            self._troubles.pop(key, None)
+            if not change.is_well:
+                self._troubles[key] = change
 
     @tick_thread_only
     def is_gone(self, name: str) -> bool:
         """Return whether the service or topic was known to be gone when the changes were published
         last."""
-        return name in self._gone
+        return (name, GONE) in self._troubles
 
     @tick_thread_only
     def gone_name(self, name: str) -> str:
         """Return the name of the node that offers a service or topic that is gone, or else the name
         of that service or topic."""
-        node = self._gone.get(name, "")
-        return "/" + node if node else name
+        change = self._troubles.get((name, GONE))
+        return "/" + change.node if change is not None and change.node else name
 
     @tick_thread_only
     def publish(self, events: Events) -> None:
@@ -129,8 +130,4 @@ class Health:
             self._note(self._reports.popleft())
         changes, self._changes = self._changes, []
         for change in changes:
-            if change.respect == GONE:
-                self._gone.pop(change.name, None)
-                if not change.is_well:
-                    self._gone[change.name] = change.node
             events.emit(change)

@@ -22,7 +22,7 @@ class ObservedGateway(Gateway):
         number = next(self._numbers)
         self._emit(Asked(number, self._interface.resource(type(request)), request))
         call = _ObservedCall(self._inner.start(request), number, self._emit)
-        self._open = self._awaited() + [call]
+        self._open = [*filter(_ObservedCall.is_awaited, self._open), call]
         return call
 
     @property
@@ -30,10 +30,7 @@ class ObservedGateway(Gateway):
         """Whether the robot has not yet done what it was asked for. What it has answered is read,
         so this is no question for a traversal.
         """
-        return None in [call.result for call in self._awaited()]
-
-    def _awaited(self) -> "List[_ObservedCall]":
-        return [call for call in self._open if call.is_awaited]
+        return None in [call.result for call in self._open if call.is_awaited()]
 
 
 class _ObservedCall(Call):
@@ -57,7 +54,6 @@ class _ObservedCall(Call):
             self._emit(Answered(self._number, result))
         return result
 
-    @property
     def is_awaited(self) -> bool:
         """Whether its result has not been read, and will be."""
         return not (self._is_read or self._is_dropped)

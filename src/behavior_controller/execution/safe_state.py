@@ -1,10 +1,10 @@
 """The safe state (attention and lifelike movement off): the one way to ask for it and to report it.
 """
-from typing import Callable, Container, Iterator, Optional
+from typing import Callable, Container, Iterator
 
 from behavior_controller.execution.events import SafePart, SafeStateReported
-from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway
-from behavior_controller.robot.declarations import Interface, Offer, Service
+from behavior_controller.robot.gateway import Cause, Failure, Gateway
+from behavior_controller.robot.declarations import Interface, Offer
 
 LIMIT = 1.0
 """Seconds that the requests may take when the run ends."""
@@ -52,16 +52,12 @@ class SafeState:
 
     def _parts(self) -> Iterator[SafePart]:
         for call in self._calls:
-            service = self._interface.service(type(call.request))
-            failure = self._failure(call, service)
+            service, result = self._interface.service(type(call.request)), call.result
+            if result is None:
+                call.drop()
+                waited = f"waited {self._now() - self._began:.1f} s"
+                result = Failure(Cause.NO_ANSWER, waited, service.name)
+            failure = result if isinstance(result, Failure) else None
             is_lacking = failure is not None and failure.cause is Cause.NOT_ADVERTISED
             if not is_lacking or service in self._used:
                 yield SafePart(call.request.switches or service.name, service.name, failure)
-
-    def _failure(self, call: Call, service: Service) -> Optional[Failure]:
-        result = call.result
-        if result is None:
-            call.drop()
-            return Failure(Cause.NO_ANSWER, f"waited {self._now() - self._began:.1f} s",
-                           service.name)
-        return result if isinstance(result, Failure) else None

@@ -6,11 +6,10 @@ from behavior_controller.bt.registry import Port
 from behavior_controller.execution.events import Noticed
 from behavior_controller.robot.gateway import Failure, Sample
 from behavior_controller.robot.declarations import Sense
-from behavior_controller.robot.requests import (
-    Answer, Point, Request, SetAnimation, SetAttention, Words)
+from behavior_controller.robot.requests import Answer, Point, Request, SetAnimation, SetAttention
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 from behavior_controller.leaves.conditions import TopicCondition
-from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET, with_name
+from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET
 
 SEEKING = "seeking"
 OF_THE_ROBOT = (2, 3)
@@ -56,10 +55,6 @@ class OvertAttentionMode(ServiceLeaf):
             return SetAttention(self.state)
         target = self.get_input("target")
         return None if target == Point(0.0, 0.0, 0.0) else SetAttention(self.state, target)
-
-    def words(self, request: Request) -> Words:
-        """Name what the robot looks at, if it has a name."""
-        return with_name(super().words(request), "at", getattr(request, "target"))
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the mode was set."""

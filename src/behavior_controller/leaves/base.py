@@ -3,38 +3,40 @@
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status
 are implemented here once.
 """
-import itertools
 import math
 import reprlib
 import sys
 from abc import abstractmethod
+from collections import deque
 from functools import partial
-from typing import (Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type,
-                    TypeVar, Union)
+from typing import (Any, Callable, Deque, Dict, Generator, List, Mapping, NamedTuple, Optional,
+                    Sequence, Tuple, Type, TypeVar, Union)
 
 import msgspec
 
 from behavior_controller.bt import (
     ActionLeaf, Blackboard, Clock, ConditionLeaf, ConfigureError, Kind, NoValue, Node, Port,
     PortError, Result, SyncActionLeaf, Tree, FAILURE, IDLE, RUNNING, SUCCESS)
-from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.thread_check import tick_thread_only
 from behavior_controller.bt.registry import argument
 from behavior_controller.bt.status import NAMES
 from behavior_controller.execution.events import Events, LeafFinished, StepStarted, LeafSummary
-from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
+from behavior_controller.robot.gateway import Cause, Failure, Gateway, Topics
 from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
-from behavior_controller.robot.requests import Answer, Request, Words
+from behavior_controller.robot.requests import Answer, Exhibit, Request, Words
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.leaves import data
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.phrases import Phrases
-from behavior_controller.config.recovery_policy import Policy
+from behavior_controller.config.recovery_policy import MOST_RECOVERIES, Policy
 from behavior_controller.execution.safe_state import SafeState
 from behavior_controller.config.settings import Settings
 
 Shared = TypeVar("Shared")
+Value = TypeVar("Value")
+Waiting = Generator[None, None, Value]
+"""Work of several ticks: it yields while it waits, and is dropped when it is closed."""
 
 
 class Failed(NamedTuple):
@@ -50,7 +52,6 @@ class FailureLog:
 
     @tick_thread_only
     def __init__(self) -> None:
-        self._numbers = itertools.count(1)
         self._by_uid: Dict[int, Failed] = {}
         self.newest_number = 0
         # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
@@ -81,7 +82,7 @@ class FailureLog:
     @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
         """Record that ``leaf`` failed."""
-        self.newest_number = next(self._numbers)
+        self.newest_number += 1
         self._by_uid[leaf.uid] = Failed(self.newest_number, leaf, failure)
 
     @tick_thread_only
@@ -123,14 +124,31 @@ class MissionContext:
         self.offers = offers
         self.language = settings.language if knowledge is None else knowledge.language
         self.failures = FailureLog()
-        self.recoveries: List[float] = []  # when each recent recovery began, for the budget
+        # when the last ones began, as many as a budget can have
+        self._recoveries: Deque[float] = deque(maxlen=MOST_RECOVERIES)
         self.visit_began = -math.inf
         self.has_questions = False  # whether answers count only after a question
         self._shared: Dict[Any, Any] = {}
+        self._names: Dict[Any, str] = {}  # for people, by location and by gesture target
 
     def shared(self, kind: Callable[[], Shared]) -> Shared:
         """Return the one ``kind()`` of this mission, which its leaves share."""
         return self._shared.setdefault(kind, kind())
+
+    def name_place(self, place: Exhibit, name: str) -> None:
+        """Have the place called ``name``, under which it was chosen, where people read of it."""
+        for target in (place.location, place.gesture):
+            self._names[type(target), target] = name  # a location may equal a target
+
+    def named(self, words: Words) -> Words:
+        """Return ``words`` with the name of the place, if it has one, instead of its coordinates.
+        """
+        name = self._names.get((type(words.target), words.target))
+        if name is None:
+            return words
+        preposition = words.what.split()[0]
+        is_home = preposition == "to" and name == "its home"
+        return words._replace(what="home" if is_home else f"{preposition} {name}")
 
     def ignore_answers(self, reason: str) -> None:
         """Have spoken answers reported as ignored from now on, and why; empty: they count.
@@ -159,11 +177,17 @@ class MissionContext:
     def recovers_again_at(self) -> float:
         """Return when the budget allows a recovery, by the mission's clock."""
         most = self.policy.most
-        if not most:
-            return math.inf
-        if len(self.recoveries) < most:
+        if len(self._recoveries) < most:
             return -math.inf
-        return self.recoveries[-most] + self.policy.seconds
+        return self._recoveries[-most] + self.policy.seconds if most else math.inf
+
+    def afford_recovery(self) -> bool:
+        """Count a recovery that begins now; return whether the budget allows it."""
+        now = self.clock.now()
+        is_affordable = self.recovers_again_at() <= now
+        self._recoveries.append(now)
+        self.failures.is_budget_spent |= not is_affordable
+        return is_affordable
 
     def leaves_of(self, tree: Tree) -> List[Tuple[str, str]]:
         """Return path and type of each mission leaf, in document order."""
@@ -236,19 +260,17 @@ class MissionLeaf(Node):
             LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
                          self.mission.clock.now() - self.started_at, failure, summary))
 
-    def begin_step(self, words: Words, limit: float, goes_on: bool = False) -> None:
-        """Emit in words for people what the robot does from now on, for ``limit`` seconds at most
-        (0: any); ``goes_on``: see ``StepStarted``."""
-        self._begin(words.doing, words.what, limit, False, goes_on)
+    def begin_step(self, words: Words, limit: float, is_wait: bool = False,
+                   goes_on: bool = False) -> None:
+        """Emit in words for people what the robot does from now on, or waits for, for ``limit``
+        seconds at most (0 or inf: any); ``goes_on``: see ``StepStarted``."""
+        self.mission.events.emit(StepStarted(
+            self.uid, self.registration_id, self.full_path, words.doing, words.what,
+            limit if limit < math.inf else 0.0, is_wait, goes_on))
 
     def begin_wait(self, words: str, limit: float) -> None:
         """As ``begin_step``, for what the robot waits for."""
-        self._begin(words, "", limit if limit < math.inf else 0.0, True)
-
-    def _begin(self, words: str, what: str, limit: float, is_wait: bool,
-               goes_on: bool = False) -> None:
-        self.mission.events.emit(StepStarted(
-            self.uid, self.registration_id, self.full_path, words, what, limit, is_wait, goes_on))
+        self.begin_step(Words(words), limit, is_wait=True)
 
 
 class InstantLeaf(MissionLeaf):
@@ -283,68 +305,44 @@ class InstantCondition(InstantLeaf, ConditionLeaf):
         return None if self.holds() else Failure(Cause.CONDITION_FALSE, self.otherwise)
 
 
-class Ended(NamedTuple):
-    """The end of an attempt; ``failure`` None: it was done."""
+class WorkingLeaf(MissionLeaf, ActionLeaf):
+    """An action of several ticks, as one function."""
 
-    failure: Optional[Failure]
+    _under_way: Optional[Waiting[Result]] = None
 
+    @abstractmethod
+    def work(self) -> Waiting[Result]:
+        """Do the work, yield where it waits for another tick, and return the reported result."""
 
-class Attempt:
-    """One request of a service leaf, from its sending to its end. The leaf makes one, and each
-    retry another."""
+    def on_start(self) -> Result:
+        """Begin the work."""
+        self.started_at = self.mission.clock.now()
+        self._under_way = self.work()
+        return self.on_running()
 
-    def __init__(self, leaf: "ServiceLeaf"):
-        self._leaf = leaf
+    def on_running(self) -> Result:
+        """Go on with the work."""
+        assert self._under_way is not None
         try:
-            wanted = leaf.request()
-            _check_request(leaf.asks, wanted)
-        except PortError as error:
-            wanted = leaf.missing(error)
-        self._failure = wanted if isinstance(wanted, Failure) else None
-        self._call: Optional[Call] = None
-        self._words: Optional[Words] = None
-        if wanted is not None and not isinstance(wanted, Failure):
-            self._words = leaf.words(wanted)
-            leaf.begin_step(self._words, leaf.limit(wanted))
-            self._call = leaf.mission.gateway.start(wanted)
-        self._rest: Optional[Timer] = None  # ends what the robot does after its answer
+            next(self._under_way)
+        except StopIteration as over:
+            return over.value
+        return RUNNING
 
-    def poll(self) -> Optional[Ended]:
-        """Return how the attempt ended, or None while it is under way."""
-        if self._call is None:
-            return Ended(self._failure)
-        result = self._call.result
-        if result is None:
-            return None
-        if isinstance(result, Failure):
-            return Ended(self._leaf.attempt_failed(result))
-        if self._goes_on(self._call.request):
-            return None
-        self._leaf.summary = self._leaf.done(self._words) if self._words is not None else None
+    def on_halted(self) -> None:
+        """Drop the work."""
+        if self._under_way is not None:
+            self._under_way.close()
+        self.report(IDLE)
+
+    def pause(self, seconds: float) -> Waiting[None]:
+        """Wait that long."""
+        timer = self.mission.clock.call_after(seconds, self.wake)
         try:
-            failure = _checked_end("accept", self._leaf.accept(result))
-        except PortError as error:
-            failure = self._leaf.missing(error)
-        if failure is not None:
-            self._leaf.summary = None
-        return Ended(failure)
-
-    def _goes_on(self, request: Request) -> bool:
-        """Return whether the robot still does what it has answered already."""
-        if self._rest is None:
-            seconds = self._leaf.lasts(request)
-            if not seconds or self._words is None:
-                return False
-            self._leaf.begin_step(self._words, seconds, goes_on=True)
-            self._rest = self._leaf.mission.clock.call_after(seconds, self._leaf.wake)
-        return self._rest.callback is not None
-
-    def drop(self) -> None:
-        """Drop the attempt; its answer is not used."""
-        if self._call is not None:
-            self._call.drop()
-        if self._rest is not None:
-            self._rest.cancel()
+            while timer.callback is not None:
+                yield
+        finally:
+            timer.cancel()
 
 
 def _checked_end(method: str, failure: Optional[Failure]) -> Optional[Failure]:
@@ -358,8 +356,6 @@ def _checked_end(method: str, failure: Optional[Failure]) -> Optional[Failure]:
 def _check_request(asks: type, wanted: object) -> None:
     """Raise TypeError if a leaf's request is not of the kind that it asks for, or has a field of a
     wrong type."""
-    if wanted is None or isinstance(wanted, Failure):
-        return
     if not isinstance(wanted, asks):
         raise TypeError(f"its request() returned {reprlib.repr(wanted)}, which is no "
                         f"{asks.__name__}")
@@ -370,17 +366,18 @@ def _check_request(asks: type, wanted: object) -> None:
             f"the {asks.__name__} of its request() has a wrong field: {error}") from None
 
 
-class ServiceLeaf(MissionLeaf, ActionLeaf):
+class ServiceLeaf(WorkingLeaf):
     """An action that calls a service: RUNNING until the answer or the deadline, which the gateway
     keeps, and then for as long as ``lasts`` says."""
 
     asks: type  # the kind of request
-    attempt: Optional[Attempt] = None
+    does_without = False  # it succeeds without a request on a robot that lacks the service
 
     @property
     def resource(self) -> str:
-        """The service's canonical name, or the files."""
-        return self.mission.interface.resource(self.asks)
+        """The service's canonical name, or the files; empty if it does without."""
+        is_lacking = self.does_without and not self.mission.interface.serves(self.asks)
+        return "" if is_lacking else self.mission.interface.resource(self.asks)
 
     @abstractmethod
     def request(self) -> Union[Request, Failure, None]:
@@ -392,7 +389,8 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
     def words(self, request: Request) -> Words:
         """Return the words for ``request``: its own, or the name of the node."""
-        return request.words or Words(self.registration_id, self.registration_id + " is done")
+        words = request.words or Words(self.registration_id, self.registration_id + " is done")
+        return self.mission.named(words)
 
     def done(self, words: Words) -> Optional[LeafSummary]:
         """Return the sentence for a request that was carried out."""
@@ -415,47 +413,47 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         """Return the failure of a request that was made, the leaf's own or a retry."""
         return failure
 
-    def try_once(self) -> Attempt:
-        """Begin an attempt; a recovery calls this to retry the step."""
-        return Attempt(self)
+    def work(self) -> Waiting[Result]:
+        """Make the request, and report how that ended."""
+        return self.ended((yield from self.try_once()))
 
-    def on_start(self) -> Result:
-        """Begin the first attempt."""
-        self.started_at = self.mission.clock.now()
-        self.attempt = self.try_once()
-        return self.on_running()
+    def try_once(self) -> Waiting[Optional[Failure]]:
+        """Make the request once, and return its failure. A recovery calls this to retry the step.
+        """
+        try:
+            wanted = None if self.does_without and not self.resource else self.request()
+        except PortError as error:
+            return self.missing(error)
+        if wanted is None or isinstance(wanted, Failure):
+            return wanted
+        _check_request(self.asks, wanted)
+        words = self.words(wanted)
+        self.begin_step(words, self.limit(wanted))
+        call = self.mission.gateway.start(wanted)
+        try:
+            while call.result is None:
+                yield
+            answer = call.result
+            if isinstance(answer, Failure):
+                return self.attempt_failed(answer)
+            seconds = self.lasts(wanted)
+            if seconds:
+                self.begin_step(words, seconds, goes_on=True)
+                yield from self.pause(seconds)
+        except BaseException:  # the leaf is halted, or its code has failed
+            call.drop()
+            raise
+        self.summary = self.done(words)
+        return self._accepted(answer)
 
-    def on_running(self) -> Result:
-        """Check whether the attempt has ended."""
-        ended = self.attempt.poll() if self.attempt is not None else None
-        if ended is None:
-            return RUNNING
-        self.attempt = None
-        return self.ended(ended.failure)
-
-    def on_halted(self) -> None:
-        """Drop the attempt."""
-        if self.attempt is not None:
-            self.attempt.drop()
-            self.attempt = None
-        self.report(IDLE)
-
-
-class OptionalServiceLeaf(ServiceLeaf):
-    """A leaf that succeeds without a request on a robot whose interface lacks the service."""
-
-    @property
-    def resource(self) -> str:
-        """The service's canonical name; empty if there is none."""
-        return super().resource if self.mission.interface.serves(self.asks) else ""
-
-    def request(self) -> Union[Request, Failure, None]:
-        """Return the request, if the robot has a service for it."""
-        return self.wanted() if self.mission.interface.serves(self.asks) else None
-
-    @abstractmethod
-    def wanted(self) -> Union[Request, Failure, None]:
-        """As ``request`` of a ServiceLeaf."""
+    def _accepted(self, answer: Answer) -> Optional[Failure]:
+        try:
+            failure = _checked_end("accept", self.accept(answer))
+        except PortError as error:
+            failure = self.missing(error)
+        if failure is not None:
+            self.summary = None
+        return failure
 
 
 def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),
@@ -485,7 +483,7 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
                        names=tuple(choices or ()), is_instant=issubclass(leaf, InstantLeaf),
                        may_fail_at_once=issubclass(leaf, ServiceLeaf),
                        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
-                       does_without=issubclass(leaf, OptionalServiceLeaf),
+                       does_without=issubclass(leaf, ServiceLeaf) and leaf.does_without,
                        listens=(sign,) if sign is not None else (), **facts)
 
 

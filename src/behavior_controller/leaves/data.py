@@ -1,11 +1,11 @@
 """The data of a mission: each entry that leaves share on the root blackboard, and the types of
 records in them."""
 import math
-from typing import Any, Callable, NamedTuple, Tuple
+from typing import Any, Callable, NamedTuple
 
 from behavior_controller.bt import Direction, Port, PortType, ValueFault
 from behavior_controller.bt.script.values import TEXT, shown, whole_real
-from behavior_controller.robot.requests import Exhibit, Location, Point, Words
+from behavior_controller.robot.requests import Location, Point
 from behavior_controller.config.node_facts import whole_mission
 
 
@@ -48,43 +48,6 @@ class Datum(NamedTuple):
     def changed(self, port: str = "", is_optional: bool = False) -> Port:
         """Return a port that reads and writes it."""
         return self._port(Direction.INOUT, port, is_optional)
-
-
-class NamedLocation(Location):
-    """A location that carries the name of the place that was chosen; it equals the location."""
-
-    name = ""
-
-    def __repr__(self) -> str:
-        """Return the text of the location."""
-        return repr(Location(*self))
-
-
-class NamedPoint(Point):
-    """A gesture target that carries the name of the place that was chosen; it equals the point."""
-
-    name = ""
-
-    def __repr__(self) -> str:
-        """Return the text of the point."""
-        return repr(Point(*self))
-
-
-def named(place: Exhibit, name: str) -> Tuple[NamedLocation, NamedPoint]:
-    """Return location and gesture target of a place that is chosen under that name."""
-    location, target = NamedLocation(*place.location), NamedPoint(*place.gesture)
-    location.name = target.name = name
-    return location, target
-
-
-def with_name(words: Words, preposition: str, target: object) -> Words:
-    """Return ``words`` with the name that ``target`` carries, if any, in place of its coordinates.
-    """
-    name = getattr(target, "name", "")
-    if not name:
-        return words
-    is_home = preposition == "to" and name == "its home"
-    return words._replace(what="home" if is_home else f"{preposition} {name}")
 
 
 VISITOR_RESPONSE = Datum("visitorResponse", TEXT, "the visitor's answer, yes or no")

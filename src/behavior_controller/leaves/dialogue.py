@@ -9,13 +9,13 @@ from behavior_controller.robot.requests import Answer, Prompt, Request
 from behavior_controller.leaves.base import NOT_ASKED, InstantCondition, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import QUESTION_ASKED_AT, VISITOR_RESPONSE
-from behavior_controller.config.phrases import YES
+from behavior_controller.config.phrases import YES, begins_with_error
 
 
 def utterance_summary(utterance: str, answer: Optional[str]) -> LeafSummary:
     """Return the sentence about an utterance and its answer."""
-    if answer is None and utterance.strip().lower().startswith("error"):
-        return LeafSummary("heard", "no answer recognised", "unrecognised")  # by the recogniser
+    if answer is None and begins_with_error(utterance):  # of the recognition
+        return LeafSummary("heard", "no answer recognised", "unrecognised")
     text = f"heard “{utterance}”: {answer or 'neither yes nor no'}"
     return LeafSummary("heard", text, answer or "")
 

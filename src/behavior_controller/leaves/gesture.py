@@ -3,7 +3,7 @@ from typing import Optional
 
 from behavior_controller.robot.requests import PerformGesture, Point, Request, Words
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
-from behavior_controller.leaves.data import GESTURE_TARGET, with_name
+from behavior_controller.leaves.data import GESTURE_TARGET
 
 
 class IconicGesture(ServiceLeaf):
@@ -37,10 +37,6 @@ class PerformDeicticGesture(ServiceLeaf):
         settings = self.mission.settings
         return PerformGesture("deictic", settings.deictic_gesture_id, settings.gesture_duration,
                               target)
-
-    def words(self, request: Request) -> Words:
-        """Name what the robot points at, if it has a name."""
-        return with_name(super().words(request), "at", getattr(request, "target"))
 
 
 SPECS = (

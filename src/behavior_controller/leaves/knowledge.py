@@ -10,7 +10,7 @@ from behavior_controller.leaves.base import (
     InstantAction, InstantCondition, MissionLeaf, ServiceLeaf, leaf_spec)
 from behavior_controller.leaves.data import (
     CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET, LEFT_OUT,
-    NEXT_EXHIBIT, TARGET_LOCATION, named)
+    NEXT_EXHIBIT, TARGET_LOCATION)
 
 
 def advance(leaf: MissionLeaf, exhibits: Sequence[Exhibit], index: int, state: str,
@@ -73,9 +73,9 @@ class SelectExhibit(InstantAction):
         exhibit = exhibits[index]
         self.set_output("nextExhibit", index + 1)
         self.set_output("currentExhibit", exhibit.name)
-        location, target = named(exhibit, exhibit.name)
-        self.set_output("targetLocation", location)
-        self.set_output("gestureTarget", target)
+        self.mission.name_place(exhibit, exhibit.name)
+        self.set_output("targetLocation", exhibit.location)
+        self.set_output("gestureTarget", exhibit.gesture)
         self.set_output("description1", exhibit.description1)
         self.set_output("description2", exhibit.description2)
         advance(self, exhibits, index, BEGUN, self.get_input(STOP.name))
@@ -133,11 +133,11 @@ class LookUp(ServiceLeaf):
         if count != 1:
             text = f"the knowledge base has {count} places for {self.place}; exactly 1 is needed"
             return Failure(Cause.UNUSABLE_ANSWER, text, self.resource)
-        name = "its home" if self.place == "home" else "the " + self.place
-        location, target = named(answer.exhibits[0], name)
-        self.set_output("targetLocation", location)
+        place = answer.exhibits[0]
+        self.mission.name_place(place, "its home" if self.place == "home" else "the " + self.place)
+        self.set_output("targetLocation", place.location)
         if self.has_gesture:
-            self.set_output("gestureTarget", target)
+            self.set_output("gestureTarget", place.gesture)
         else:
             self.clear_output("gestureTarget")
         return None

@@ -1,7 +1,7 @@
 """Leaves that drive (/robotNavigation/set_goal)."""
-from behavior_controller.robot.requests import GoTo, Request, Words
+from behavior_controller.robot.requests import GoTo, Request
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
-from behavior_controller.leaves.data import TARGET_LOCATION, with_name
+from behavior_controller.leaves.data import TARGET_LOCATION
 from behavior_controller.leaves.knowledge import leave_out_exhibit
 
 
@@ -13,10 +13,6 @@ class Navigate(ServiceLeaf):
 
     def request(self) -> Request:
         return GoTo(self.get_input("target"))
-
-    def words(self, request: Request) -> Words:
-        """Name the place, if it has a name."""
-        return with_name(super().words(request), "to", getattr(request, "goal"))
 
 
 SPECS = (leaf_spec("Navigate", Navigate, "Drives to the current target location.",

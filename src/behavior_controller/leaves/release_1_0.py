@@ -3,9 +3,9 @@ instance.
 
 Most are a leaf of D5.4.3 with the argument as its constant.
 """
-from typing import Optional, Union
+from typing import Optional, Tuple, Union
 
-from behavior_controller.bt import ActionLeaf, PortError, Result, IDLE, RUNNING
+from behavior_controller.bt import PortError, Result
 from behavior_controller.robot.gateway import Cause, Failure, since
 from behavior_controller.robot.declarations import Sense, Topic
 from behavior_controller.robot.requests import (
@@ -13,7 +13,7 @@ from behavior_controller.robot.requests import (
 from behavior_controller.config.knowledge_files import UTILITY_PHRASES
 from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAttentionMode
 from behavior_controller.leaves.base import (
-    NOT_ASKED, InstantCondition, MissionLeaf, OptionalServiceLeaf, leaf_spec)
+    NOT_ASKED, InstantCondition, ServiceLeaf, Waiting, WorkingLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import Patience, TopicCondition
 from behavior_controller.leaves.data import EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
 from behavior_controller.leaves.dialogue import utterance_summary
@@ -27,43 +27,46 @@ ANSWER_WAIT = 10.0
 """Seconds that GetVisitorResponse listens."""
 
 
-class StartOfTreeInLanguage(OptionalServiceLeaf):
+class StartOfTreeInLanguage(ServiceLeaf):
     """``<StartOfTree/>``: announces a pass, and sets the language of speech recognition."""
 
     asks = SetRecognitionLanguage
+    does_without = True
 
     def on_start(self) -> Result:
         """Begin the pass, only once even if the language is retried."""
         begin_pass(self)
         return super().on_start()
 
-    def wanted(self) -> Optional[Request]:
+    def request(self) -> Optional[Request]:
         """Set the language, if speech is recognised."""
         is_used = self.mission.settings.asr_enabled
         return SetRecognitionLanguage(self.mission.language) if is_used else None
 
 
-class SetSpeechEvent(OptionalServiceLeaf):
+class SetSpeechEvent(ServiceLeaf):
     """``<SetSpeechEvent name="true"/>``: switches speech recognition on or off
     (/speechEvent/set_enabled)."""
 
     asks = SetRecognition
+    does_without = True
 
     def __init__(self, name: str, is_enabled: bool):
         super().__init__(name)
         self.is_enabled = is_enabled
 
-    def wanted(self) -> Request:
+    def request(self) -> Request:
         return SetRecognition(self.is_enabled)
 
 
-class SetRobotPose(OptionalServiceLeaf):
+class SetRobotPose(ServiceLeaf):
     """``<SetRobotPose/>``: sets the robot's pose to the start of the tour."""
 
     asks = SetPose
+    does_without = True
     PORTS = (EXHIBITS.read(is_optional=True),)
 
-    def wanted(self) -> Union[Request, Failure]:
+    def request(self) -> Union[Request, Failure]:
         """Send the first location of the tour."""
         exhibits = self.get_input_or("exhibits", ())
         if not exhibits:
@@ -113,7 +116,7 @@ class HasVisitorResponded(InstantCondition):
         return bool(self.get_input_or("visitorResponse", ""))
 
 
-class GetVisitorResponse(MissionLeaf, ActionLeaf):
+class GetVisitorResponse(WorkingLeaf):
     """``<GetVisitorResponse/>``: listens for a yes or a no from now on, and stores it.
 
     SUCCESS with an empty answer if none was understood in ``ANSWER_WAIT``; FAILURE at an error of
@@ -123,7 +126,6 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
     sense = Sense.UTTERANCE
     PORTS = (VISITOR_RESPONSE.written(),)
     topic: Topic
-    _patience: Optional[Patience] = None
 
     def join(self) -> None:
         """Get the topic of utterances."""
@@ -131,56 +133,47 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
         self.topic = self.mission.interface.evidence(self.sense).topic
         self.resource = self.topic.name
 
-    def on_start(self) -> Result:
-        """Clear an older answer and listen."""
-        self.started_at = self.mission.clock.now()
+    def work(self) -> Waiting[Result]:
+        """Listen; the first utterance that ends the listening counts."""
+        topics = self.mission.topics
         self.begin_wait(self.sense.awaiting, ANSWER_WAIT)
-        self._patience = Patience(self, self.topic, ANSWER_WAIT)
-        self.mission.topics.listen(self.topic, ANSWER_WAIT)
+        patience = Patience(self, self.topic, ANSWER_WAIT)
+        topics.listen(self.topic, ANSWER_WAIT)
         self.mission.ignore_answers("")
-        return self.on_running()
-
-    def on_running(self) -> Result:
-        """Judge the utterances: the first that ends the listening counts."""
-        utterances = [sample.value for sample in
-                      since(self.mission.topics.recent(self.topic), self.started_at)]
-        utterance = next(filter(self._ends, utterances), utterances[-1] if utterances else "")
-        answer = self.mission.phrases.spoken_answer(utterance)
+        try:
+            utterance, answer = self._heard()
+            while not (is_error(utterance) or answer or patience.is_over()):
+                topics.wake_when(self.uid, self.topic, self._ends)
+                yield
+                utterance, answer = self._heard()
+        finally:
+            topics.listen(self.topic, 0.0)
+            self.mission.ignore_answers(NOT_ASKED)
+            patience.cancel()
+        failure = None
         if is_error(utterance):
             text = f"the recognition says {utterance!r}"
-            return self._end("", Failure(Cause.UNUSABLE_ANSWER, text, self.resource))
-        if utterance:
-            self.summary = utterance_summary(utterance, answer)
-        if answer is not None:
-            return self._end(answer)
-        if self._patience is not None and self._patience.is_over():
-            return self._end("")
-        self.mission.topics.wake_when(self.uid, self.topic, self._ends)
-        return RUNNING
-
-    def _ends(self, utterance: str) -> bool:
-        """Return whether an utterance ends the listening. Called on the receiving thread too."""
-        return is_error(utterance) or self.mission.phrases.is_answer(utterance)
-
-    def _end(self, answer: str, failure: Optional[Failure] = None) -> Result:
-        self._stop()
+            failure = Failure(Cause.UNUSABLE_ANSWER, text, self.resource)
         try:
             self.set_output("visitorResponse", answer)
         except PortError as error:
             failure = self.missing(error)
         return self.ended(failure)
 
-    def on_halted(self) -> None:
-        """Stop listening."""
-        self._stop()
-        self.report(IDLE)
+    def _heard(self) -> Tuple[str, str]:
+        """Return the utterance that counts so far, and the answer in it; empty if there is none."""
+        utterances = [sample.value for sample in
+                      since(self.mission.topics.recent(self.topic), self.started_at)]
+        utterance = next(filter(self._ends, utterances), utterances[-1] if utterances else "")
+        if not utterance or is_error(utterance):
+            return utterance, ""
+        answer = self.mission.phrases.spoken_answer(utterance)
+        self.summary = utterance_summary(utterance, answer)
+        return utterance, answer or ""
 
-    def _stop(self) -> None:
-        self.mission.topics.listen(self.topic, 0.0)
-        self.mission.ignore_answers(NOT_ASKED)
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
+    def _ends(self, utterance: str) -> bool:
+        """Return whether an utterance ends the listening. Called on the receiving thread too."""
+        return is_error(utterance) or self.mission.phrases.is_answer(utterance)
 
 
 _FAREWELLS = tuple(str(speech.utility) for speech in SPEECHES

@@ -9,7 +9,7 @@ from behavior_controller.bt.script.values import TEXT
 from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request, Say, Words
-from behavior_controller.leaves.base import BEFORE_QUESTION, Attempt, ServiceLeaf, leaf_spec
+from behavior_controller.leaves.base import BEFORE_QUESTION, ServiceLeaf, Waiting, leaf_spec
 from behavior_controller.leaves.data import (
     CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT)
 from behavior_controller.config.node_facts import MissionSpec
@@ -61,7 +61,7 @@ class Question(FixedSpeech):
         """Let the mission know that it asks."""
         self.mission.has_questions = True
 
-    def try_once(self) -> Attempt:
+    def try_once(self) -> Waiting[Optional[Failure]]:
         """Begin to ask; what is said meanwhile is no answer."""
         self.mission.ignore_answers(BEFORE_QUESTION)
         return super().try_once()

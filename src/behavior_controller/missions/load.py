@@ -2,7 +2,7 @@
 """
 import os
 from dataclasses import dataclass
-from typing import Callable, Dict, Iterator, List, Optional, Sequence, Set, Tuple, TypeVar, Union
+from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple, Union
 
 from behavior_controller import extensions, folders, leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy
@@ -11,7 +11,7 @@ from behavior_controller.bt import Clock, Registry, Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.linter import rules
-from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
+from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
 from behavior_controller.execution.observed_gateway import ObservedGateway
 from behavior_controller.execution.events import Events
 from behavior_controller.missions.path_analysis import foresee
@@ -30,8 +30,6 @@ from behavior_controller.config.settings import OPERATOR, Settings, defaults
 from behavior_controller.text import did_you_mean
 
 POLICY = "recoveryPolicy.ini"
-
-Part = TypeVar("Part")
 
 
 @dataclass(frozen=True)
@@ -92,20 +90,15 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     file = documents[-1].file if documents else find(settings.scenario_specification)
     name = settings.scenario_specification
     faults: List[Fault] = []
-
-    def attempt(part: Callable[[], Part]) -> Optional[Part]:
-        try:
-            return part()
-        except FaultsFound as invalid:
-            faults.extend(invalid.faults)
-        return None
-
-    has_files = settings.interface.has_knowledge_files
-    known = attempt(lambda: knowledge_files.load(name)) if has_files else None
+    known = None
+    if settings.interface.has_knowledge_files:
+        known = attempt(lambda: knowledge_files.load(name), faults)
     language = settings.language if known is None else known.language
-    spoken = attempt(lambda: phrases.load(language, name))
-    policy = attempt(lambda: recovery_policy.load(folders.config(POLICY), leaves.mission_specs()))
-    tree = attempt(lambda: build_tree(documents or with_includes(read(file)), None, clock, wake))
+    spoken = attempt(lambda: phrases.load(language, name), faults)
+    policy = attempt(lambda: recovery_policy.load(folders.config(POLICY), leaves.mission_specs()),
+                     faults)
+    tree = attempt(lambda: build_tree(documents or with_includes(read(file)), None, clock, wake),
+                   faults)
     faults += keys_without_meaning(settings, known)
     of_robot = [] if tree is None else on_robot(tree, settings, known)
     faults += [fault for fault in of_robot if not fault.is_warning]

@@ -1,4 +1,5 @@
 """Checks an author's files: single missions, projects, folders, with palettes for other robots."""
+import contextlib
 import os
 import re
 from dataclasses import dataclass, field, replace
@@ -7,16 +8,16 @@ from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Se
 from behavior_controller import folders, leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.palettes import (
+from behavior_controller.bt.linter.palette import (
     check_models, is_palette, models, stubs, used_types)
 from behavior_controller.bt.linter.findings import Findings, by_place
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.registry import NodeSpec, Registry
-from behavior_controller.errors import ConfigurationError, Fault, MissionError
+from behavior_controller.errors import ConfigurationError, Fault, MissionError, attempt
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.missions.load import (
     POLICY, build_tree, find, keys_without_meaning, on_robot)
-from behavior_controller.text import Unreadable, clean, did_you_mean, first_names, read_text
+from behavior_controller.text import Unreadable, clean, count, did_you_mean, first_names, read_text
 
 ENDINGS = (".xml", ".btproj")
 _PERHAPS_MISSION = re.compile(r"<(?:root|BehaviorTree|TreeNodesModel)\b")
@@ -45,31 +46,25 @@ class Judgement:
         if self.part_of:
             return f"{clean(self.file)}: a part of {clean(self.part_of)}"
         warnings = sum(fault.is_warning for fault in self.faults)
-        counts = [_count(len(self.faults) - warnings, "fault")]
-        if not self.is_wrong and self.is_mission:
-            counts = self._good()
-        if warnings or not self.is_wrong and self.is_mission:
-            counts.append(_count(warnings, "warning"))
-        return f"{clean(self.file)}: {', '.join(counts)}{self._stubs()}"
+        is_good = not self.is_wrong and self.is_mission
+        counts = self._good() if is_good else [
+            count(len(self.faults) - warnings, "fault", "faults")]
+        if warnings or is_good:
+            counts.append(count(warnings, "warning", "warnings"))
+        line = f"{clean(self.file)}: {', '.join(counts)}"
+        if self.stubs:
+            lacking = count(len(self.stubs), "node type", "node types")
+            line += (f"; not a mission of this robot, which lacks {lacking} (taken as stubs): "
+                     f"{first_names(map(clean, self.stubs))}")
+        return line
 
     def _good(self) -> List[str]:
         if self.palette is not None:
-            return [f"a palette of {_count(self.palette, 'node type')}"]
+            return [f"a palette of {count(self.palette, 'node type', 'node types')}"]
         done = "checked" if self.stubs else "can be run"
         if len(self.mains) > 1:
             done += f" from each of {', '.join(map(clean, self.mains))}"
-        return [done, _count(self.nodes, "node")]
-
-    def _stubs(self) -> str:
-        if not self.stubs:
-            return ""
-        return ("; not a mission of this robot, which lacks "
-                f"{_count(len(self.stubs), 'node type')} (taken as stubs): "
-                f"{first_names(map(clean, self.stubs))}")
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+        return [done, count(self.nodes, "node", "nodes")]
 
 
 class Validation:
@@ -168,17 +163,15 @@ class Validation:
                                                         if spec.id in used),
                               mains=_main_trees(documents, main))
         for tree_id in judgement.mains or (main,):
-            try:
-                tree = build_tree(documents, tree_id, registry=registry)
-            except MissionError as error:
-                judgement.faults.extend(error.faults)
-            else:
-                judgement.faults.extend(tree.warnings)
-                if not judgement.stubs:
-                    judgement.faults.extend(on_robot(tree, self._robot.settings,
-                                                     self._robot.knowledge))
-                    judgement.faults.extend(self._robot.faults_of_phrases(path))
-                judgement.nodes += len(tree.nodes)
+            tree = attempt(lambda: build_tree(documents, tree_id, registry=registry),
+                           judgement.faults)
+            if tree is None:
+                continue
+            judgement.nodes += len(tree.nodes)
+            judgement.faults += tree.warnings
+            if not judgement.stubs:
+                judgement.faults += on_robot(tree, self._robot.settings, self._robot.knowledge)
+                judgement.faults += self._robot.faults_of_phrases(path)
         judgement.faults += list(_near_misses(documents, specs))
         judgement.faults = sorted(self._told(judgement.faults), key=by_place)
         return judgement
@@ -190,46 +183,34 @@ class _ChosenRobot:
     def __init__(self, name: str = ""):
         """Raise BrokenExtension if what a package exports cannot be used."""
         specs = leaves.mission_specs()
-        self.faults: Dict[str, List[Fault]] = {}
-        self.said_by = folders.config(settings.FILE_NAME)
-        self.settings = settings.defaults()
-        self.knowledge: Optional[Knowledge] = None
-        try:
-            if os.path.lexists(self.said_by):
-                self.settings = settings.load(self.said_by)
-            else:
-                self.said_by = "by default"
-        except ConfigurationError as error:
-            self._add(error.faults)
-            self.said_by = "by default: the configuration has faults"
+        faults: List[Fault] = []
+        file = folders.config(settings.FILE_NAME)
+        chosen = attempt(lambda: settings.load(file), faults) if os.path.lexists(file) else None
+        self.settings = chosen or settings.defaults()
+        self.said_by = file if chosen else "by default"
+        if faults:
+            self.said_by += ": the configuration has faults"
         if name:
             self.settings = replace(self.settings, robot_interface=name)
             self.said_by = "--interface"
-        try:
-            if self.settings.interface.has_knowledge_files:
-                self.knowledge = knowledge_files.load()
-        except ConfigurationError as error:
-            self._add(error.faults)
-        self._add(keys_without_meaning(self.settings, self.knowledge))
-        self._add(self.faults_of_phrases())
-        try:
-            recovery_policy.load(folders.config(POLICY), specs)
-        except ConfigurationError as error:
-            self._add(error.faults)
+        self.knowledge: Optional[Knowledge] = None
+        if self.settings.interface.has_knowledge_files:
+            self.knowledge = attempt(knowledge_files.load, faults)
+        faults += keys_without_meaning(self.settings, self.knowledge)
+        self.faults: Dict[str, List[Fault]] = {}
+        faults += self.faults_of_phrases()
+        attempt(lambda: recovery_policy.load(folders.config(POLICY), specs), faults)
+        for fault in faults:
+            self.faults.setdefault(fault.file, []).append(fault)
 
     def faults_of_phrases(self, path: str = "") -> List[Fault]:
         """Return the faults of what the robot says in the mission of this path, or in any; those
         that are known already are left out."""
         language = self.settings.language if self.knowledge is None else self.knowledge.language
-        try:
-            phrases.load(language, os.path.splitext(os.path.basename(path))[0])
-        except ConfigurationError as error:
-            return [fault for fault in error.faults if fault.file not in self.faults]
-        return []
-
-    def _add(self, faults: Iterable[Fault]) -> None:
-        for fault in faults:
-            self.faults.setdefault(fault.file, []).append(fault)
+        mission = os.path.splitext(os.path.basename(path))[0]
+        faults: List[Fault] = []
+        attempt(lambda: phrases.load(language, mission), faults)
+        return [fault for fault in faults if fault.file not in self.faults]
 
 
 def named(path: str) -> str:
@@ -311,10 +292,8 @@ def _completed(documents: List[Document]) -> List[Document]:
     others: List[Document] = []
     for path in expanded(os.path.dirname(own) or "."):
         if os.path.realpath(path) not in known:
-            try:
+            with contextlib.suppress(MissionError):  # reported when the file is judged itself
                 others.append(read(path))
-            except MissionError:
-                continue  # reported when the file is judged itself
     while True:
         trees = _trees(documents)
         missing = {call for calls in trees.values() for call in calls} - set(trees)

@@ -3,7 +3,7 @@ import collections
 import itertools
 import time
 from functools import partial
-from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, Optional
 
 import msgspec
 from msgspec.structs import replace
@@ -17,11 +17,11 @@ from behavior_controller.execution.events import LETTERS, Event, Events, HealthC
 from behavior_controller.execution.health import Health
 from behavior_controller.execution.run import History
 from behavior_controller.execution.state import State, rank
-from behavior_controller.monitoring.parts import PARTS, Alive, MissionPart, NodeRow, Now, Offer
+from behavior_controller.monitoring.parts import Alive, MissionPart, NodeRow, Now, Offer
 from behavior_controller.monitoring.record.recorder import (
     Entries, Note, entry_text, shown, traversed, written)
 from behavior_controller.monitoring.story import condition, title
-from behavior_controller.monitoring.view import MOMENT, View, how_it_stopped, now_of
+from behavior_controller.monitoring.view import MOMENT, PARTS, View, how_it_stopped, now_of
 from behavior_controller.robot.declarations import Interface
 from behavior_controller.robot.interfaces import DEFAULT
 from behavior_controller.text import clean
@@ -64,15 +64,9 @@ class Board:
         self._is_closed = False
         self._beaten = 0.0
         self._health = health
-        self._called, self._pulsed = 0, 0.0
+        self._pulsed = 0.0
         self._offers = {offer.name: offer.kind for offer in interface.offers}
         events.subscribe(lambda event: self._note(lambda: event))
-
-    @property
-    def mission(self) -> str:
-        """The mission's file; empty before it starts."""
-        started = self.state.started
-        return started.mission if started is not None else ""
 
     @property
     def state(self) -> State:
@@ -112,12 +106,8 @@ class Board:
     # ---------------------------------------------------------------------------- what has happened
 
     def refresh(self) -> None:
-        """Process what has happened: events, calls that ended, topics that become older."""
+        """Process what has happened: events, and time that passes."""
         self._catch_up()
-        called = sum(count.calls for count in self._health.calls.values())
-        if called != self._called:
-            self._called = called
-            self._touch("health")
         now = time.monotonic()
         if now - self._pulsed >= PULSE:
             self._pulsed = now
@@ -174,10 +164,12 @@ class Board:
 
     def _mission(self) -> MissionPart:
         nodes = [] if self.tree is None else [self._outline(node) for node in self.tree.nodes]
-        if nodes and self.mission:
-            # as py-trees-render has it
-            nodes[0] = replace(nodes[0], name=clean(title(self.mission)), kind="")
-        return MissionPart(clean(self.mission), nodes)
+        started = self.state.started
+        if started is None:
+            return MissionPart("", nodes)
+        if nodes:  # as py-trees-render has it
+            nodes[0] = replace(nodes[0], name=clean(title(started.mission)), kind="")
+        return MissionPart(clean(started.mission), nodes)
 
     def _outline(self, node: Node) -> NodeRow:
         spec = self._registry.find(node.registration_id)
@@ -200,8 +192,7 @@ class Board:
 
     def _offers_of(self, state: State) -> Dict[str, Offer]:
         """Return how each service and topic is, by name."""
-        names = dict(self._offers)
-        names.update((change.name, change.kind) for change in state.robot.ill)
+        names = {**self._offers, **{change.name: change.kind for change in state.robot.ill}}
         return {name: _offer(name, kind, state.robot.trouble(name)) for name, kind in names.items()}
 
     def _offers_now(self) -> Dict[str, Offer]:
@@ -230,7 +221,7 @@ class Board:
         return {"uid": uid, "path": node.full_path, "type": node.registration_id,
                 "description": spec.summary if spec is not None else "",
                 "place": node.place_in_file().rstrip(": "),
-                "ports": [dict(zip(("name", "text", "value"), row)) for row in _ports(node)],
+                "ports": [_port(node, name, text) for name, text in port_texts(node).items()],
                 "results": self._view.results(uid)}
 
 
@@ -248,19 +239,15 @@ def port_texts(node: Node) -> Dict[str, str]:
     return {**defaults, **node.attributes}
 
 
-def _ports(node: Node) -> List[Tuple[str, str, str]]:
-    """Return for each port of a node its name, its text, and the value of the entry that this
-    means."""
-    rows = []
-    for name, text in port_texts(node).items():
-        value = ""
-        if reference(text, name) is not None:
-            try:
-                value = entry_text(entry_value(text, name, node.blackboard))
-            except PortError:
-                value = "–"  # nothing has written it
-        rows.append((name, clean(text, 120), value))
-    return rows
+def _port(node: Node, name: str, text: str) -> Dict[str, str]:
+    """Return a port of a node: its name, its text, and the value of the entry that this means."""
+    value = ""
+    if reference(text, name) is not None:
+        try:
+            value = entry_text(entry_value(text, name, node.blackboard))
+        except PortError:
+            value = "–"  # nothing has written it
+    return {"name": name, "text": clean(text, 120), "value": value}
 
 
 def is_bare(spec: Optional[NodeSpec], name: str) -> bool:

@@ -145,7 +145,6 @@ class Visits(Struct, frozen=True):
     """The visits that ended, the newest last, and how many there were in words."""
 
     counted: str
-    outcomes: Dict[str, int]
     newest: List[VisitRow]
 
 
@@ -189,29 +188,20 @@ class Alive(Struct, frozen=True):
     kept: Optional[float] = None
 
 
-PARTS = ("mission", "statuses", "now", "story", "visits", "timeline", "blackboard", "health",
-         "alive")
-"""The names of the parts. A message has what has changed of them: see ``changes``."""
-
-
-def changes(old: Dict[str, Any], new: Dict[str, Any]) -> Dict[str, Any]:
+def changes(old: Any, new: Any) -> Any:
     """Return what differs in ``new``, as JSON for ``patched``.
 
     Of a record the fields that differ, with None for one that is gone; of a list the number of
     items to ``drop`` at its begin, and those to ``add`` at its end.
     """
-    differences = {name: _change(old.get(name), value) for name, value in new.items()
-                   if name not in old or old[name] != value}
-    return {**differences, **dict.fromkeys(old.keys() - new.keys())}
-
-
-def _change(old: Any, new: Any) -> Any:
-    if isinstance(old, dict) and isinstance(new, dict):
-        return changes(old, new)
     if isinstance(old, list) and isinstance(new, list):
         drop = next(count for count in range(len(old) + 1) if old[count:] == new[:len(old) - count])
         return {"drop": drop, "add": new[len(old) - drop:]}
-    return new
+    if not isinstance(old, dict) or not isinstance(new, dict):
+        return new
+    differences = {name: changes(old.get(name), value) for name, value in new.items()
+                   if name not in old or old[name] != value}
+    return {**differences, **dict.fromkeys(old.keys() - new.keys())}
 
 
 def patched(old: Any, change: Any) -> Any:

@@ -6,10 +6,11 @@ connects to its port.
 """
 import asyncio
 import contextlib
+import itertools
 import socket
 import threading
 import time
-from typing import Any, Callable, Coroutine, Dict, List, Optional
+from typing import Any, Callable, Coroutine, Dict, List, Optional, Sequence
 
 from tornado.iostream import IOStream
 from tornado.netutil import bind_sockets
@@ -53,28 +54,45 @@ class Connections:
         self._last_used[stream] = time.monotonic()
 
 
-def opened(address: str, port: int, consequence: str, key: str,
-           warn: Callable[[str], None]) -> List[socket.socket]:
-    """Return the sockets of a port; if it cannot be opened none, and ``warn`` gets a line that says
-    what follows from it, and with which key of the configuration it is changed."""
-    try:
-        return bind_sockets(port, address)
-    except OSError as error:
-        warn(f"{consequence}: {address}:{port} cannot be opened ({error.strerror or error}); set "
-             f"{key} to another port, or to 0")
-        return []
+def opened(address: str, ports: Sequence[int], consequence: str, key: str,
+           warn: Callable[[str], None]) -> List[List[socket.socket]]:
+    """Return the sockets of each port; if one cannot be opened none, and ``warn`` gets a line that
+    says what follows from it, and with which key of the configuration it is changed."""
+    sockets: List[List[socket.socket]] = []
+    for port in ports:
+        try:
+            sockets.append(bind_sockets(port, address))
+        except OSError as error:
+            warn(f"{consequence}: {address}:{port} cannot be opened ({error.strerror or error}); "
+                 f"set {key} to another port, or to 0")
+            _close(sockets)
+            return []
+    return sockets
+
+
+def _close(sockets: List[List[socket.socket]]) -> None:
+    for sock in itertools.chain(*sockets):
+        sock.close()
 
 
 class LoopThread:
-    """A thread on which an event loop runs until ``close``."""
+    """A thread on which an event loop runs until ``close``; without sockets there is none, and
+    nothing is done."""
 
-    def __init__(self, name: str, begin: Callable[[], None], end: Callable[[], None]):
-        """``begin`` is called in the running loop, ``end`` when the loop ends, for any reason."""
+    def __init__(self, name: str, sockets: List[List[socket.socket]], begin: Callable[[], None],
+                 end: Callable[[], None] = lambda: None):
+        """``begin`` is called in the running loop; when the loop ends, for any reason, the
+        ``sockets`` are closed and ``end`` is called."""
+        self.is_serving = bool(sockets)
+        self._sockets = sockets
         self._loop = asyncio.new_event_loop()
         self._loop.call_soon(begin)
         self._end = end
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._thread.start()
+        if self.is_serving:
+            self._thread.start()
+        else:
+            self._loop.close()
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Have the loop call ``function`` soon, unless the loop has ended. Any thread may call
@@ -84,23 +102,23 @@ class LoopThread:
 
     def close(self, finish: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
         """End the loop after ``finish``, and wait for its end for a second at most."""
-        if finish is None:
-            self.call(self._loop.stop)
-        else:
-            self.call(lambda: self._loop.create_task(self._end_after(finish)))
-        self._thread.join(1.0)
+        async def end() -> None:
+            try:
+                if finish is not None:
+                    await finish()
+            finally:
+                self._loop.stop()
 
-    async def _end_after(self, finish: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        try:
-            await finish()
-        finally:
-            self._loop.stop()
+        self.call(lambda: self._loop.create_task(end()))
+        if self.is_serving:
+            self._thread.join(1.0)
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
         try:
             self._loop.run_forever()
         finally:
+            _close(self._sockets)
             self._end()
             tasks = asyncio.all_tasks(self._loop)
             for task in tasks:

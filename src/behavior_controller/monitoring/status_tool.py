@@ -8,15 +8,14 @@ import sys
 import textwrap
 import threading
 import time
-from typing import Any, Dict, Iterator, List, Optional, Union
+from typing import Any, Callable, Dict, Iterator, List, Optional, Union
 
 import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
 from behavior_controller import exit_codes, ros_arguments
-from behavior_controller.monitoring.parts import (
-    Alive, MissionPart, NodeRow, Now, Offer, SentenceRow, Statuses, StoryPart, card_line, patched)
+from behavior_controller.monitoring import parts
 from behavior_controller.monitoring.story import title
 from behavior_controller.text import clean
 
@@ -53,12 +52,12 @@ MOST_WAITING = 100
 class ShownState(Struct, frozen=True):
     """The parts of the board that are printed; ``silent``: seconds since the last message."""
 
-    mission: MissionPart
-    statuses: Statuses
-    now: Now
-    story: StoryPart
-    health: Dict[str, Offer]
-    alive: Alive
+    mission: parts.MissionPart
+    statuses: parts.Statuses
+    now: parts.Now
+    story: parts.StoryPart
+    health: Dict[str, parts.Offer]
+    alive: parts.Alive
     silent: float = 0.0
 
 
@@ -75,11 +74,10 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Return the exit code, see ``EXIT_CODES``."""
     chosen = _read_arguments(arguments)
     place = f"http://{chosen.address}:{chosen.port}"
-    messages = _Messages(chosen.address, chosen.port, "/events" if chosen.watch else "/state")
+    is_window = chosen.watch and sys.stdout.isatty()
     shown: List[str] = []
     try:
-        for state in _states(messages, chosen.watch):
-            is_window = chosen.watch and sys.stdout.isatty()
+        for state in _states(chosen.address, chosen.port, chosen.watch):
             text = lines(state, chosen.all)
             if is_window:
                 size = os.get_terminal_size(sys.stdout.fileno())
@@ -89,19 +87,18 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 _print(text, is_window)
             if chosen.watch and state.now.ended:
                 print("missionStatus: the mission has ended: " + clean(state.now.ended))
-                return exit_codes.SUCCESS
+                break
+        return exit_codes.SUCCESS
     except NoMission as reason:
         why = clean(str(reason))
         what = (f"no mission answers at {place} ({why}): does behaviorController run, with this "
                 "monitorPort?")
         if shown:
             what = f"the connection to {place} is lost ({why})"
-        print("missionStatus:", what, file=sys.stderr)
-        return exit_codes.UNAVAILABLE
     except OSError as error:
-        print(f"missionStatus: cannot print: {error.strerror}", file=sys.stderr)
-        return exit_codes.UNAVAILABLE
-    return exit_codes.SUCCESS
+        what = f"cannot print: {error.strerror}"
+    print("missionStatus:", what, file=sys.stderr)
+    return exit_codes.UNAVAILABLE
 
 
 def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
@@ -134,68 +131,16 @@ def _print(text: List[str], is_window: bool) -> None:
 # ----------------------------------------------------------------------------------------- the node
 
 
-class _Messages:
-    """The node's messages, read on a separate thread: a server may hang or send slowly at any
-    moment."""
-
-    def __init__(self, address: str, port: int, path: str):
-        self._waiting: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
-        self._path = path
-        threading.Thread(target=self._read, args=(address, port), name="messages",
-                         daemon=True).start()
-
-    def get(self, seconds: float) -> Optional[ShownState]:
-        """Return the board as of the next message, or None after ``seconds``. Raises NoMission if
-        no further message comes."""
-        try:
-            state = self._waiting.get(timeout=seconds)
-        except queue.Empty:
-            return None
-        if isinstance(state, NoMission):
-            raise state
-        return state
-
-    def _read(self, address: str, port: int) -> None:
-        reason = "the connection was closed"
-        try:
-            connection = http.client.HTTPConnection(address, port)
-            connection.request("GET", self._path)
-            answer = connection.getresponse()
-            if answer.status != http.client.OK:
-                raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
-            parts: Any = {}
-            for message in self._texts(answer):
-                parts = patched(parts, msgspec.json.decode(message))
-                self._waiting.put(msgspec.convert(parts, ShownState))
-        except msgspec.ValidationError as error:
-            reason = f"the answer is not a mission's: {error}"
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            reason = "the answer is not JSON"
-        except (OSError, ValueError, http.client.HTTPException) as error:
-            reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
-        self._waiting.put(NoMission(reason))
-
-    def _texts(self, answer: http.client.HTTPResponse) -> Iterator[bytes]:
-        """Yield each message as JSON text."""
-        if self._path == "/state":
-            yield _bounded(answer.read(MOST_BYTES + 1))
-            return
-        for line in iter(lambda: _bounded(answer.readline(MOST_BYTES + 1)), b""):
-            if line.startswith(b"data: "):
-                yield line[6:]
-
-
-def _bounded(data: bytes) -> bytes:
-    if len(data) > MOST_BYTES:
-        raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
-    return data
-
-
-
-def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:
+def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
     """Yield the whole board after each message and, while none comes, again, with ``silent``:
-    seconds since the last one."""
-    state = messages.get(LIMIT)
+    seconds since the last one. Raises NoMission if no further message comes.
+
+    A separate thread reads: a server may hang or send slowly at any moment.
+    """
+    messages: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
+    threading.Thread(target=_read, args=(address, port, messages.put), name="messages",
+                     daemon=True).start()
+    state = _next(messages, LIMIT)
     if state is None:
         raise NoMission(f"no complete answer within {LIMIT:g} s")
     came = time.monotonic()
@@ -206,9 +151,46 @@ def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:
         yield replace(state, silent=silent)
         if not is_watching:
             return
-        news = messages.get(LATE if silent < LATE else 1.0)
+        news = _next(messages, LATE if silent < LATE else 1.0)
         if news is not None:
             state, came = news, time.monotonic()
+
+
+def _next(messages: "queue.Queue[Union[ShownState, NoMission]]",
+          seconds: float) -> Optional[ShownState]:
+    """Return the board as of the next message, or None after ``seconds``."""
+    try:
+        state = messages.get(timeout=seconds)
+    except queue.Empty:
+        return None
+    if isinstance(state, NoMission):
+        raise state
+    return state
+
+
+def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]], None]) -> None:
+    reason = "the answer is not a mission's"
+    try:
+        connection = http.client.HTTPConnection(address, port)
+        connection.request("GET", "/events")
+        answer = connection.getresponse()
+        if answer.status != http.client.OK:
+            raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
+        known: Any = {}
+        for line in iter(lambda: answer.readline(MOST_BYTES + 1), b""):
+            if len(line) > MOST_BYTES:
+                raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
+            if line.startswith(b"data: "):
+                known = parts.patched(known, msgspec.json.decode(line[6:]))
+                put(msgspec.convert(known, ShownState))
+                reason = "the connection was closed"
+    except msgspec.ValidationError as error:
+        reason = f"the answer is not a mission's: {error}"
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        reason = "the answer is not JSON"
+    except (OSError, ValueError, http.client.HTTPException) as error:
+        reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
+    put(NoMission(reason))
 
 
 # ----------------------------------------------------------------------------------------- the text
@@ -219,9 +201,13 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     node.
     """
     now, mission = state.now, state.mission
-    doing = card_line(now.card, state.alive.at + state.silent)
+    doing = parts.card_line(now.card, state.alive.at + state.silent)
     head = [f"mission {title(mission.file)}: {doing}", "robot: " + now.robot.text]
-    head += list(_why_outdated(state)) + list(_troubles(state))
+    if state.silent >= LATE:
+        head.append(f"no message for {state.silent:.0f} s: what is shown may be old")
+    elif state.alive.hangs:
+        head.append(f"the controller hangs: no sign of its tick thread for {state.alive.age} s")
+    head.extend(_troubles(state))
     return [*map(clean, head), *_tree(mission.nodes, state.statuses, is_all)]
 
 
@@ -229,10 +215,9 @@ def fitted(text: List[str], width: int, height: int) -> List[str]:
     """Return the lines of a window: the heads wrapped, the rows of the tree cut, and of these the
     ones around the running leaf.
     """
-    is_row = [line.lstrip()[:1] in SIGNS.values() for line in text]
-    heads = [part for line, row in zip(text, is_row) if not row
+    rows = [line for line in text if line.lstrip().startswith(tuple(SIGNS.values()))]
+    heads = [part for line in text[:len(text) - len(rows)]
              for part in textwrap.wrap(line, width, break_on_hyphens=False)]
-    rows = [line for line, row in zip(text, is_row) if row]
     room = max(0, height - 1 - len(heads))
     running = (SIGNS["R"], SIGNS[AGAIN])
     here = max((at for at, row in enumerate(rows) if row.lstrip()[0] in running), default=0)
@@ -247,7 +232,7 @@ def _troubles(state: ShownState) -> Iterator[str]:
     for part in state.health.values():
         if not part.well:
             yield f"{part.kind} {part.name}: {part.status}; {part.consequence}"
-    entries: Dict[Any, List[SentenceRow]] = {}  # as on the page: one for each incident
+    entries: Dict[Any, List[parts.SentenceRow]] = {}  # as on the page: one for each incident
     for row in state.story.sentences:
         entries.setdefault((row.visit, row.incident or -row.number), []).append(row)
     for entry in [rows for rows in entries.values() if any(map(_is_wrong, rows))][-5:]:
@@ -258,19 +243,11 @@ def _troubles(state: ShownState) -> Iterator[str]:
         yield f"{first.time}  {first.text}{came}"
 
 
-def _is_wrong(row: SentenceRow) -> bool:
+def _is_wrong(row: parts.SentenceRow) -> bool:
     return row.severity != "info" and row.kind != "health"
 
 
-def _why_outdated(state: ShownState) -> Iterator[str]:
-    """Yield the reasons why the display may be outdated."""
-    if state.silent >= LATE:
-        yield f"no message for {state.silent:.0f} s: what is shown may be old"
-    elif state.alive.hangs:
-        yield f"the controller hangs: no sign of its tick thread for {state.alive.age} s"
-
-
-def _tree(nodes: List[NodeRow], statuses: Statuses, is_all: bool) -> Iterator[str]:
+def _tree(nodes: List[parts.NodeRow], statuses: parts.Statuses, is_all: bool) -> Iterator[str]:
     """Yield the rows of the nodes that were ticked, indented; without ``is_all`` not those that
     only group others.
     """

@@ -2,16 +2,13 @@
 """
 import collections
 import time
-from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.execution.events import Event, PassStarted, TreeShown
 from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
 from behavior_controller.leaves import data
+from behavior_controller.monitoring import parts, story
 from behavior_controller.monitoring.moment import card, robot_line
-from behavior_controller.monitoring.parts import (
-    Now, SentenceRow, Statuses, StepRow, StopRow, StoryPart, VisitRow, Visits)
-from behavior_controller.monitoring.story import (
-    Sentence, Story, cause, counted, how_it_ended, safe_state, step_words, why)
 
 SENTENCES = 100
 """Number of the newest sentences of the story that are kept."""
@@ -39,8 +36,8 @@ class View:
     def __init__(self, before: State = State()):
         self.newest = 0
         self.step_over: Optional[Step] = None
-        self._story = Story(before)
-        self._sentences: Deque[Tuple[int, Sentence]] = collections.deque(maxlen=SENTENCES)
+        self._story = story.Story(before)
+        self._sentences: Deque[Tuple[int, story.Sentence]] = collections.deque(maxlen=SENTENCES)
         self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
         self._results: Dict[int, Deque[Tuple[NodeResult, int]]] = {}  # and how often in a row
 
@@ -53,7 +50,7 @@ class View:
         """Have ``state`` be what is so now."""
         self._story.state = state
 
-    def take(self, at: float, event: Event) -> Tuple[Sentence, ...]:
+    def take(self, at: float, event: Event) -> Tuple[story.Sentence, ...]:
         """Fold the next event, and return the sentences about it."""
         before = self.state
         sentences = self._story.take(at, event)
@@ -83,39 +80,34 @@ class View:
         """Return the parts that may have changed since ``before``; to make one takes longer than to
         fold an event."""
         now = self.state
-
-        def differs(field: str) -> bool:
-            new, old = getattr(now, field), getattr(before, field)
-            return new is not old and new != old
-
-        names = [name for name, fields in MADE_OF.items() if any(map(differs, fields))]
+        names = [name for name, part in PARTS.items()
+                 if any(getattr(now, field) != getattr(before, field) for field in part.fields)]
         # without a step, the card shows the statuses
         return names + (["now"] if "statuses" in names and now.step is None else [])
 
     def part(self, name: str) -> Any:
         """Return one of ``MOMENT``."""
-        return _PARTS[name](self)
+        return MOMENT[name](self)
 
-    def _statuses(self) -> Statuses:
+    def _statuses(self) -> parts.Statuses:
         # the last in depth-first order: a running leaf, or what waits above it
         tip = self.state.letters.rfind("R") + 1
-        return Statuses(self.state.letters, self._done_again_by(tip) or tip)
+        # a recovery that runs does a failed node again
+        failed = (self.state.uids.get(recovery.path, 0) for recovery in self.state.recoveries
+                  if recovery.uid == tip)
+        return parts.Statuses(self.state.letters, next(failed, 0) or tip)
 
-    def _done_again_by(self, uid: int) -> int:
-        """Return the failed node that the recovery ``uid`` does again; 0: none."""
-        return next((self.state.uids.get(recovery.path, 0) for recovery in self.state.recoveries
-                     if recovery.uid == uid), 0)
-
-    def _story_part(self) -> StoryPart:
+    def _story_part(self) -> parts.StoryPart:
         visit = self.state.visit
-        return StoryPart(_visit(visit) if visit is not None else None,
-                         [_sentence(number, sentence) for number, sentence in self._sentences])
+        return parts.StoryPart(
+            _visit(visit) if visit is not None else None,
+            [_sentence(number, sentence) for number, sentence in self._sentences])
 
-    def _visits(self) -> Visits:
+    def _visits(self) -> parts.Visits:
         ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
-        return Visits(counted(self.state.outcomes), self.state.outcomes, ended)
+        return parts.Visits(story.counted(self.state.outcomes), ended)
 
-    def _timeline(self) -> List[StepRow]:
+    def _timeline(self) -> List[parts.StepRow]:
         """Return the steps of the visit that ended."""
         return list(map(_step, self._steps))
 
@@ -137,31 +129,41 @@ class View:
         return [_result(*result) for result in reversed(self._results.get(uid, ()))]
 
 
-_PARTS: Dict[str, Callable[[View], Any]] = {
-    "statuses": View._statuses, "now": lambda view: now_of(view.state), "story": View._story_part,
-    "visits": View._visits, "timeline": View._timeline, "blackboard": View._blackboard}
+class BoardPart(NamedTuple):
+    """A part of the board: the fields of the model that it shows, and what makes it from a view;
+    None: it is not known for each moment, and the board makes it."""
 
-MADE_OF: Dict[str, Tuple[str, ...]] = {
-    "mission": ("started", "nodes"), "statuses": ("letters", "recoveries"), "story": ("visits",),
-    "visits": ("outcomes", "finished"), "timeline": ("steps", "visit_count"),
-    "blackboard": ("entries",), "health": ("robot",),
-    "now": ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",
-            "visits", "safe_state", "nodes", "failures")}
-"""The fields of the model that each part of the board shows."""
-
-MOMENT = tuple(_PARTS)
-"""The parts of the board that are known for each moment."""
+    fields: Tuple[str, ...]
+    make: Optional[Callable[[View], Any]] = None
 
 
-def now_of(state: State) -> Now:
+PARTS = {
+    "mission": BoardPart(("started", "nodes")),
+    "statuses": BoardPart(("letters", "recoveries"), View._statuses),
+    "now": BoardPart(
+        ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot", "visits",
+         "safe_state", "nodes", "failures"), lambda view: now_of(view.state)),
+    "story": BoardPart(("visits",), View._story_part),
+    "visits": BoardPart(("outcomes", "finished"), View._visits),
+    "timeline": BoardPart(("steps", "visit_count"), View._timeline),
+    "blackboard": BoardPart(("entries",), View._blackboard),
+    "health": BoardPart(("robot",)),
+    "alive": BoardPart(())}
+"""All parts, in the order in which they are sent."""
+
+MOMENT = {name: part.make for name, part in PARTS.items() if part.make is not None}
+"""What makes the parts of the board that are known for each moment."""
+
+
+def now_of(state: State) -> parts.Now:
     """Return the card, the robot, and how the run ended."""
     ended = how_it_stopped(state, state.finished.outcome) if state.finished is not None else ""
-    return Now(card(state), robot_line(state), state.visit_count, ended)
+    return parts.Now(card(state), robot_line(state), state.visit_count, ended)
 
 
 def how_it_stopped(state: State, outcome: str) -> str:
     """Return how the run ended, and what was reached of the safe state."""
-    return "; ".join(filter(None, (outcome, safe_state(state))))
+    return "; ".join(filter(None, (outcome, story.safe_state(state))))
 
 
 def clock(at: float) -> str:
@@ -169,24 +171,25 @@ def clock(at: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(at))
 
 
-def _sentence(number: int, sentence: Sentence) -> SentenceRow:
-    return SentenceRow(number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind,
-                       sentence.severity, sentence.text, sentence.uid, sentence.incident)
+def _sentence(number: int, sentence: story.Sentence) -> parts.SentenceRow:
+    return parts.SentenceRow(
+        number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind, sentence.severity,
+        sentence.text, sentence.uid, sentence.incident)
 
 
-def _step(step: Step) -> StepRow:
-    seconds = (step.ended or step.began) - step.began
-    return StepRow(step_words(step), step.began, step.uid, step.is_wait, round(seconds, 2))
+def _step(step: Step) -> parts.StepRow:
+    seconds = round((step.ended or step.began) - step.began, 2)
+    return parts.StepRow(story.step_words(step), step.began, step.uid, step.is_wait, seconds)
 
 
 def _result(last: NodeResult, times: int) -> Dict[str, Any]:
     return {"time": clock(last.ended), "letter": last.letter, "times": times,
             "seconds": last.ended - last.began,
-            "why": cause(last.failure) if last.failure is not None else ""}
+            "why": story.cause(last.failure) if last.failure is not None else ""}
 
 
-def _visit(visit: Visit) -> VisitRow:
-    stops = [StopRow(stop.number, stop.of, stop.name, stop.state, why(stop.why), stop.noun)
-             for stop in visit.stops]
-    return VisitRow(visit.number, clock(visit.arrived or visit.began), visit.began, visit.arrived,
-                    visit.outcome, stops, how_it_ended(visit))
+def _visit(visit: Visit) -> parts.VisitRow:
+    stops = [parts.StopRow(stop.number, stop.of, stop.name, stop.state, story.why(stop.why),
+                           stop.noun) for stop in visit.stops]
+    return parts.VisitRow(visit.number, clock(visit.arrived or visit.began), visit.began,
+                          visit.arrived, visit.outcome, stops, story.how_it_ended(visit))

@@ -21,8 +21,9 @@ from tornado.web import Application, RequestHandler, StaticFileHandler
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.parts import PARTS, changes
+from behavior_controller.monitoring.parts import changes
 from behavior_controller.monitoring.server import Connections, LoopThread, opened
+from behavior_controller.monitoring.view import PARTS
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.05
@@ -47,16 +48,14 @@ class Page:
         self.streams: Set[_Stream] = set()
         self.hosts = _Hosts(address)
         self.connections = Connections(MOST_CONNECTIONS)
-        self._thread: Optional[LoopThread] = None
         self.is_closing = False
-        self._sockets = opened(address, port, "no page in the browser", "monitorPort", warn)
-        if self._sockets:
-            self._thread = LoopThread("page", self._begin, self._end)
+        self._sockets = opened(address, [port], "no page in the browser", "monitorPort", warn)
+        self._thread = LoopThread("page", self._sockets, self._begin)
 
     @property
     def is_served(self) -> bool:
         """Whether the port could be opened."""
-        return self._thread is not None
+        return self._thread.is_serving
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on, also to browsers already connected."""
@@ -65,8 +64,7 @@ class Page:
     def close(self) -> None:
         """Send every browser the end of the mission, and stop serving."""
         self.board.close()
-        if self._thread is not None:
-            self._thread.close(self._part)
+        self._thread.close(self._part)
 
     async def _part(self) -> None:
         self.is_closing = True
@@ -87,7 +85,7 @@ class Page:
                                max_header_size=16 * 1024, idle_connection_timeout=LONGEST_IDLE,
                                body_timeout=LONGEST_IDLE)
         self._server.connections = self.connections
-        self._server.add_sockets(self._sockets)
+        self._server.add_sockets(self._sockets[0])
         asyncio.ensure_future(self._keep_board_current())
 
     async def _keep_board_current(self) -> None:
@@ -95,10 +93,6 @@ class Page:
         while True:
             self.board.refresh()
             await asyncio.sleep(PUSH_INTERVAL)
-
-    def _end(self) -> None:
-        for sock in self._sockets:
-            sock.close()
 
 
 class _Server(HTTPServer):
@@ -261,7 +255,6 @@ class _Stream(_Quiet):
         versions = dict(board.versions)
         parts = {name: board.part(name) for name, version in versions.items()
                  if self._versions.get(name) != version}
+        before, self._parts = self._parts, {**self._parts, **parts}
         self._versions = versions
-        news = changes({name: part for name, part in self._parts.items() if name in parts}, parts)
-        self._parts.update(parts)
-        return news
+        return changes(before, self._parts)

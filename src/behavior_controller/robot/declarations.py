@@ -7,7 +7,7 @@ import enum
 import reprlib
 from dataclasses import dataclass, replace
 from typing import (Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional,
-                    Protocol, Sequence, Tuple, Type, TypeVar, Union)
+                    Sequence, Tuple, Type, TypeVar, Union)
 
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.requests import Answer, Listen, QueryKnowledge, Request
@@ -18,7 +18,6 @@ Message = Any  # type: ignore
 
 Asked = TypeVar("Asked", bound=Request)
 Value = TypeVar("Value")
-Kept = TypeVar("Kept", bound="HasValue")
 Plain = Union[bool, int, float, str]
 
 KNOWLEDGE_FILES = "the knowledge files"
@@ -48,12 +47,12 @@ class Success(NamedTuple):
     refused: Plain
 
 
-class HasValue(Protocol):
-    """A message of a topic, as it is kept."""
+@dataclass(frozen=True)
+class Sample(Generic[Value]):
+    """A message of a topic, as plain data, and when it arrived (monotonic seconds)."""
 
-    @property
-    def value(self) -> Message:
-        """Its plain data."""
+    value: Value
+    arrived: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +175,8 @@ class Topic(Generic[Value]):
     kind = "topic"
     is_optional = False
 
-    def kept(self, messages: Tuple[Kept, ...], newest: Kept) -> Tuple[Kept, ...]:
+    def kept(self, messages: "Tuple[Sample[Value], ...]",
+             newest: "Sample[Value]") -> "Tuple[Sample[Value], ...]":
         """Return what is kept when ``newest`` has come after ``messages``: state or last events."""
         if not self.is_continuous:
             return messages[1 - MOST_EVENTS:] + (newest,)

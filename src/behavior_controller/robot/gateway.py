@@ -7,13 +7,13 @@ an ``Answer`` or a ``Failure`` and then wakes the tree. Nothing here waits. ``ro
 replay.
 """
 import enum
-from dataclasses import dataclass
-from typing import Callable, Dict, Generic, Hashable, List, Mapping, Optional, Tuple, Union
+from typing import Callable, Dict, Hashable, List, Mapping, Optional, Tuple, Union
 
 from msgspec import Struct
 
 from behavior_controller.bt.engine.thread_check import tick_thread_only
-from behavior_controller.robot.declarations import Message, Service, Topic, Unusable, Value
+from behavior_controller.robot.declarations import (
+    Message, Sample, Service, Topic, Unusable, Value)
 from behavior_controller.robot.requests import Answer, Exhibit, QueryKnowledge, Request
 
 
@@ -109,20 +109,9 @@ class Call:
             abandon()
 
 
-@dataclass(frozen=True)
-class Sample(Generic[Value]):
-    """A message of a topic, as plain data, and when it arrived (monotonic seconds)."""
-
-    value: Value
-    arrived: float
-
-
 def since(samples: Tuple[Sample[Value], ...], after: float) -> Tuple[Sample[Value], ...]:
     """Return the messages of ``samples``, oldest first, that arrived later than ``after``."""
-    first = len(samples)
-    while first and samples[first - 1].arrived > after:
-        first -= 1
-    return samples[first:]
+    return tuple(sample for sample in samples if sample.arrived > after)
 
 
 class Gateway:

@@ -1,6 +1,6 @@
 """The robots that a configuration can choose from, by the name of their interface."""
 import re
-from typing import Dict, List, Tuple
+from typing import Dict
 
 from behavior_controller import extensions
 from behavior_controller.robot.declarations import Action, Interface, Offer, Service, Topic
@@ -61,12 +61,3 @@ INTERFACES: Dict[str, Interface] = {
     robot.name: _extended(robot) for robot in (d543.INTERFACE, release_1_0.INTERFACE)}
 
 DEFAULT = INTERFACES[d543.INTERFACE.name]
-
-
-def by_deadline() -> Tuple[Tuple[Service, ...], ...]:
-    """Return the services of all robots, those together that share the key of their deadline."""
-    by_key: Dict[str, List[Service]] = {}
-    for interface in INTERFACES.values():
-        for service in interface.services:
-            by_key.setdefault(service.deadline_key, []).append(service)
-    return tuple(map(tuple, by_key.values()))

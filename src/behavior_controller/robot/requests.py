@@ -1,5 +1,5 @@
 """Requests of leaves to the robot, its answers and messages, as plain records without ROS types."""
-from typing import NamedTuple, Optional, Tuple
+from typing import NamedTuple, Optional, Tuple, Union
 
 from msgspec import Struct
 
@@ -33,18 +33,26 @@ class Exhibit(NamedTuple):
 # ------------------------------------------------------------------------------- requests (table 3)
 
 
+Target = Union[Location, Point]
+
+
 class Words(NamedTuple):
     """Phrases for a step: what the robot is ``doing``, what it has ``done``, and with what, if that
     matters.
 
     ``kind`` is that of the sentence at the end: see ``story.KINDS``. Without ``done`` there is no
-    sentence at the end.
+    sentence at the end. ``target`` is the place in ``what``, which a mission may have a name for.
     """
 
     doing: str
     done: str = ""
     what: str = ""
     kind: str = "notice"
+    target: Optional[Target] = None
+
+
+def _aimed(doing: str, done: str, what: str, target: Target) -> Words:
+    return Words(doing, done, what.format(*target), "moved", target)
 
 
 class Request(Struct, frozen=True, tag=True, tag_field="_type"):
@@ -87,7 +95,7 @@ class PerformGesture(Request, frozen=True):
     def words(self) -> Words:
         """Phrases with the target, or with the number of an iconic gesture."""
         if self.type == "deictic":
-            return Words("pointing", "pointed", "at {:g}, {:g}, {:g}".format(*self.target), "moved")
+            return _aimed("pointing", "pointed", "at {:g}, {:g}, {:g}", self.target)
         return Words("making", "made", f"{self.type} gesture {self.id}", "moved")
 
 
@@ -114,7 +122,7 @@ class SetAttention(Request, frozen=True):
     def words(self) -> Words:
         """Phrases with the target, or with the mode of attention."""
         if self.state == "location":
-            return Words("looking", "looked", "at {:g}, {:g}, {:g}".format(*self.target), "moved")
+            return _aimed("looking", "looked", "at {:g}, {:g}, {:g}", self.target)
         if self.state == "disabled":
             return Words("switching attention off")
         return Words(f"setting attention to {self.state}")
@@ -128,7 +136,7 @@ class GoTo(Request, frozen=True):
     @property
     def words(self) -> Words:
         """Phrases with the goal."""
-        return Words("driving", "drove", "to {:g}, {:g}, {:g}°".format(*self.goal), "moved")
+        return _aimed("driving", "drove", "to {:g}, {:g}, {:g}°", self.goal)
 
 
 class Prompt(Request, frozen=True):

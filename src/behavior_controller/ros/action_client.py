@@ -21,7 +21,7 @@ from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.request_thread import Job, RequestThread
 from behavior_controller.ros.tcpros import CONNECT_LIMIT, Trouble, ask_master
-from behavior_controller.ros.types import TYPES, filled
+from behavior_controller.ros.types import TYPES, filled, resolved
 from behavior_controller.text import clean
 
 PATIENCE = 2.0
@@ -60,7 +60,7 @@ class ActionClient:
         ``CONNECTION_LOST`` with it, ``NO_ANSWER`` if it does not acknowledge the goal, and
         ``UNUSABLE_ANSWER`` if the result of one that was done does not come. It and ``reported``,
         which gets feedback, may be called on rospy's threads."""
-        self.name = rospy.resolve_name(action.name)
+        self.name = resolved(action)
         self._action = action
         self._type = TYPES[action]
         self._ended = ended
@@ -177,14 +177,14 @@ class GoalThread(RequestThread):
 
     IDLE = ROUND
 
-    def __init__(self, name: str, action: Action):
+    def __init__(self, action: Action):
         self._action = action
         self._news = threading.Event()
         self._result: Union[Message, Trouble, None] = None
         self._job: Optional[Job] = None
         self._reported, self._reported_at = "", -math.inf
         self._client = ActionClient(action, self._end, self._report)
-        super().__init__(name, action)
+        super().__init__(action)
 
     def cut(self) -> bool:
         """Cancel the goal under way."""

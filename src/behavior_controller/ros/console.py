@@ -11,7 +11,7 @@ import tempfile
 import time
 import traceback
 from functools import partial
-from typing import Any, Callable, Dict
+from typing import Dict, Optional
 
 from rosgraph.roslogging import RosStreamHandler
 
@@ -23,7 +23,7 @@ from behavior_controller.execution.state import State
 from behavior_controller.monitoring.moment import robot_line
 from behavior_controller.monitoring.sinks import Detached, Sink, drain, take_over_streams
 from behavior_controller.monitoring.story import Story
-from behavior_controller.robot.gateway import Cause
+from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.text import clean
 
 FORMAT = "ROSCONSOLE_FORMAT"
@@ -69,12 +69,13 @@ class Console:
         os.environ.setdefault(FORMAT, FOR_PEOPLE)
         # what writes a line, or those of an event: rospy's logging takes longer than all that the
         # tick thread does with one
-        self._lines = Sink("the console", lambda write: write(), self._warning, MOST_WAITING, REST)
+        self._lines = Sink("the console", lambda write: write(),
+                           lambda text: partial(self._log, "warning", text), MOST_WAITING, REST)
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
         self._robot = robot_line(State())  # as it was written last
         self._robot_written_at = -ROBOT_SPAN
-        self._unmet: Dict[int, Event] = {}  # the conditions that were false last, by node
+        self._unmet: Dict[int, Failure] = {}  # why conditions were false last, by node
         self._logger = logging.getLogger(ROSOUT)
         self._shortage_reported_at = -SHORTAGE_SPAN
         # of rospy's own lines; ours go by ``tell``
@@ -104,7 +105,7 @@ class Console:
         self._sinks.append(detached.sink)
         return detached
 
-    def keep_details(self, text: str) -> str:
+    def _keep_details(self, text: str) -> str:
         """Have ``text`` written only to the log file, or to a separate file if there is none;
         return the path."""
         root = logging.getLogger()
@@ -133,9 +134,6 @@ class Console:
     def warn(self, text: str) -> None:
         """Write ``text`` as a warning."""
         self.tell("warning", text)
-
-    def _warning(self, text: str) -> Callable[[], None]:
-        return partial(self._log, "warning", clean(text))
 
     def _log_event(self, at: float, event: Event, is_verbose: bool) -> None:
         for sentence in self._story.take(at, event):
@@ -168,22 +166,25 @@ class Console:
 
     def _is_repeated(self, event: LeafFinished) -> bool:
         """Whether a condition is false as it was when it was asked before."""
-        failure, before = event.failure, self._unmet.get(event.uid)
+        failure, before = event.failure, self._unmet.pop(event.uid, None)
         if failure is None or failure.cause is not Cause.CONDITION_FALSE:
-            self._unmet.pop(event.uid, None)
             return False
-        self._unmet[event.uid] = event
-        return isinstance(before, LeafFinished) and before.failure == failure
+        self._unmet[event.uid] = failure
+        return before == failure
 
     def _log(self, severity: str, text: str) -> None:
         getattr(self._logger, severity)("behaviorController: %s", text)
 
-    def tell_shortage(self, error: BaseException) -> None:
-        """Report in one line that memory, threads or files are used up, at most once in
-        ``SHORTAGE_SPAN`` seconds."""
-        now = time.monotonic()
-        if now - self._shortage_reported_at >= SHORTAGE_SPAN:
-            self._shortage_reported_at = now
+    def report_internal_error(self, error: BaseException) -> None:
+        """Report in one line an internal error and the place of its traceback, or that a resource
+        is used up; the latter at most once in ``SHORTAGE_SPAN`` seconds."""
+        if not is_shortage(error):
+            text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
+            place = self._keep_details("internal error\n" + text)
+            self.tell("error", f"internal error ({type(error).__name__}: {error}); please report "
+                               f"it with the details in {place}")
+        elif time.monotonic() - self._shortage_reported_at >= SHORTAGE_SPAN:
+            self._shortage_reported_at = time.monotonic()
             self.tell("error", no_resources(error))
 
     def start_heartbeat(self, clock: Clock) -> None:
@@ -208,21 +209,9 @@ def _make_safe(record: logging.LogRecord) -> bool:
     return True
 
 
-def reason(failure: Any) -> str:
+def reason(failure: Optional[Failure]) -> str:
     """Return cause and message of a ``Failure`` on one line; empty for None."""
     return "" if failure is None else f"{failure.cause.text}: {' '.join(failure.message.split())}"
-
-
-def report_internal_error(console: Console, error: BaseException) -> None:
-    """Report in one line an internal error and the place of its traceback, or that a resource is
-    used up."""
-    if is_shortage(error):
-        console.tell_shortage(error)
-        return
-    text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
-    place = console.keep_details("internal error\n" + text)
-    console.tell("error", f"internal error ({type(error).__name__}: {error}); please report it "
-                          f"with the details in {place}")
 
 
 def is_shortage(error: BaseException) -> bool:

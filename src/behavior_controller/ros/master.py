@@ -8,7 +8,7 @@ not used for it: they wait for a master without a limit, and hold rospy's locks 
 import contextlib
 import threading
 import time
-from typing import Any, Dict, FrozenSet, Iterator, Mapping, NamedTuple, Optional, Set, Tuple
+from typing import Any, Dict, FrozenSet, Iterator, Mapping, NamedTuple, Set, Tuple
 
 import rospy
 
@@ -65,42 +65,27 @@ class Directory:
         self._offered: FrozenSet[str] = frozenset()
         self._is_registered = False
         self._registration = 0  # grows whenever the master has forgotten this node
-        self._asked_at: Optional[float] = None  # when the unanswered question was asked
         self._unanswered = 0  # rounds with an unanswered question since the last without
         self._has_failed = False  # a question of this round
         self._slow_answers = 0  # since the last that was not slow
-        self._fault = ""  # of the last question without a usable answer
+        self.fault = ""
+        """What is wrong with a master that is away: ``does not answer``, or how it answers."""
 
     @property
     def is_away(self) -> bool:
-        """Whether the master did not answer at the last ``refresh``, or not for too long."""
-        return self._failures >= 1
+        """Whether the master did not answer in the last ``round``."""
+        return self._unanswered >= 1
 
     @property
     def is_lost(self) -> bool:
         """Whether it failed in two rounds in a row: over a poor link one question in a hundred is
         lost."""
-        return self._failures >= 2
-
-    @property
-    def _failures(self) -> int:
-        """The rounds in a row without an answer, with the one under way if that is late."""
-        return self._unanswered + 1 if self._is_late else self._unanswered
-
-    @property
-    def fault(self) -> str:
-        """What is wrong with a master that is lost: ``does not answer``, or how it answers."""
-        return self._fault if self._unanswered else "does not answer"
+        return self._unanswered >= 2
 
     @property
     def is_slow(self) -> bool:
         """Whether it answers, but has answered slowly several times in a row."""
         return self._slow_answers >= SLOW_IN_A_ROW
-
-    @property
-    def _is_late(self) -> bool:
-        asked_at = self._asked_at
-        return asked_at is not None and time.monotonic() - asked_at > QUERY_LIMIT
 
     @property
     def forgotten(self) -> Set[str]:
@@ -210,16 +195,15 @@ class Directory:
     def _ask(self, method: str, *arguments: Any) -> Any:
         """Call the master, and note if it fails to answer; its return is noted after a whole
         ``round``."""
-        asked_at = self._asked_at = time.monotonic()
+        asked_at = time.monotonic()
         try:
             return ask_master(method, *arguments, seconds=QUERY_LIMIT)
         except Trouble as trouble:
-            self._fault, self._has_failed = trouble.fault, True
+            self.fault, self._has_failed = trouble.fault, True
             raise
         finally:
             is_slow = time.monotonic() - asked_at > SLOW
             self._slow_answers = self._slow_answers + 1 if is_slow else 0
-            self._asked_at = None
 
     def _register(self) -> None:
         """Register the subscriptions, and what rospy had registered; end if another node has our

@@ -18,7 +18,8 @@ import rospkg
 import rospy
 
 from behavior_controller import exit_codes, extensions
-from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together
+from behavior_controller.ros.timeouts import (
+    Late, Stopped, run_apart, run_together, start_thread)
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, FaultsFound, NodesMissing
@@ -31,7 +32,7 @@ from behavior_controller.leaves import registry
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros import log_writers, ros_interface
 from behavior_controller.ros_arguments import version
-from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, report_internal_error
+from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage
 from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.node_name import adopt, join
@@ -105,32 +106,12 @@ REQUESTED = "external shutdown request"
 """The beginning of rospy's reason when another node or the master asked this node to end."""
 
 
-def main(argv: List[str]) -> int:
-    """Run the node and return its exit code."""
-    block_signals()
-    console = Console()
-    signals = Signals(console)
-    signals.listen()
-    arguments = rospy.myargv(argv)[1:]
-    if arguments:
-        code = _explain(arguments)
-    else:
-        node = _Node(argv, console, signals)
-        code = node.run()
-        node.close()
-    signals.is_over = True
-    console.drain(LAST_LINES)
-    return code
-
-
 def run() -> NoReturn:
     """Run the node, and end the process with its exit code."""
-    leave(main(sys.argv))
-
-
-def leave(code: int) -> NoReturn:
-    """End the process now: threads that still wait for a hung peer must not hold it."""
-    os._exit(code)
+    block_signals()
+    console = Console()
+    node = _Node(console, Signals(console))
+    node.end(node.run())
 
 
 def _explain(arguments: List[str]) -> int:
@@ -154,7 +135,7 @@ def _part_from_ros() -> None:
     threads."""
     is_forgotten = threading.Event()
     rospy.core.add_shutdown_hook(lambda reason: is_forgotten.set())
-    threading.Thread(target=rospy.signal_shutdown, args=(PARTING,), daemon=True).start()
+    start_thread("parting", rospy.signal_shutdown, PARTING)
     is_forgotten.wait()
 
 
@@ -164,12 +145,11 @@ def _part_from_ros() -> None:
 class _Node:
     """The node from its start to its end."""
 
-    def __init__(self, argv: List[str], console: Console, signals: Signals):
-        self._argv = argv
+    def __init__(self, console: Console, signals: Signals):
         self._console = console
         self._signals = signals
+        self._is_stopped = signals.stop_requested.is_set
         self._wake = WakeUp()
-        self._stop_code: Optional[int] = None  # of a stop with a special exit code
         self._run: Optional[_Run] = None
 
     def run(self) -> int:
@@ -183,7 +163,8 @@ class _Node:
             return self._carry_out()
         except Stopped:
             console.tell("info", "stopped before the mission began")
-            return exit_codes.UNAVAILABLE if self._stop_code is None else self._stop_code
+            code = self._signals.stop_code
+            return exit_codes.UNAVAILABLE if code is None else code
         except FaultsFound as error:
             report_faults(error, console.tell, "nothing was started")
             return exit_codes.WRONG_INPUT
@@ -192,16 +173,13 @@ class _Node:
                 console.tell("error", line)
             return exit_codes.UNAVAILABLE
         except BaseException as error:  # the last resort: an operator never sees a traceback
-            report_internal_error(console, error)
+            console.report_internal_error(error)
             return exit_codes.BROKEN
 
     def _stop_beside(self) -> None:
         """End the node without the tick thread if a leaf blocks it."""
         if self._run is not None and self._run.calm_beside():
-            self.close()
-            self._signals.is_over = True
-            self._console.drain(LAST_LINES)
-            leave(exit_codes.BROKEN)
+            self.end(exit_codes.BROKEN)
 
     def _carry_out(self) -> int:
         """Do the steps of the start, each of which raises its faults; run the mission and return
@@ -210,8 +188,11 @@ class _Node:
         Until all is known to be good, the node is not registered: a start that fails must not end a
         running node.
         """
+        arguments = rospy.myargv(sys.argv)[1:]
+        if arguments:
+            return _explain(arguments)
         console, wake = self._console, self._wake
-        words = split_arguments(self._argv)[0]
+        words = split_arguments(sys.argv)[0]
         faults = unread(words[1:])
         if faults:
             raise ConfigurationError(faults)
@@ -221,13 +202,10 @@ class _Node:
         self._apart(lambda: adopt(NAME, words), master, silent_master)
         self._open_log()
         plan, folder = self._prepare()
-        if not StartUpCheck(plan, console.tell).run(wake, self._is_stopped):
-            raise Stopped("stopped")
+        StartUpCheck(plan, console.tell, wake, self._is_stopped).run()
         topics = RosTopics(plan.settings.interface, wake.emit, console.warn)
-        self._run = run = _Run(plan, topics, console, self._signals)
-        run.prepare_record(folder)
-        runner = run.runner(lambda: self._stop_code)
-        self._apart(runner.prepare, LEAVES)
+        self._run = run = _Run(plan, topics, folder, console, self._signals)
+        self._apart(run.runner.prepare, LEAVES)
         former = self._apart(lambda: join(NAME, words), master, silent_master)
         console.attach()
         if former:
@@ -235,7 +213,7 @@ class _Node:
                                     "does not end: end its process, or two nodes control the robot")
         self._apart(topics.subscribe, master, silent_master)
         self._apart(run.open_watchers, ADDRESSES)
-        return run.carry_out(runner)
+        return run.carry_out()
 
     def _prepare(self) -> Tuple[Mission, str]:
         """Return the mission, and the folder of its record; its addresses can be resolved."""
@@ -281,9 +259,6 @@ class _Node:
             silence = ConfigurationError.of(what, f"no answer within {START_LIMIT:g} s")
             raise extensions.late(START_LIMIT, error.frame) or late or silence
 
-    def _is_stopped(self) -> bool:
-        return self._signals.stop_requested
-
     def _ros_ends(self, reason: str) -> None:
         """Stop after ``rosnode kill``, a new node of the same name, or an error in rospy. On one of
         rospy's threads."""
@@ -291,21 +266,25 @@ class _Node:
             return
         if NAME_IS_TAKEN in reason:
             # a supervisor must not restart this node: it would end the other
-            self._stop_code = exit_codes.SUCCESS
+            self._signals.stop_code = exit_codes.SUCCESS
             self._console.tell("warning", "another node was started under the name "
                                           f"{rospy.get_name()}: that one stays, this one ends")
         elif not reason.startswith(REQUESTED):
-            self._stop_code = exit_codes.BROKEN
-            report_internal_error(self._console, RuntimeError(reason))
+            self._signals.stop_code = exit_codes.BROKEN
+            self._console.report_internal_error(RuntimeError(reason))
         self._signals.request_stop()
 
-    def close(self) -> None:
-        """End recording and monitoring, within a time limit."""
+    def end(self, code: int) -> NoReturn:
+        """End recording and monitoring, within a time limit, and the process at once: threads that
+        still wait for a hung peer must not hold it."""
         self._console.drain(LAST_LINES)
         closers = self._run.closers() if self._run is not None else []
         limit = min(CLOSING, self._signals.time_left - LAST_LINES - RESERVE)
         with contextlib.suppress(RuntimeError):  # no threads left: the process ends anyway
             run_together(closers + [_part_from_ros], limit)
+        self._signals.is_over = True
+        self._console.drain(LAST_LINES)
+        os._exit(code)
 
 
 def _report_thread(console: Console, error: BaseException) -> None:
@@ -314,7 +293,7 @@ def _report_thread(console: Console, error: BaseException) -> None:
         return  # Python's way to end a thread
     package = extensions.raising(error)
     if package is None or is_shortage(error):
-        report_internal_error(console, error)
+        console.report_internal_error(error)
     else:
         console.tell(
             "error", f"package {package}: a thread of its code has failed: {described(error)}")
@@ -336,7 +315,9 @@ def _open_places(chosen: Settings) -> str:
 class _Run:
     """The running mission, and the reloaded one that follows it."""
 
-    def __init__(self, plan: Mission, topics: RosTopics, console: Console, signals: Signals):
+    def __init__(self, plan: Mission, topics: RosTopics, folder: str, console: Console,
+                 signals: Signals):
+        """``folder`` is that of the record, or ``NO_RECORD``."""
         self._plan = plan
         # filled by the thread that reads
         self._following: Deque[Mission] = collections.deque(maxlen=1)
@@ -352,60 +333,56 @@ class _Run:
                                  self._wake.emit, self._health)
         self._watchers: List[Union[Groot2Publisher, Page, Record, ros_interface.RosInterface]] = []
         self._record: Optional[Record] = None
+        if folder != NO_RECORD:
+            self._record = Record(folder, self._clock, console.warn)
+            self._events.subscribe(self._record)
+            self._watchers.append(self._record)
+            self._topics = self._record.topics(topics)
         self._page = ""  # where it is to be found, if it is served
-        self._runner: Optional[Runner] = None  # while it runs
-        self._standstill: Optional[Standstill] = None
+        self._standstill: Optional[Standstill] = None  # while the mission runs
         # what the operator holds the run for; empty: nothing
         self._held = WAITING if plan.settings.start_by == OPERATOR else ""
         self._monitor = Monitor(plan.settings.interface, topics, self._health,
                                 lambda: self._plan.settings.asr_enabled)
+        self.runner = Runner(self._running(plan), signals.stop_requested.is_set, self._successor,
+                             lambda: signals.stop_code, lambda: self._held)
 
-    def runner(self, stop_code: Callable[[], Optional[int]]) -> Runner:
-        """Return what runs the mission, with the record if that is open."""
-        return Runner(self._running(self._plan), lambda: self._signals.stop_requested,
-                      self._successor, stop_code, lambda: self._held)
-
-    def carry_out(self, runner: Runner) -> int:
+    def carry_out(self) -> int:
         """Run the mission, whose leaves are set up, and return the exit code."""
         console = self._console
-        self._standstill = Standstill(runner, console.tell)
+        self._standstill = Standstill(self.runner, console.tell)
         console.start_heartbeat(self._clock)
         try:
             self._monitor.start()
             self._standstill.start()
-            self._signals.reload = self._reload
-            self._runner = runner
-            return runner.run()
+            self._signals.reload = self._reload_by_signal
+            return self.runner.run()
         # an internal error must not leave the robot in an arbitrary state
         except BaseException as error:
-            self._runner = None
-            report_internal_error(console, error)
+            self._standstill = None
+            console.report_internal_error(error)
             self._robot.close()
             self.leave_safe()
             return exit_codes.BROKEN
         finally:
-            self._runner = None
-            if self._page:
-                console.tell("info", f"page of this run, closed now: {self._page}")
-            if self._record is not None and self._record.is_kept:
-                console.tell("info", f"record of this run: {self._record.path}")
+            self._standstill = None
+            self._tell_places("page of this run, closed now", "record of this run")
+
+    def _tell_places(self, page: str, record: str) -> None:
+        """Say where page and record are, if there are any, after these words."""
+        if self._page:
+            self._console.tell("info", f"{page}: {self._page}")
+        if self._record is not None and self._record.is_kept:
+            self._console.tell("info", f"{record}: {self._record.path}")
 
     def closers(self) -> List[Callable[[], None]]:
         """Return the functions that end the monitoring of the robot and of the mission; each may
         take long."""
         return [self._monitor.close] + [watcher.close for watcher in self._watchers]
 
-    def prepare_record(self, folder: str) -> None:
-        """Record in ``folder``, if there is to be a record. To be called before ``runner``."""
-        if folder != NO_RECORD:
-            record = self._record = Record(folder, self._clock, self._console.warn)
-            self._events.subscribe(record)
-            self._watchers.append(record)
-            self._topics = record.topics(self._topics)
-
     def open_watchers(self) -> None:
         """Open the monitoring, once for the whole run, and report where page and record are."""
-        chosen, tell, warn = self._plan.settings, self._console.tell, self._console.warn
+        chosen, warn = self._plan.settings, self._console.warn
         if self._record is not None:
             self._record.open()
         if chosen.groot2_port:
@@ -417,9 +394,7 @@ class _Run:
             self._watchers.append(page)
             if page.is_served:
                 self._page = _url(chosen.monitor_address, chosen.monitor_port)
-                tell("info", f"page: {self._page}")
-        if self._record is not None and self._record.is_kept:
-            tell("info", f"record: {self._record.path}")
+        self._tell_places("page", "record")
         if chosen.ros_interface:
             self._watchers.append(ros_interface.RosInterface(
                 self._board(), lambda: self._plan.offers, self._commands()))
@@ -439,10 +414,8 @@ class _Run:
             return True, "the robot is asked for the safe state, and the node ends"
 
         def reload() -> Tuple[bool, str]:
-            if self._is_reading:
+            if not self._reload():
                 return False, "the files are still being read since the call before"
-            self._clock.post(self._reload)
-            self._wake.emit()
             return True, ("the files are read; a mission without mistakes follows when the pass is "
                           "over, and the log names every mistake")
 
@@ -451,10 +424,6 @@ class _Run:
             "pause": lambda: hold(self._held or PAUSED,
                                   "nothing new is begun once the robot has done what it does now"),
             "stop": stop, "reload": reload}
-
-    @property
-    def _is_reading(self) -> bool:
-        return self._reading is not None and self._reading.is_alive()
 
     def _running(self, plan: Mission) -> Running:
         """Return a plan in the runner's form."""
@@ -477,19 +446,22 @@ class _Run:
         self._monitor.include(robot.used({type(request) for request in robot.safe_state}, ()),
                               may_lack=True)
 
-    def _reload(self) -> None:
-        """Reload the files on a separate thread: a disk or the master may hang. On the signals'
-        thread."""
-        if self._is_reading:
+    def _reload_by_signal(self) -> None:
+        if not self._reload():
             self._console.tell(
                 "warning", "SIGHUP ignored: the files are still being read since the one before; "
                 "if that does not end, a disk or the master hangs")
-            return
-        self._reading = threading.Thread(target=self._read_again, name="reload", daemon=True)
+
+    def _reload(self) -> bool:
+        """Reload the files on a separate thread: a disk or the master may hang. Return False if it
+        still does so since the call before."""
+        if self._reading is not None and self._reading.is_alive():
+            return False
         try:
-            self._reading.start()
+            self._reading = start_thread("reload", self._read_again)
         except RuntimeError as error:
-            report_internal_error(self._console, error)
+            self._console.report_internal_error(error)
+        return True
 
     def _read_again(self) -> None:
         """Read the files; a valid mission follows the running one after its pass."""
@@ -511,7 +483,7 @@ class _Run:
             self._console.tell("error", f"refused, the running mission stays: {missing}")
         # an internal error in reading a file must not end the running mission
         except BaseException as error:
-            report_internal_error(self._console, error)
+            self._console.report_internal_error(error)
 
     def _successor(self) -> Optional[Running]:
         """Return the plan that was reloaded since the last pass, or None."""
@@ -540,8 +512,8 @@ class _Run:
 
         It is stuck in the code of a leaf then. On another thread.
         """
-        runner, watch = self._runner, self._standstill
-        if runner is None or watch is None or not watch.is_blocked(BLOCKED) or runner.is_stopping:
+        watch = self._standstill
+        if watch is None or not watch.is_blocked(BLOCKED) or self.runner.is_stopping:
             return False
         self._events.emit(Noticed("error", f"stopping without the tree: {watch.blocking()}"))
         self._robot.cut()  # no goal stays under way

@@ -1,4 +1,5 @@
 """The thread that carries requests to one service, action or topic of the robot."""
+import contextlib
 import queue
 import threading
 import time
@@ -12,6 +13,8 @@ from behavior_controller.robot.declarations import Service, Unsendable
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.tcpros import Trouble
+from behavior_controller.ros.timeouts import start_thread
+from behavior_controller.ros.types import resolved
 
 Done = Callable[[Union[Answer, Failure], float], None]
 
@@ -30,20 +33,18 @@ class RequestThread:
     """A daemon thread that carries one request at a time."""
 
     IDLE: Optional[float] = None
-    """Seconds between two calls of ``idle`` while there is no request; None: it is not called."""
+    """Seconds between two calls of ``idle`` while there is no request; None: one call before it."""
 
-    def __init__(self, name: str, service: Service):
-        """``name`` is the resolved name of the service."""
-        self.name = name
+    def __init__(self, service: Service):
+        self.name = resolved(service)
         self.service = service
         self._jobs: "queue.SimpleQueue[Optional[Job]]" = queue.SimpleQueue()
         self._newest: Optional[Job] = None
         self.is_asked = False
         """Whether the request under way may have reached the server."""
-        threading.Thread(target=self._work, name=service.kind + " " + name, daemon=True).start()
+        start_thread(service.kind + " " + self.name, self._work)
 
-    def carry(self, request: Request, done: Done,
-              feedback: Callable[[str], None] = lambda text: None) -> None:
+    def carry(self, request: Request, done: Done, feedback: Callable[[str], None]) -> None:
         """Send ``request``; ``done`` and ``feedback`` are called on another thread."""
         self.is_asked = False
         self._newest = Job(request, done, feedback, threading.Event())
@@ -70,24 +71,18 @@ class RequestThread:
     def close(self) -> None:
         """Free what the thread holds, at its end."""
 
-    def _prepare(self) -> None:
-        try:
-            self.idle()
-        except Exception:  # the request that meets it reports it
-            pass
-
     def _work(self) -> None:
         while True:
+            with contextlib.suppress(Exception):  # the request that meets it reports it
+                self.idle()
             try:
                 job = self._jobs.get(timeout=self.IDLE)
             except queue.Empty:
-                self._prepare()
                 continue
             if job is None:
                 self.close()
                 return
-            result = self._carried_out(job)
-            job.done(result, time.monotonic())
+            job.done(self._carried_out(job), time.monotonic())
 
     def _carried_out(self, job: Job) -> Union[Answer, Failure]:
         """Return the answer, or why there is none. An optional service that no node offers counts
@@ -95,8 +90,7 @@ class RequestThread:
         try:
             return self.exchange(job)
         except Trouble as trouble:
-            service = self.service
-            may_lack = service.is_optional and not service.fails_without
+            may_lack = self.service.is_optional and not self.service.fails_without
             if trouble.cause is Cause.NOT_ADVERTISED and may_lack:
                 return Answer()
             return Failure(trouble.cause, str(trouble), self.name)

@@ -19,6 +19,7 @@ from behavior_controller.errors import ConfigurationError
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
+from behavior_controller.ros.timeouts import start_thread
 
 ROUND = 0.1
 """Seconds between two looks for events: ``~state`` is published no more often."""
@@ -76,7 +77,7 @@ def bound_handshakes() -> None:
             sock.close()
             return
         sock.settimeout(HANDSHAKE)
-        threading.Thread(target=shake, args=(sock, address), daemon=True).start()
+        start_thread("handshake", shake, sock, address)
 
     def unlimited(handle: Callable[..., Any]) -> Callable[..., Any]:
         def go_on(sock: socket.socket, address: Any, header: Any) -> Any:
@@ -109,8 +110,7 @@ class RosInterface:
         for name, command in commands.items():
             rospy.Service("~" + name, self._trigger, self._handler(command))
         # the state shows last: then the services can be called
-        self._thread = threading.Thread(target=self._work, daemon=True, name="ROS interface")
-        self._thread.start()
+        self._thread = start_thread("ROS interface", self._work)
 
     def show(self, tree: Tree) -> None:
         """Publish what ``tree`` does from now on. On the tick thread."""

@@ -10,6 +10,7 @@ only a connection found dead before the sending is opened again.
 import io
 import struct
 import time
+from collections import defaultdict
 from functools import partial
 from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple, Type, Union
 
@@ -26,7 +27,7 @@ from behavior_controller.ros.action_client import GoalThread
 from behavior_controller.ros.tcpros import CONNECT_LIMIT, Connection, STEP_LIMIT, Trouble
 from behavior_controller.ros.master import DIRECTORY, Place
 from behavior_controller.ros.request_thread import Job, RequestThread
-from behavior_controller.ros.types import TYPES, filled
+from behavior_controller.ros.types import TYPES, filled, resolved
 
 HURRY = 0.3
 """Seconds that the lookup of a known service at the master may take; then the last address is used.
@@ -35,9 +36,8 @@ The safe state has one second, in which the master may freeze. ``Monitor`` looks
 services without haste.
 """
 
-PREPARE = 0.05
-"""Seconds until a topic is registered that is published to, and between two looks for its
-subscribers."""
+ROUND = 0.05
+"""Seconds between two looks for the subscribers of a topic that is published to."""
 
 
 # ------------------------------------------------------------------------------- finding the server
@@ -53,15 +53,13 @@ def open_service(place: Place, connection: Connection, name: str, md5sum: str, s
     """
     host, port = _address(place.uri)
     header = {"service": name, "md5sum": md5sum, "callerid": rospy.get_name()}
-    header.update(more)
     try:
-        answer = connection.open(host, port, header, seconds)
+        answer = connection.open(host, port, dict(header, **more), seconds)
     except Trouble as trouble:
         if trouble.cause is not Cause.NOT_REACHABLE:
             raise
-        known = "the master lists it"
-        if not place.is_listed:
-            known = "it was there when the master listed it"
+        known = "the master lists it" if place.is_listed else (
+            "it was there when the master listed it")
         raise Trouble(trouble.cause, f"{known}, but {trouble}")
     _check_handshake(connection, answer, md5sum)
     return answer
@@ -125,9 +123,9 @@ def receive_response(service: Service, connection: Connection) -> genpy.Message:
 class ServiceThread(RequestThread):
     """A thread with one connection to one service, which ends with it when it is cut."""
 
-    def __init__(self, name: str, service: Service):
+    def __init__(self, service: Service):
         self._connection = Connection()
-        super().__init__(name, service)
+        super().__init__(service)
 
     def cut(self) -> bool:
         """Free the thread and the socket at once."""
@@ -155,27 +153,22 @@ class ServiceThread(RequestThread):
 class PublisherThread(RequestThread):
     """A thread that publishes to one topic."""
 
-    IDLE: Optional[float] = PREPARE
-    _publisher: Optional[rospy.Publisher] = None
+    _publisher: Any = None
 
     def idle(self) -> None:
         """Register the topic, so that its subscribers connect before the first message."""
-        self._registered()
-
-    def _registered(self) -> rospy.Publisher:
         if self._publisher is None:
             self._publisher = rospy.Publisher(self.name, TYPES[self.service], queue_size=10)
-            self.IDLE = None
-        return self._publisher
 
     def exchange(self, job: Job) -> Answer:
         """Publish, once there is a subscriber."""
         message = filled(TYPES[self.service](), self.service, job.request)
-        publisher, deadline = self._registered(), time.monotonic() + STEP_LIMIT
-        while not publisher.get_num_connections():
-            if job.cut.wait(PREPARE) or time.monotonic() > deadline:
+        self.idle()
+        deadline = time.monotonic() + STEP_LIMIT
+        while not self._publisher.get_num_connections():
+            if job.cut.wait(ROUND) or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
-        publisher.publish(message)
+        self._publisher.publish(message)
         return Answer()
 
 
@@ -187,15 +180,9 @@ THREADS: Dict[type, Type[RequestThread]] = {
 class _UnderWay(NamedTuple):
     """The resources of a call until it ends."""
 
-    service: Service
     thread: RequestThread
     timers: Tuple[Timer, ...]
     since: float
-
-    def end(self) -> None:
-        """Cancel the timers."""
-        for timer in self.timers:
-            timer.cancel()
 
 
 class RosGateway(Gateway):
@@ -214,38 +201,39 @@ class RosGateway(Gateway):
         self._health = health or Health()
         self._clock = clock
         self._wake = wake
-        self._names = {service: rospy.resolve_name(service.name) for service in interface.services}
-        self._spare: Dict[Service, List[RequestThread]] = {
-            service: [] for service in interface.services}
+        self._spare: Dict[Service, List[RequestThread]] = defaultdict(list)
         self._under_way: Dict[Call, _UnderWay] = {}
 
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at the deadline of
         its service."""
         service = self._interface.service(type(request))
-        name, deadline = self._names[service], self.deadline(service)
+        deadline = self.deadline(service)
         call = Call(request, self._wake, lambda: self._give_up(call))
         try:
-            thread = self._spare[service].pop() if self._spare[service] else self._thread(service)
+            thread = self._thread(service)
         except RuntimeError as error:
-            call.finish(Failure(Cause.NOT_REACHABLE, f"no thread to ask with ({error})", name))
+            text = f"no thread to ask with ({error})"
+            call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
             return call
         after, health = self._clock.call_after, self._health
         timers = (
             after(deadline, lambda: self._expire(call)),
-            after(deadline * SLOW_SHARE, lambda: health.slow(name, deadline, service.kind)))
-        self._under_way[call] = _UnderWay(service, thread, timers, time.monotonic())
+            after(deadline * SLOW_SHARE, lambda: health.slow(thread.name, deadline, service.kind)))
+        self._under_way[call] = _UnderWay(thread, timers, time.monotonic())
         thread.carry(request, partial(self._hand_over, self._end, call),
                      partial(self._hand_over, self._report, call))
         return call
 
     def _thread(self, service: Service) -> RequestThread:
-        return THREADS[type(service)](self._names[service], service)
+        """Take a spare thread, or make one."""
+        spare = self._spare[service]
+        return spare.pop() if spare else THREADS[type(service)](service)
 
     def prepare(self, offers: Iterable[Offer]) -> None:
         """Connect to those of these that take longer to connect to than a service."""
         for offer in offers:
-            if isinstance(offer, (Action, Publication)) and not self._spare[offer]:
+            if isinstance(offer, (Action, Publication)):
                 self._spare[offer].append(self._thread(offer))
 
     def _hand_over(self, callback: Callable[..., None], *arguments: Any) -> None:
@@ -274,36 +262,40 @@ class RosGateway(Gateway):
 
     def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
         """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
-        held = self._under_way.pop(call, None)
+        held = self._release(call)
         if held is not None:
-            held.end()
-            self._spare[held.service].append(held.thread)
+            self._spare[held.thread.service].append(held.thread)
             self._finish(call, held, result, at)
+
+    def _release(self, call: Call) -> Optional[_UnderWay]:
+        """Cancel the timers of ``call`` and return its resources; None if it has ended already."""
+        held = self._under_way.pop(call, None)
+        for timer in held.timers if held is not None else ():
+            timer.cancel()
+        return held
 
     def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure],
                 at: float) -> None:
         """Finish ``call``, which ended ``at`` that time, and report it to the health."""
-        service = held.service
-        self._health.ended(self._names[service], at - held.since, self.deadline(service),
-                           isinstance(result, Failure), service.kind)
+        thread, is_failure = held.thread, isinstance(result, Failure)
+        self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
+                           is_failure, thread.service.kind)
         call.finish(result)
 
     def _give_up(self, call: Call) -> Optional[_UnderWay]:
         """Cut the thread of ``call`` and return its resources; None if the call has ended already.
         """
-        held = self._under_way.pop(call, None)
-        if held is None:
-            return None
-        held.end()
-        if held.thread.cut():
-            self._spare[held.service].append(held.thread)
+        held = self._release(call)
+        if held is not None and held.thread.cut():
+            self._spare[held.thread.service].append(held.thread)
         return held
 
     def _expire(self, call: Call) -> None:
         """End ``call`` at its deadline."""
         held = self._give_up(call)
         if held is not None:
-            where = "" if held.thread.is_asked else ", still connecting: nothing was asked"
-            late = Failure(Cause.NO_ANSWER, waited(self.deadline(held.service)) + where,
-                           self._names[held.service])
+            thread = held.thread
+            where = "" if thread.is_asked else ", still connecting: nothing was asked"
+            text = waited(self.deadline(thread.service)) + where
+            late = Failure(Cause.NO_ANSWER, text, thread.name)
             self._finish(call, held, late, time.monotonic())

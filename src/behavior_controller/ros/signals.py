@@ -11,10 +11,11 @@ import os
 import signal
 import threading
 import time
-from typing import Callable
+from typing import Callable, Optional
 
 from behavior_controller import exit_codes
 from behavior_controller.ros.console import Console
+from behavior_controller.ros.timeouts import start_thread
 
 STOP_LIMIT = 1.8
 """Seconds after the first signal at which the process ends in any case (the limit is 2 s)."""
@@ -38,7 +39,10 @@ class Signals:
     terminal is gone."""
 
     def __init__(self, console: Console):
-        self.stop_requested = False
+        """Handle the signals from now on. Raises RuntimeError if no thread can be started."""
+        self.stop_requested = threading.Event()
+        self.stop_code: Optional[int] = None
+        """The exit code of a stop that has a special one."""
         self.is_over = False
         self.reload: Callable[[], None] = lambda: console.tell(
             "warning", "SIGHUP ignored: the mission has not begun")
@@ -51,13 +55,10 @@ class Signals:
         self._console = console
         self._has_terminal = _terminal_answers()
         self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
-
-    def listen(self) -> None:
-        """Handle the signals from now on. Raises RuntimeError if no thread can be started."""
         # an ignored signal would never reach sigwait
         for number in TAKEN:
             signal.signal(number, signal.SIG_DFL)
-        threading.Thread(target=self._take, name="signals", daemon=True).start()
+        start_thread("signals", self._take)
 
     @property
     def time_left(self) -> float:
@@ -84,11 +85,11 @@ class Signals:
         """Pass the request on, and end the process if it has not ended ``STOP_LIMIT`` seconds
         later."""
         self._deadline = time.monotonic() + STOP_LIMIT
-        self.stop_requested = True
+        self.stop_requested.set()
         self.wake()
         time.sleep(REACTION)
         with contextlib.suppress(RuntimeError):  # no threads left: the limit holds
-            threading.Thread(target=self.ignored, name="stop", daemon=True).start()
+            start_thread("stop", self.ignored)
         time.sleep(max(0.0, self.time_left))
         if not self.is_over:
             self._console.tell("error", NOT_STOPPED)

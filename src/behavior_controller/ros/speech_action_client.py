@@ -15,6 +15,7 @@ from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Listen
 from behavior_controller.ros.action_client import ActionClient
 from behavior_controller.ros.tcpros import Trouble
+from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.text import clean
 
 ROUND = 0.5
@@ -46,7 +47,7 @@ class SpeechActionClient:
         self._again_at = -math.inf  # when the next goal may be sent
         self._client = ActionClient(action, self._end)
         self._changed = threading.Event()
-        threading.Thread(target=self._work, daemon=True, name="hearing " + action.name).start()
+        start_thread("hearing " + action.name, self._work)
 
     @property
     def is_there(self) -> bool:

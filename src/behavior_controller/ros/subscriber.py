@@ -22,7 +22,8 @@ from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.speech_action_client import SpeechActionClient
-from behavior_controller.ros.types import TYPES
+from behavior_controller.ros.timeouts import start_thread
+from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 from behavior_controller.text import clean
 
 ROUND = 0.5
@@ -84,7 +85,7 @@ class Link:
         """Whether its newest message could not be used."""
         self.has_tried = False
         """Whether an attempt to connect has ended."""
-        threading.Thread(target=self._work, daemon=True, name="topic " + latch.name).start()
+        start_thread("topic " + latch.name, self._work)
 
     def end(self) -> None:
         """Close the connection and end the thread."""
@@ -115,11 +116,9 @@ class Link:
     def _open(self) -> None:
         """Connect and shake hands."""
         message_type = self._latch.message_type
-        header = open_publisher(self._connection, self._uri, self._latch.name, {
-            "type": message_type._type, "message_definition": message_type._full_text,
-            "tcp_nodelay": "1", "callerid": rospy.get_name()})
-        if "error" in header:
-            raise Trouble(Cause.NOT_REACHABLE, header["error"])
+        header = open_publisher(self._connection, self._uri, self._latch.name,
+                                type=message_type._type, tcp_nodelay="1",
+                                message_definition=message_type._full_text)
         self._connection.notice_a_dead_host()
         self._connection.wait_without_limit()
         self.header = header
@@ -163,7 +162,7 @@ class Latch:
         self._wake = wake
         self._warn = warn
         self._warned: Set[str] = set()
-        self.name = rospy.resolve_name(topic.name)
+        self.name = resolved(topic)
         self._links: Dict[str, Link] = {}  # by the publisher's address; replaced as a whole
         self._is_met = False
         self.count = 0  # messages since there is a connection
@@ -171,7 +170,6 @@ class Latch:
         self._lock = threading.Lock()
         self._bytes: Optional[bytes] = None
         self._alarms: Dict[Any, Callable[[Any], bool]] = {}
-        self._is_alarm_new = False
         self._recent: Tuple[Sample, ...] = ()
         self._seen_at = -math.inf  # arrival of the newest message that was read
         self.ignoring: Tuple[str, Callable[[Any], bool]] = ("", bool)
@@ -199,20 +197,21 @@ class Latch:
         return any(link.is_right and not link.is_garbled for link in self._links.values())
 
     @property
-    def garbled_publishers(self) -> List[str]:
-        """The nodes that publish the expected type, but nothing that can be decoded."""
-        return [_sender(link.header or {}) for link in self._links.values() if link.is_garbled]
-
-    @property
-    def wrong_publishers(self) -> List[str]:
-        """The nodes that are connected and publish another type, each with that type."""
-        headers = [link.header for link in self._links.values() if not link.is_right]
-        return [f"{_sender(header)} as {header.get('type')}" for header in headers if header]
-
-    @property
-    def unreachable(self) -> List[str]:
-        """The addresses of the known publishers that are not connected."""
-        return [uri for uri, link in self._links.items() if link.header is None]
+    def absence(self) -> str:
+        """Why the topic is not connected, as far as that is known."""
+        links = [(uri, link.header or {}, link) for uri, link in self._links.items()]
+        wrong = [f"{_sender(header)} as {header.get('type')}" for _, header, link in links
+                 if header and not link.is_right]
+        garbled = [_sender(header) for _, header, link in links if link.is_garbled]
+        unreachable = [uri for uri, header, _ in links if not header]
+        if wrong:
+            return f"published by {', '.join(wrong)}; expected is {self._topic.type}"
+        if garbled:
+            return (f"no message of {', '.join(garbled)} can be decoded: build both from the same "
+                    "msg files")
+        if unreachable:
+            return f"its publisher at {', '.join(unreachable)} cannot be reached"
+        return not_published(self._topic)
 
     @property
     def connected_nodes(self) -> Dict[str, str]:
@@ -248,8 +247,7 @@ class Latch:
             return True
         sender = _sender(header)
         self._warn_once(sender, f"ignoring what {sender} publishes on {self.name}: it is "
-                                f"{header.get('type')} (md5 {header.get('md5sum')}), expected is "
-                                f"{wanted._type} (md5 {wanted._md5sum})")
+                                f"{type_mismatch(header, wanted)}")
         return False
 
     def _warn_once(self, subject: str, text: str) -> None:
@@ -291,23 +289,21 @@ class Latch:
             if value is None:
                 return None
             self._bytes = data
-            self._keep(value)
-            if self._alarms and (is_news or self._is_alarm_new):
-                self._ring(value)
+            self._take(value)
         reason, is_missed = self.ignoring
         if reason and is_missed(value):
             self._warn_ignored(reason, value, reason)
         return is_news
 
-    def _keep(self, value: Any) -> None:
+    def _take(self, value: Any) -> None:
         self._recent = self._topic.kept(self._recent, Sample(value, time.monotonic()))
+        self._ring(value)
 
     def hear(self, value: Any) -> None:
         """Use the action's result as the newest message. Any thread may call this."""
         with self._lock:
             self._bytes = None
-            self._keep(value)
-            self._ring(value)
+            self._take(value)
 
     def pass_over(self, header: Dict[str, str], data: bytes) -> None:
         """Report that the first message of a latching publisher is not used; a state is sent again.
@@ -332,7 +328,6 @@ class Latch:
 
     def _ring(self, value: Any) -> None:
         """Wake the tree for each alarm that waited for ``value``."""
-        self._is_alarm_new = False
         for key, wanted in list(self._alarms.items()):
             if _is_wanted(wanted, value):
                 del self._alarms[key]
@@ -350,7 +345,6 @@ class Latch:
         """
         with self._lock:
             self._alarms[key] = wanted
-            self._is_alarm_new = True
             for sample in since(self._recent, self._seen_at):
                 self._ring(sample.value)
 
@@ -385,20 +379,17 @@ class RosTopics(Topics):
         for topic, latch in self.latches.items():
             DIRECTORY.subscribe(latch.name, topic.type)
         rospy.on_shutdown(DIRECTORY.sign_off)
-        threading.Thread(target=self._keep_up, daemon=True, name="publishers of topics").start()
+        start_thread("publishers of topics", self._keep_up)
 
     def _keep_up(self) -> None:
         """Follow the master's list of publishers; without a master, the links reconnect by
         themselves."""
         while not rospy.is_shutdown():
-            try:
-                with DIRECTORY.round():
-                    DIRECTORY.refresh()
-                    for latch in self.latches.values():
-                        self._follow(latch)
-            except (Trouble, RuntimeError):
-                # the directory has noted it; or a link got no thread, and may get one next time
-                pass
+            # the directory has noted it; or a link got no thread, and may get one next time
+            with contextlib.suppress(Trouble, RuntimeError), DIRECTORY.round():
+                DIRECTORY.refresh()
+                for latch in self.latches.values():
+                    self._follow(latch)
             time.sleep(ROUND)
 
     @staticmethod
@@ -413,8 +404,7 @@ class RosTopics(Topics):
         return self.latches[topic].recent()
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
-        """Set the alarm ``key``. ``wanted`` must depend on the value alone: it is not called again
-        for the same value."""
+        """Set the alarm ``key``."""
         for latch in self.latches.values():
             latch.clear_alarm(key)
         self.latches[topic].set_alarm(key, wanted)

@@ -17,6 +17,7 @@ import time
 import urllib.parse
 import xmlrpc.client
 from concurrent.futures import Future, TimeoutError as FutureTimeout
+from functools import partial
 from typing import Any, Dict, List, NoReturn, Optional, Tuple
 
 import msgspec
@@ -26,6 +27,7 @@ import rospy
 
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.robot.gateway import Cause
+from behavior_controller.ros.timeouts import begin
 from behavior_controller.text import clean
 
 CONNECT_LIMIT = 4.0
@@ -80,6 +82,11 @@ class Trouble(BehaviorControllerError):
         self.cause = cause
         self.fault = fault
 
+    @property
+    def reason(self) -> str:
+        """The cause in words, and the text."""
+        return f"{self.cause.text}: {self}"
+
 
 class _TimedSocket(socket.socket):
     """A socket whose operations all end by one ``deadline`` (monotonic seconds; infinity: none)."""
@@ -133,7 +140,9 @@ def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT,
     connection, fault = Connection(), NO_ANSWER
     origin: Optional[BaseException] = None
     try:
-        return _checked(method, _called(connection, uri, method, arguments, seconds))
+        answer = _called(connection, uri, method, arguments, seconds)
+        code, _, value = msgspec.convert(answer, Tuple[int, Any, Any])
+        return msgspec.convert(value if code == 1 else None, ANSWERS[method])
     except Trouble as trouble:
         why, origin = str(trouble), trouble.__cause__
     except OSError as error:
@@ -170,13 +179,6 @@ def _called(connection: "Connection", uri: str, method: str, arguments: Tuple[An
     return xmlrpc.client.loads(bytes(body))[0][0]
 
 
-def _checked(method: str, answer: Any) -> Any:
-    """Return the value in an answer of ROS: code, message, value. Raises msgspec.ValidationError.
-    """
-    code, _, value = msgspec.convert(answer, Tuple[int, Any, Any])
-    return msgspec.convert(value if code == 1 else None, ANSWERS[method])
-
-
 def ask_master(method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> Any:
     """Call ``method`` of the ROS master, as ``ask`` does."""
     return ask(rosgraph.get_master_uri(), method, *arguments, seconds=seconds,
@@ -187,26 +189,22 @@ def _addresses(host: str, seconds: float) -> List[Any]:
     """Return what ``getaddrinfo`` returns. Raises OSError, also if no name server has answered in
     ``seconds``."""
     with contextlib.suppress(socket.gaierror):  # it is a name
-        return socket.getaddrinfo(host, None, type=socket.SOCK_STREAM, flags=socket.AI_NUMERICHOST)
+        return _look_up(host, socket.AI_NUMERICHOST)
     try:
         with _lookups_lock:
             lookup = _lookups.get(host)
             if lookup is None or lookup.done():
-                lookup = Future()
-                threading.Thread(target=_look_up, args=(host, lookup), daemon=True).start()
+                _, lookup = begin("lookup", partial(_look_up, host))
                 _lookups[host] = lookup
         return lookup.result(seconds)
     except FutureTimeout:
         raise OSError(f"no name server has told the address of {host} in {seconds:g} s")
     except RuntimeError:  # no thread is left
-        return socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        return _look_up(host)
 
 
-def _look_up(host: str, lookup: "Future[List[Any]]") -> None:
-    try:
-        lookup.set_result(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM))
-    except Exception as error:  # raised again where it is awaited
-        lookup.set_exception(error)
+def _look_up(host: str, flags: int = 0) -> List[Any]:
+    return socket.getaddrinfo(host, None, type=socket.SOCK_STREAM, flags=flags)
 
 
 _lookups: Dict[str, "Future[List[Any]]"] = {}
@@ -267,29 +265,23 @@ class Connection:
         error: Optional[Exception] = None
         deadline = time.monotonic() + seconds
         try:
-            for family, kind, protocol, _, address in _addresses(host, seconds):
-                sock = _TimedSocket(family, kind, protocol)
+            addresses = _addresses(host, seconds)
+        except (OSError, ValueError) as failed:  # also of what is no name
+            addresses, error = [], failed
+        for family, kind, protocol, _, address in addresses:
+            try:
+                sock = self._socket = _TimedSocket(family, kind, protocol)
                 sock.deadline = deadline
-                error = self._try(sock, (address[0], port) + address[2:])
-                if error is None:
-                    return sock
-        except (OSError, ValueError, OverflowError) as failed:  # also of what is no name or port
-            error = failed
+                # checked only after ``close`` can reach the socket: one of the two threads sees the
+                # other
+                if self.closed:
+                    raise OSError("closed")
+                sock.connect((address[0], port) + address[2:])
+                return sock
+            except (OSError, OverflowError) as failed:  # also of what is no port
+                self.hang_up()
+                error = failed
         raise Trouble(Cause.NOT_REACHABLE, f"no connection ({_reason(error)})") from error
-
-    def _try(self, sock: _TimedSocket, address: Tuple) -> Optional[OSError]:
-        """Connect ``sock``; return None or why not."""
-        self._socket = sock
-        try:
-            # checked only after ``close`` can reach the socket: one of the two threads sees the
-            # other
-            if self.closed:
-                raise OSError("closed")
-            sock.connect(address)
-        except OSError as error:
-            self.hang_up()
-            return error
-        return None
 
     def _read_header(self) -> Dict[str, str]:
         """Read and decode the peer's half of the handshake; raises ``Trouble`` if it is invalid."""
@@ -307,17 +299,17 @@ class Connection:
 
         A host that is switched off or unreachable does not close its connections.
         """
-        if self._socket is not None:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            for option, value in ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1),
-                                  (socket.TCP_KEEPCNT, 2)):
-                self._socket.setsockopt(socket.IPPROTO_TCP, option, value)
+        sock = self._connected()
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1),
+                              (socket.TCP_KEEPCNT, 2)):
+            sock.setsockopt(socket.IPPROTO_TCP, option, value)
 
     def wait_without_limit(self) -> None:
         """Remove the time limit of later reads: from here on only ``close`` ends them."""
-        if self._socket is not None:
-            self._socket.deadline = math.inf
-            self._socket.settimeout(None)
+        sock = self._connected()
+        sock.deadline = math.inf
+        sock.settimeout(None)
 
     def send(self, data: bytes) -> None:
         """Send ``data``. After ``Trouble`` it is unknown whether the peer has received it."""
@@ -377,15 +369,20 @@ class Connection:
                 sock.shutdown(socket.SHUT_RDWR)
 
 
-def open_publisher(connection: Connection, uri: str, topic: str,
-                   header: Dict[str, str]) -> Dict[str, str]:
+def open_publisher(connection: Connection, uri: str, topic: str, suffix: str = "",
+                   **more: str) -> Dict[str, str]:
     """Connect to the node at ``uri`` as a subscriber of ``topic`` (resolved), of any type; return
     its handshake.
 
-    ``header`` completes our half of the handshake. Raises ``Trouble``.
+    A publisher drops the older of two connections from nodes of the same name: ``suffix`` makes
+    ours another one. ``more`` goes into our half of the handshake. Raises ``Trouble``.
     """
     offer = ask(uri, "requestTopic", topic, [["TCPROS"]], seconds=STEP_LIMIT)
     if offer is None:
         raise Trouble(Cause.NOT_ADVERTISED, f"{uri} no longer publishes it")
     _, host, port = offer
-    return connection.open(host, port, dict(header, topic=topic, md5sum="*"), STEP_LIMIT)
+    header = {"topic": topic, "type": "*", "md5sum": "*", "callerid": rospy.get_name() + suffix}
+    answer = connection.open(host, port, dict(header, **more), STEP_LIMIT)
+    if "error" in answer:
+        raise Trouble(Cause.NOT_REACHABLE, f"it says: {answer['error']}")
+    return answer

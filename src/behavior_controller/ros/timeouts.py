@@ -5,7 +5,7 @@ import threading
 import time
 from concurrent.futures import Future
 from types import FrameType
-from typing import Any, Callable, Iterable, Optional
+from typing import Any, Callable, Iterable, Optional, Tuple
 
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import BehaviorControllerError
@@ -28,6 +28,29 @@ PATIENCE = 2.0
 """Seconds after which ``is_slow`` is called for work that has not ended."""
 
 
+def start_thread(name: str, work: Callable[..., object], *arguments: Any) -> threading.Thread:
+    """Run ``work`` on a daemon thread: one that hangs does not keep the process from its end.
+
+    Raises RuntimeError if no thread can be started.
+    """
+    thread = threading.Thread(target=work, args=arguments, name=name, daemon=True)
+    thread.start()
+    return thread
+
+
+def begin(name: str, work: Callable[[], Any]) -> "Tuple[threading.Thread, Future[Any]]":
+    """Run ``work`` on a daemon thread; return the thread and what gets the result or the error."""
+    outcome: "Future[Any]" = Future()
+
+    def run() -> None:
+        try:
+            outcome.set_result(work())
+        except BaseException as error:  # raised again where it is awaited
+            outcome.set_exception(error)
+
+    return start_thread(name, run), outcome
+
+
 def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bool], seconds: float,
               is_slow: Callable[[], None] = lambda: None) -> Any:
     """Return what ``work()`` returns on another thread, or raise what it raises.
@@ -36,17 +59,8 @@ def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bo
     ``Stopped`` as soon as ``wake`` is signalled and ``is_stopped()``, ``Late`` after ``seconds``,
     and RuntimeError if no thread can be started.
     """
-    outcome: "Future[Any]" = Future()
-
-    def run() -> None:
-        try:
-            outcome.set_result(work())
-        except BaseException as error:  # raised again in the waiting thread
-            outcome.set_exception(error)
-        wake.emit()
-
-    thread = threading.Thread(target=run, name="apart", daemon=True)
-    thread.start()
+    thread, outcome = begin("apart", work)
+    outcome.add_done_callback(lambda _: wake.emit())
     deadline = time.monotonic() + seconds
     slow_at = time.monotonic() + PATIENCE
     while not outcome.done():
@@ -66,9 +80,6 @@ def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bo
 def run_together(works: Iterable[Callable[[], Any]], seconds: float) -> None:
     """Run ``works`` side by side and return when all have ended, after ``seconds`` at the latest.
     """
-    threads = [threading.Thread(target=work, daemon=True) for work in works]
     deadline = time.monotonic() + seconds
-    for thread in threads:
-        thread.start()
-    for thread in threads:
+    for thread in [start_thread("beside", work) for work in works]:
         thread.join(max(0.0, deadline - time.monotonic()))

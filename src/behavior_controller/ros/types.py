@@ -2,7 +2,7 @@
 reported when this is imported."""
 import io
 import struct
-from typing import Any, Callable, Dict, Tuple
+from typing import Any, Callable, Dict, Mapping, Tuple
 
 import genpy
 import roslib.message
@@ -77,6 +77,24 @@ def _read_empty(offer: Offer, read: Callable[[Any], object], message: Any) -> No
     except BaseException as error:
         if is_ctrl_c(error):
             raise
+
+
+def resolved(offer: Offer) -> str:
+    """Return the resolved name of a service or topic."""
+    return rospy.resolve_name(offer.name)
+
+
+def not_published(topic: Topic) -> str:
+    """Return why there is no evidence from a topic that has no publisher."""
+    text = "no node publishes it"
+    return text if topic.action is None else (
+        f"{text}, and none offers the action {resolved(topic.action)}")
+
+
+def type_mismatch(header: Mapping[str, str], wanted: Any) -> str:
+    """Return the type in a peer's handshake, and ours."""
+    return (f"{header.get('type')} (md5 {header.get('md5sum')}), expected is {wanted._type} "
+            f"(md5 {wanted._md5sum})")
 
 
 def filled(message: Any, service: Service, request: Request) -> Any:

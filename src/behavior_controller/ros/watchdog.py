@@ -11,7 +11,6 @@ import time
 from typing import Callable, Dict, FrozenSet, Iterable, Set, Tuple
 
 import rosgraph
-import rospy
 
 from behavior_controller.execution.events import HealthChanged
 from behavior_controller.execution.health import (
@@ -20,9 +19,10 @@ from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Topic)
 from behavior_controller.ros.tcpros import CHUNK, Connection, Trouble, STEP_LIMIT, open_publisher
 from behavior_controller.ros.master import DIRECTORY
-from behavior_controller.ros.startup_check import not_published, resolved
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.subscriber import Latch, RosTopics
+from behavior_controller.ros.timeouts import start_thread
+from behavior_controller.ros.types import resolved
 
 CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
@@ -108,13 +108,11 @@ class Monitor:
         for offer in added:
             # a subscriber has no address to connect to
             if not isinstance(offer, (Topic, Publication)):
-                threading.Thread(target=self._watch, args=(offer,), daemon=True,
-                                 name="monitor " + offer.name).start()
+                start_thread("monitor " + offer.name, self._watch, offer)
 
     def start(self) -> None:
         """Start monitoring topics and the master."""
-        threading.Thread(target=self._check_all, daemon=True,
-                         name="monitor topics and master").start()
+        start_thread("monitor topics and master", self._check_all)
 
     def close(self) -> None:
         """Let the threads end; does not wait for them."""
@@ -131,7 +129,7 @@ class Monitor:
                 self._hold(offer)
             except Trouble as trouble:
                 if offer in self._was_there or not (offer.is_optional or offer in self._may_lack):
-                    self._tell_gone(offer, f"{trouble.cause.text}: {trouble}")
+                    self._tell_gone(offer, trouble.reason)
                 self._closed.wait(ROUND)
 
     def _hold(self, offer: Offer) -> None:
@@ -206,11 +204,9 @@ class Monitor:
         if latch.count:
             self._health.hear(latch.name, latch.last_arrival)
         now = time.monotonic()
-        if not latch.is_connected and not latch.is_searched:
-            return
         if not latch.is_connected:
-            if now - self._lonely.setdefault(topic, now) > LONELY:
-                self._tell_gone(topic, _absence(topic, latch))
+            if latch.is_searched and now - self._lonely.setdefault(topic, now) > LONELY:
+                self._tell_gone(topic, latch.absence)
             return
         self._lonely.pop(topic, None)
         self._tell_back(topic)
@@ -226,7 +222,8 @@ class Monitor:
                 self._silent[topic] = last_arrival, silence + RECONNECT
                 latch.reconnect()
             return
-        is_well = silence <= patience(latch.count, latch.usual_gap)
+        has_rate = latch.count >= ENOUGH
+        is_well = silence <= (max(SILENCE, GAPS * latch.usual_gap) if has_rate else FIRST_SILENCE)
         if is_well:
             self._silent.pop(topic, None)
         else:
@@ -248,24 +245,4 @@ def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
         return lambda connection, limit: open_service(place, connection, name, "*", limit,
                                                       persistent="1")
     uri = DIRECTORY.server(name, STEP_LIMIT)
-    # under another name: a publisher drops the older of two connections from the same node
-    header = {"type": "*", "callerid": rospy.get_name() + "_monitor"}
-    return lambda connection, limit: open_publisher(connection, uri, name + "/status", header)
-
-
-def _absence(topic: Topic, latch: Latch) -> str:
-    """Return why a topic is not connected, if that is known."""
-    if latch.wrong_publishers:
-        return f"published by {', '.join(latch.wrong_publishers)}; expected is {topic.type}"
-    if latch.garbled_publishers:
-        return (f"no message of {', '.join(latch.garbled_publishers)} can be decoded: build both "
-                "from the same msg files")
-    if latch.unreachable:
-        return f"its publisher at {', '.join(latch.unreachable)} cannot be reached"
-    return not_published(topic)
-
-
-def patience(count: int, usual_gap: float) -> float:
-    """Return the seconds of silence that are normal for a topic with so many messages at that mean
-    distance."""
-    return FIRST_SILENCE if count < ENOUGH else max(SILENCE, GAPS * usual_gap)
+    return lambda connection, limit: open_publisher(connection, uri, name + "/status", "_monitor")

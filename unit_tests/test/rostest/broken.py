@@ -1,9 +1,11 @@
 """Controllers with one mistake each, as the code that causes it."""
 
 IGNORES_REFUSALS = """
-from behavior_controller.leaves.base import Attempt, Ended
-poll = Attempt.poll
-Attempt.poll = lambda self: poll(self) and Ended(None)
+from behavior_controller.leaves.base import ServiceLeaf
+try_once = ServiceLeaf.try_once
+def always_done(self):
+    yield from try_once(self)
+ServiceLeaf.try_once = always_done
 """
 RECOVERS_ALWAYS = """
 from py_trees.common import Status
@@ -47,12 +49,12 @@ FixedSpeech.request = request
 ENDS_A_PASS_AFTER_FIVE_CALLS = """
 from py_trees.common import Status
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.leaves.base import Attempt
-init, tick_once = Attempt.__init__, Tree.tick_once
+from behavior_controller.leaves.base import ServiceLeaf
+try_once, tick_once = ServiceLeaf.try_once, Tree.tick_once
 calls = []
-def counted(self, leaf):
-    calls.append(leaf)
-    init(self, leaf)
+def counted(self):
+    calls.append(self)
+    return try_once(self)
 def cut_short(self):
     result = tick_once(self)
     if len(calls) < 5:
@@ -60,7 +62,7 @@ def cut_short(self):
     calls.clear()
     self.halt()
     return Status.FAILURE
-Attempt.__init__, Tree.tick_once = counted, cut_short
+ServiceLeaf.try_once, Tree.tick_once = counted, cut_short
 """
 
 ALL = {name: code for name, code in list(globals().items()) if name.isupper()}

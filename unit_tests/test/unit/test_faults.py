@@ -80,8 +80,6 @@ def test_planned_faults_are_read(text, expected):
 @pytest.mark.parametrize("text",
                          ("textToSpeech", "textToSpeech:", "textToSpeech:0", "textToSpeech:-1",
                           "textToSpeech:x", "speech:1", "textToSpeech:1:slow", ":1", ""))
-def test_what_is_no_planned_fault_is_refused_with_what_is_allowed(text):
-    with pytest.raises(
-            ValueError,
-            match="node:call.*textToSpeech, robotNavigation.*refused, exception, unanswered"):
+def test_what_is_no_planned_fault_is_refused(text):
+    with pytest.raises(ValueError):
         parse_planned_fault(text, NODES)

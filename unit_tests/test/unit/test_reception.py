@@ -77,7 +77,8 @@ def test_a_visitor_is_shown_the_way_to_any_place_and_led_to_a_near_one(wanted, a
     known = usual.knowledge.exhibits
     place = NOWHERE if wanted is None else known[wanted]
     others = [each for each in known if each is not place]
-    manners = usual.manners("engages")._replace(places=(*others[:2], place, *others[2:]))
+    manners = usual.world.visitor.manners._replace(
+        behaviour="engages", places=(*others[:2], place, *others[2:]))
     on = Stage(usual.settings, world=usual.world._replace(visitor=Visitor(manners)))
     of_test = facts(on=on)
     visit, = of_test.run.visits

@@ -167,11 +167,12 @@ TALK = [RobotCall("overtAttention", 1, 3, "a", True), RobotCall("textToSpeech", 
 def test_single_faults_are_each_call_in_each_way_each_service_for_good_and_each_silent_topic():
     calm = Scene("engages")
     made = list(plays.single([outcome(calm, "SUCCESS", 9.0, calls=TALK)], KINDS, ["/x"]))
-    assert [scene.planned[0] for scene in made if scene.planned] == [
+    planned = [fault for scene in made for fault in scene.planned]
+    assert [fault for fault in planned if not fault.is_lasting] == [
         PlannedFault(node, number, kind) for node, number, *_ in TALK for kind in KINDS]
-    assert [scene.lasting for scene in made if scene.lasting] == [
-        (PlannedFault("overtAttention", 1, "refused"),),
-        (PlannedFault("textToSpeech", 1, "refused"),)]
+    assert [fault for fault in planned if fault.is_lasting] == [
+        PlannedFault("overtAttention", 1, "refused", True),
+        PlannedFault("textToSpeech", 1, "refused", True)]
     assert [scene.silent for scene in made if scene.silent] == [("/x",)]
     assert len(made) == 3 * 5 + 2 + 1
 
@@ -180,8 +181,9 @@ def test_what_the_tablet_does_not_change_is_not_played_again():
     both = [outcome(Scene("engages"), "SUCCESS", 9.0, calls=TALK[:2]),
             outcome(Scene("engages", False), "SUCCESS", 9.0, calls=TALK)]
     made = list(plays.single(both, ["crash"], []))
-    assert [scene.planned for scene in made if not scene.by_voice and scene.planned] == [
-        (PlannedFault("textToSpeech", 2, "crash"),)]
+    assert [scene.planned for scene in made if not scene.by_voice] == [
+        (PlannedFault("textToSpeech", 2, "crash"),),
+        (PlannedFault("textToSpeech", 2, "crash", True),)]
 
 
 def test_pairs_are_each_later_call_that_meets_what_no_call_has_met():
@@ -263,7 +265,7 @@ def test_a_scene_counts_its_faults_and_knows_how_it_goes_without(tmp_path):
 
 def test_a_service_that_fails_for_good_fails_at_each_later_call(tmp_path):
     body = '<RetryUntilSuccessful num_attempts="-1"><WelcomeSpeech/></RetryUntilSuccessful>'
-    scene = Scene("engages", lasting=(PlannedFault("textToSpeech", 1, "exception"),))
+    scene = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "exception", True),))
     play = Theatre({}, mission(tmp_path, body), 9000.0).play(scene)
     assert play.is_cut_off and len(play.exchanges) > 1000 and play.faults >= 1000
 
@@ -293,7 +295,7 @@ def test_a_pass_without_an_end_says_why(tmp_path, monkeypatch):
 @pytest.mark.parametrize("number, jobs", [(61, 1), (60, 8)])
 def test_a_few_plays_start_no_process(number, jobs):
     theatre = SimpleNamespace(evaluate=str)  # which another process could not make
-    with plays.players(theatre, (), jobs) as play_all:
+    with plays.players(theatre, jobs) as play_all:
         assert list(play_all(range(number))) == [str(each) for each in range(number)]
 
 
@@ -660,7 +662,7 @@ def test_a_share_is_counted_for_each_failure_rate(tmp_path):
     (Scene("silent", False, TWO, ("/speechEvent/text", "/faceDetection/data")),
      "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2:crash --silent "
      "/speechEvent/text,/faceDetection/data asrEnabled:=false"),
-    (Scene("silent", planned=TWO[:1], lasting=TWO[1:]),
+    (Scene("silent", planned=(TWO[0], TWO[1]._replace(is_lasting=True))),
      "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2+:crash asrEnabled:=true"),
     (Scene("engages", rate=0.25, seed=7),
      "--visitors engages --runs 1 --failureRate 0.25 --seed 7 asrEnabled:=true"),

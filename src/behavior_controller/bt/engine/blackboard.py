@@ -68,10 +68,12 @@ class Entry:
 
 class Blackboard:
     """The entries of one tree instance. A key that is remapped lives in the parent; ``@key`` lives
-    in the root."""
+    in the root. ``path`` is that of the SubTree, "" at the root."""
 
-    def __init__(self, parent: Optional["Blackboard"] = None):
+    def __init__(self, parent: Optional["Blackboard"] = None, path: str = ""):
         self.parent = parent
+        self.path = path
+        self.prefix = path and path + "/"  # of the paths of what is inside
         self._count: WriteCount = parent._count if parent is not None else WriteCount()
         self.local: Dict[str, Entry] = {}
         self.remapping: Dict[str, str] = {}
@@ -127,9 +129,7 @@ class Blackboard:
         if entry is None:
             entry = board.local[key] = Entry(entry_type, self._count)
         elif entry.type != entry_type and not entry.is_generic and entry_type not in GENERIC:
-            raise ValueFault(
-                f"Blackboard entry [{key}]: once declared, the type of a port shall not change. "
-                f"Previously declared type [{entry.type}], current type [{entry_type}]")
+            raise _changed_type(f"Blackboard entry [{key}]", entry, entry_type)
         return entry
 
     def get(self, key: str, default: Any = None) -> Any:
@@ -170,7 +170,7 @@ class Blackboard:
             if entry.is_generic:
                 entry.type = BT_ANY
             elif entry.type != origin:
-                raise _changed_type(key, entry, BT_ANY)
+                raise _changed_type(f"Blackboard::set({key})", entry, BT_ANY)
             entry.replace(value, origin)
 
     def unset(self, key: str) -> None:
@@ -196,7 +196,7 @@ def _fitting(key: str, entry: Entry, value: Any, value_type: str) -> Tuple[Any, 
             if converted is not None:
                 return converted, entry.type
         if not _fits(entry.type, value):
-            raise _changed_type(key, entry, value_type)
+            raise _changed_type(f"Blackboard::set({key})", entry, value_type)
     return value, value_type
 
 
@@ -221,7 +221,7 @@ def _fits(entry_type: str, value: Any) -> bool:
         return False
 
 
-def _changed_type(key: str, entry: Entry, value_type: str) -> ValueFault:
-    return ValueFault(f"Blackboard::set({key}): once declared, the type of a port shall not "
-                      f"change. Previously declared type [{entry.type}], current type "
-                      f"[{value_type}]")
+def _changed_type(where: str, entry: Entry, value_type: str) -> ValueFault:
+    types = f"Previously declared type [{entry.type}], current type [{value_type}]"
+    return ValueFault(
+        f"{where}: once declared, the type of a port shall not change. {types}")

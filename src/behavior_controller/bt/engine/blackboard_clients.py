@@ -5,7 +5,7 @@ py_trees' blackboard is one dictionary of the process, ours are typed and one fo
 instance. So py_trees gets a copy, under ``/tree/path/entry``, of the entries of those nodes whose
 clients a tool uses, such as py-trees-render -b.
 """
-from typing import Any, Dict, Iterable, List, Tuple
+from typing import Any, Dict, List, Tuple
 
 from py_trees.blackboard import Blackboard as Shown
 from py_trees.blackboard import Client
@@ -24,45 +24,40 @@ class Clients:
     """Makes the clients of the nodes of one tree when they are asked for first, and shows the
     values whenever they are."""
 
-    def __init__(self, main: str, blackboards: Dict[str, Blackboard], registry: Registry):
+    def __init__(self, main: str, registry: Registry):
         self._main = main
-        self._blackboards = blackboards
         self._registry = registry
         self._entries: Dict[Node, List[_ShownEntry]] = {}
 
     def show(self, node: Node, clients: List[Any]) -> None:
         """Show the values of the entries that ``node`` uses; its client is added to ``clients`` if
         it is new."""
-        entries = self._entries.get(node)
-        if entries is None:
-            entries = self._entries[node] = []
-            read, written = self._used(node)
-            if read or written:
-                client = Client(name=node.full_path)
-                for names, access in ((read, Access.READ), (written, Access.WRITE)):
-                    for name in sorted(names):
-                        entries.append(self._entry(node.blackboard, name))
-                        client.register_key(entries[-1][2], access)
-                clients.append(client)
-        for blackboard, key, shown in entries:
+        if node not in self._entries:
+            self._entries[node] = entries = []
+            uses = self._used(node)
+            if uses:
+                clients.append(Client(name=node.full_path))
+            for name, access in uses:
+                entries.append(self._entry(node.blackboard, name))
+                clients[-1].register_key(entries[-1][2], access)
+        for blackboard, key, shown in self._entries[node]:
             value = blackboard.get(key)
             if value is None:
                 Shown.storage.pop(shown, None)
             else:
                 Shown.storage[shown] = value
 
-    def _used(self, node: Node) -> Tuple[Iterable[str], Iterable[str]]:
-        """Return the entries that a node reads and writes; what a SubTree hands on is used by the
-        nodes inside."""
+    def _used(self, node: Node) -> List[Tuple[str, Access]]:
+        """Return the entries that a node reads, and those that it writes; what a SubTree hands on
+        is used by the nodes inside."""
         if node.element is None or node.registration_id == "SubTree":
-            return [], []
+            return []
         uses = flow({"": [node.element]}, "@", {}, self._registry)
-        return ([tree + name for tree, name in uses.reads],
-                [tree + name for tree, name in uses.written])
+        return ([(name, Access.READ) for name in sorted(map("".join, uses.reads))]
+                + [(name, Access.WRITE) for name in sorted(map("".join, uses.written))])
 
     def _entry(self, blackboard: Blackboard, name: str) -> _ShownEntry:
         home, key = blackboard.home(name)
-        path = next((path for path, known in self._blackboards.items() if known is home), "")
-        shown = "/".join(filter(None, [self._main, path, key]))
+        shown = "/".join(filter(None, [self._main, home.path, key]))
         # in the dot language a colon would end the name
         return home, key, "/" + shown.replace("::", " #").replace(":", "#")

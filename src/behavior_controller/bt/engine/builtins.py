@@ -1,7 +1,7 @@
 """The built-in leaves of BehaviorTree.CPP v4, and the list of every built-in node type with its
 ports."""
 from functools import partial
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional
 
 from behavior_controller.bt import possible_results as possible
 from behavior_controller.bt.engine import controls, decorators
@@ -12,8 +12,6 @@ from behavior_controller.bt.script.parser import to_bool
 from behavior_controller.bt.script.values import BT_ANY, TEXT, ValueFault, convert
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
 from behavior_controller.bt.status import FAILURE, SUCCESS
-
-Factory = Any  # a class of nodes
 
 
 class AlwaysSuccess(SyncActionLeaf):
@@ -35,6 +33,8 @@ class AlwaysFailure(AlwaysSuccess):
 class RunScript(decorators.Scripted, SyncActionLeaf):
     """Run a script; always SUCCESS. An empty one does nothing."""
 
+    PORTS = (Port("code", TEXT, description="the script", role=Role.SCRIPT),)
+
     def update(self) -> Result:
         """Run it."""
         if self.get_input("code"):
@@ -46,6 +46,8 @@ class RunScript(decorators.Scripted, SyncActionLeaf):
 class ScriptCondition(decorators.Scripted, ConditionLeaf):
     """SUCCESS if a script is true."""
 
+    PORTS = (Port("code", description="script that must be true", role=Role.SCRIPT),)
+
     def update(self) -> Result:
         """Run it and judge its value."""
         self.parse()
@@ -55,11 +57,20 @@ class ScriptCondition(decorators.Scripted, ConditionLeaf):
 class SetBlackboard(SyncActionLeaf):
     """Write a text, or copy an entry, to the entry whose name is ``output_key``."""
 
+    PORTS = (Port("value", description="a text, or {entry} to copy"),
+             Port("output_key", "any", Direction.INOUT, None, "name of the entry to write",
+                  Role.WRITES))
+
     def update(self) -> Result:
         """Write it."""
-        key, board = self._key(), self.blackboard
+        try:
+            # a number is the name that its text is
+            key = str(convert(self.get_input("output_key"), TEXT, {}))
+        except ValueFault as error:
+            raise NodeError(f"missing port [output_key]: {error}") from error
         if "value" not in self.attributes:
             raise NodeError("unordered_map::at: port [value] is missing")
+        board = self.blackboard
         value, origin, target = self.attributes["value"], TEXT, board.find(key)
         source = ports.reference(value, "value")
         if source is not None:
@@ -76,13 +87,6 @@ class SetBlackboard(SyncActionLeaf):
         board.set_any(key, value, origin)
         return SUCCESS
 
-    def _key(self) -> str:
-        try:
-            # a number is the name that its text is
-            return str(convert(self.get_input("output_key"), TEXT, {}))
-        except ValueFault as error:
-            raise NodeError(f"missing port [output_key]: {error}") from error
-
     @staticmethod
     def _converted(text: str, entry: Any) -> Any:
         # an entry that a script has made becomes empty, as in the library; since this write makes
@@ -92,13 +96,15 @@ class SetBlackboard(SyncActionLeaf):
         try:
             return entry.from_text(text)
         except ValueFault as fault:
-            raise NodeError(
-                f"Can't convert string [{text}] to type [{entry.type}]: {fault}") from fault
+            wrong = f"Can't convert string [{text}] to type [{entry.type}]: {fault}"
+            raise NodeError(wrong) from fault
 
 
 class UnsetBlackboard(SyncActionLeaf):
     """Remove an entry from the blackboard of this tree instance; SUCCESS even if it does not exist.
     """
+
+    PORTS = (Port("key", TEXT, description="name of the entry to remove", role=Role.NAMES),)
 
     def update(self) -> Result:
         """Remove it."""
@@ -113,38 +119,19 @@ class UnsetBlackboard(SyncActionLeaf):
 class Sleep(TimedAction):
     """RUNNING for ``msec``, then SUCCESS."""
 
+    PORTS = (Port("msec", "uint", description="how long, in ms"),)
+
     def on_start(self) -> Result:
         """Start the timer."""
         return self.begin(self.required("msec"))
 
 
-class WasEntryUpdated(SyncActionLeaf):
+class WasEntryUpdated(decorators.Watching, SyncActionLeaf):
     """SUCCESS if ``entry`` was written since this node's last tick, else FAILURE."""
 
-    seen = 0
-    key = ""
-
-    def configure(self) -> None:
-        """Find the entry's name."""
-        self.key = decorators.entry_key(self)
-
     def update(self) -> Result:
-        """Compare the entry's write counter."""
-        entry = self.blackboard.find(self.key)
-        if entry is None or entry.sequence == self.seen:
-            return FAILURE
-        self.seen = entry.sequence
-        self.services.changes += 1
-        return SUCCESS
-
-
-def _in(name: str, type_name: str, default: Optional[str] = None, description: str = "",
-        role: Role = Role.DATA) -> Port:
-    return Port(name, type_name, Direction.IN, default, description, role)
-
-
-def _count(name: str, default: str, description: str, if_zero: str) -> Port:
-    return Port(name, "int", Direction.IN, default, description, Role.CHILDREN, if_zero=if_zero)
+        """Look whether the entry was written."""
+        return SUCCESS if self.is_updated() else FAILURE
 
 
 _KINDS = ((controls.Control, Kind.CONTROL), (decorators.Decorator, Kind.DECORATOR),
@@ -152,40 +139,41 @@ _KINDS = ((controls.Control, Kind.CONTROL), (decorators.Decorator, Kind.DECORATO
           (TimedAction, Kind.ACTION))
 
 
-def _spec(factory: Factory, ports_: Tuple[Port, ...] = (),
-          outcome: Optional[possible.Outcome] = None, node_id: str = "", is_instant: bool = True,
-          **facts: Any) -> NodeSpec:
+def _spec(factory: Any, outcome: Optional[possible.Outcome] = None, node_id: str = "",
+          is_instant: bool = True, **facts: Any) -> NodeSpec:
     """Return the node type of a class, with the first line of what it does."""
     kind = next(kind for base, kind in _KINDS if issubclass(factory, base))
     description = factory.__doc__.split("\n")[0]
-    return NodeSpec(node_id or factory.__name__, kind, factory, ports_, description,
+    return NodeSpec(node_id or factory.__name__, kind, factory, factory.PORTS, description,
                     outcome=outcome, is_instant=is_instant, **facts)
 
 
 def _loop(node_id: str, item_type: str, over: str, literal: str = "") -> NodeSpec:
     items = "the items: an entry, or texts with ; between them"
     queue = Port("queue", "any", Direction.INOUT, None, items, literal=literal)
+    at_end = "the result when nothing is left"
+    if_empty = Port("if_empty", "NodeStatus", default="SUCCESS", description=at_end)
     value = Port("value", item_type, Direction.OUT, None, "the item of this round")
-    if_empty = _in("if_empty", "NodeStatus", "SUCCESS", "the result when nothing is left")
-    return NodeSpec(node_id, Kind.DECORATOR, partial(decorators.Loop, item_type=item_type),
-                    (queue, if_empty, value), f"Loop over {over}.", outcome=possible.for_each_item)
+    factory = partial(decorators.Loop, item_type=item_type)
+    return NodeSpec(node_id, Kind.DECORATOR, factory, (queue, if_empty, value),
+                    f"Loop over {over}.", outcome=possible.for_each_item)
 
 
 def _switch(cases: int) -> NodeSpec:
-    variable = _in("variable", TEXT, None, "compared with each case", Role.CHOICE)
-    ports_ = [_in(f"case_{number}", TEXT, None, "value that chooses this child", Role.CASE)
-              for number in range(1, cases + 1)]
-    return NodeSpec(f"Switch{cases}", Kind.CONTROL, partial(controls.Switch, cases=cases),
-                    (variable, *ports_), outcome=possible.of_any_child, is_instant=True,
-                    child_counts=(cases + 1,), children="one for each case and the default")
+    variable = Port("variable", TEXT, description="compared with each case", role=Role.CHOICE)
+    value = "value that chooses this child"
+    case_ports = [Port(f"case_{number}", TEXT, description=value, role=Role.CASE)
+                  for number in range(1, cases + 1)]
+    factory = partial(controls.Switch, cases=cases)
+    return NodeSpec(f"Switch{cases}", Kind.CONTROL, factory, (variable, *case_ports),
+                    outcome=possible.of_any_child, is_instant=True, child_counts=(cases + 1,),
+                    children="one for each case and the default")
 
 
 _IF_SUCCEEDED: Dict[str, Any] = {"outcome": possible.in_sequence, "next_after": possible.SUCCEEDS}
 _IF_FAILED: Dict[str, Any] = {"outcome": possible.in_fallback, "next_after": possible.FAILS}
 _BRANCHES: Dict[str, Any] = {"outcome": possible.chosen, "child_counts": (2, 3),
                              "children": "condition, then, else"}
-_DECIDED = "is decided before any child has done its work"
-_ENTRY = (_in("entry", "Any", None, "the entry to watch", Role.WATCHED),)
 _SPECS = (
     _spec(controls.Sequence, **_IF_SUCCEEDED),
     _spec(controls.AsyncSequence, **_IF_SUCCEEDED),
@@ -197,60 +185,38 @@ _SPECS = (
     _spec(controls.ReactiveFallback, is_reactive=True, **_IF_FAILED),
     _spec(controls.IfThenElse, **_BRANCHES),
     _spec(controls.WhileDoElse, is_reactive=True, **_BRANCHES),
-    _spec(controls.Parallel,
-          (_count("success_count", "-1", "children that must succeed; -1 is all", _DECIDED),
-           _count("failure_count", "1", "children that must fail to fail; -1 is all", _DECIDED)),
-          possible.in_parallel),
-    _spec(controls.ParallelAll,
-          (_count("max_failures", "1", "FAILURE if at least as many children fail",
-                  "waits for all children, and is then always FAILURE"),), possible.ANY),
-    _spec(controls.TryCatch,
-          (_in("catch_on_halt", "bool", "false", "tick the last child on a halt too"),),
-          possible.in_sequence_before_the_last, next_after=possible.SUCCEEDS, last_is_apart=True,
-          fewest_children=2, children="the last is the one that catches"),
+    _spec(controls.Parallel, possible.in_parallel),
+    _spec(controls.ParallelAll, possible.ANY),
+    _spec(controls.TryCatch, possible.in_sequence_before_the_last, next_after=possible.SUCCEEDS,
+          last_is_apart=True, fewest_children=2, children="the last is the one that catches"),
     *map(_switch, range(2, 7)),
-    _spec(decorators.Inverter, (), possible.swapped),
-    _spec(decorators.ForceSuccess, (), possible.forced(possible.SUCCEEDS)),
-    _spec(decorators.ForceFailure, (), possible.forced(possible.FAILS)),
-    _spec(decorators.KeepRunningUntilFailure, (), possible.until_failure, is_instant=False),
-    _spec(decorators.Repeat, (_in("num_cycles", "int", None, "rounds; -1: no limit"),),
-          possible.repeated, rounds="num_cycles", repeats_on=possible.SUCCEEDS),
-    _spec(decorators.RetryUntilSuccessful,
-          (_in("num_attempts", "int", None, "attempts; -1: no limit"),),
-          possible.retried, rounds="num_attempts", repeats_on=possible.FAILS),
-    _spec(decorators.RunOnce, (_in("then_skip", "bool", "true",
-                                   "later ticks are SKIPPED, else they repeat the result"),),
-          possible.of_any_child_or(possible.SKIPS)),
-    _spec(decorators.Precondition,
-          (_in("if", TEXT, None, "script that must be true", Role.SCRIPT),
-           _in("else", "NodeStatus", "FAILURE", "the result if it is not")),
-          possible.with_precondition),
-    _spec(decorators.Delay, (_in("delay_msec", "uint", None, "wait that long, in ms"),),
-          possible.of_any_child, is_instant=False, pause="delay_msec"),
-    _spec(decorators.Timeout,
-          (_in("msec", "uint", None, "the longest time of the child, in ms; 0: no limit"),),
-          possible.of_any_child_or(possible.FAILS)),
+    _spec(decorators.Inverter, possible.swapped),
+    _spec(decorators.ForceSuccess, possible.forced(possible.SUCCEEDS)),
+    _spec(decorators.ForceFailure, possible.forced(possible.FAILS)),
+    _spec(decorators.KeepRunningUntilFailure, possible.until_failure, is_instant=False),
+    _spec(decorators.Repeat, possible.repeated, rounds="num_cycles",
+          repeats_on=possible.SUCCEEDS),
+    _spec(decorators.RetryUntilSuccessful, possible.retried, rounds="num_attempts",
+          repeats_on=possible.FAILS),
+    _spec(decorators.RunOnce, possible.of_any_child_or(possible.SKIPS)),
+    _spec(decorators.Precondition, possible.with_precondition),
+    _spec(decorators.Delay, possible.of_any_child, is_instant=False, pause="delay_msec"),
+    _spec(decorators.Timeout, possible.of_any_child_or(possible.FAILS)),
     _loop("LoopInt", "int", "integers", "vec_int"),
     _loop("LoopBool", "bool", "booleans"),
     _loop("LoopDouble", "double", "reals", "vec_double"),
     _loop("LoopString", TEXT, "texts"),
-    _spec(decorators.SkipUnlessUpdated, _ENTRY, possible.of_any_child_or(possible.SKIPS)),
-    _spec(decorators.WaitValueUpdate, _ENTRY, possible.of_any_child, is_instant=False),
-    _spec(AlwaysSuccess, outcome=possible.SUCCEEDS),
-    _spec(AlwaysFailure, outcome=possible.FAILS),
-    _spec(RunScript, (_in("code", TEXT, None, "the script", Role.SCRIPT),), possible.SUCCEEDS,
-          "Script"),
-    _spec(SetBlackboard, (_in("value", "any", None, "a text, or {entry} to copy"),
-                          Port("output_key", "any", Direction.INOUT, None,
-                               "name of the entry to write", Role.WRITES))),
-    _spec(UnsetBlackboard, (_in("key", TEXT, None, "name of the entry to remove", Role.NAMES),),
-          possible.SUCCEEDS),
-    _spec(Sleep, (_in("msec", "uint", None, "how long, in ms"),), possible.SUCCEEDS,
-          is_instant=False, pause="msec"),
-    _spec(WasEntryUpdated, _ENTRY),
-    _spec(ScriptCondition, (_in("code", "any", None, "script that must be true", Role.SCRIPT),)),
-    NodeSpec("SubTree", Kind.SUBTREE, decorators.SubTree,
-             (_in("_autoremap", "bool", "false", "entries of equal name are the parent's"),),
+    _spec(decorators.SkipUnlessUpdated, possible.of_any_child_or(possible.SKIPS)),
+    _spec(decorators.WaitValueUpdate, possible.of_any_child, is_instant=False),
+    _spec(AlwaysSuccess, possible.SUCCEEDS),
+    _spec(AlwaysFailure, possible.FAILS),
+    _spec(RunScript, possible.SUCCEEDS, "Script"),
+    _spec(SetBlackboard),
+    _spec(UnsetBlackboard, possible.SUCCEEDS),
+    _spec(Sleep, possible.SUCCEEDS, is_instant=False, pause="msec"),
+    _spec(WasEntryUpdated),
+    _spec(ScriptCondition),
+    NodeSpec("SubTree", Kind.SUBTREE, decorators.SubTree, decorators.SubTree.PORTS,
              "Another tree of the file in this place.", outcome=possible.of_any_child),
 )
 

@@ -4,17 +4,18 @@ A control node stores RUNNING at the start of its tick. When it returns SKIPPED 
 therefore stays RUNNING, and its parent will halt it: that is the library's behaviour, recorded in
 its traces.
 """
-from typing import Any, List, Optional, Set
+from typing import Any, Optional, Set
 
 from py_trees import composites
 from py_trees.common import ParallelPolicy
 
-from behavior_controller.bt.engine.node import Node, NodeError, Parent, Result, halt_child
+from behavior_controller.bt.engine.node import NodeError, Parent, Result, halt_child
 from behavior_controller.bt.engine import ports
+from behavior_controller.bt.registry import Port, Role
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
-class Control(Parent):
+class Control(Parent, composites.Composite):
     """A node with one or more children."""
 
     def others_halted(self, kept: int) -> None:
@@ -34,11 +35,6 @@ class Control(Parent):
     def current_child(self) -> Any:
         """The last child that is not INVALID, or None (py_trees)."""
         return next((child for child in reversed(self.children) if child.status is not IDLE), None)
-
-    def tip(self) -> Any:
-        """Return the deepest node that was active (py_trees)."""
-        child = self.current_child
-        return Node.tip(self) if child is None else child.tip()
 
 
 class _InOrder(Control):
@@ -222,9 +218,19 @@ class _Side(Control, composites.Parallel):
         Control.halt(self)
 
 
+def _count(name: str, default: str, description: str, if_zero: str) -> Port:
+    return Port(name, "int", default=default, description=description, role=Role.CHILDREN,
+                if_zero=if_zero)
+
+
 class Parallel(_Side):
     """All children at once; ``success_count`` and ``failure_count`` decide, and are tested after
     every child."""
+
+    _if_zero = "is decided before any child has done its work"
+    PORTS = (
+        _count("success_count", "-1", "children that must succeed; -1 is all", _if_zero),
+        _count("failure_count", "1", "children that must fail to fail; -1 is all", _if_zero))
 
     def update(self) -> Result:
         """Tick every child that has not completed, until the thresholds decide."""
@@ -247,6 +253,9 @@ class Parallel(_Side):
 class ParallelAll(_Side):
     """All children to their end; FAILURE if at least ``max_failures`` of them failed."""
 
+    _if_zero = "waits for all children, and is then always FAILURE"
+    PORTS = (_count("max_failures", "1", "FAILURE if at least as many children fail", _if_zero),)
+
     def update(self) -> Result:
         """Tick every child that has not completed."""
         allowed = self.threshold("max_failures", "fail")
@@ -261,7 +270,7 @@ class ParallelAll(_Side):
         return RUNNING
 
 
-class _Branches(Control, composites.Composite):
+class _Branches(Control):
     """The base of IfThenElse and WhileDoElse."""
 
     def require_two_or_three(self) -> None:
@@ -327,7 +336,7 @@ class WhileDoElse(_Branches):
         return RUNNING if result is RUNNING else self.finished(result)
 
 
-class Switch(Control, composites.Composite):
+class Switch(Control):
     """The child whose ``case_i`` equals ``variable``, else the last one."""
 
     def __init__(self, name: str, cases: int):
@@ -364,15 +373,13 @@ class Switch(Control, composites.Composite):
         super().halt()
 
 
-class TryCatch(Control, composites.Composite):
+class TryCatch(Control):
     """All children but the last in order; if one fails, the last one runs and the node fails."""
 
+    PORTS = (Port("catch_on_halt", "bool", default="false",
+                  description="tick the last child on a halt too"),)
     index = skipped = 0
     catching = False
-
-    @property
-    def _tries(self) -> List[Any]:
-        return self.children[:-1]
 
     def update(self) -> Result:
         """Tick the try block, or the catch child once the block has failed."""
@@ -380,47 +387,38 @@ class TryCatch(Control, composites.Composite):
             self.skipped = 0
             self.catching = False
         self.begin()
-        return self._catch() if self.catching else self._try()
-
-    def _try(self) -> Result:
-        tries = self._tries
-        while self.index < len(tries):
+        *tries, catch = self.children
+        while self.index < len(tries) and not self.catching:
             result = tries[self.index].execute()
             if result is RUNNING:
                 return RUNNING
             if result is FAILURE:
                 self.halt_children()
-                self.index = 0
                 self.catching = True
-                return self._catch()
-            self.index += 1
-            if result is SKIPPED:
+            elif result is SKIPPED:
                 self.skipped += 1
-        all_skipped = self.skipped == len(tries)
-        self._end()
-        return SKIPPED if all_skipped else SUCCESS
-
-    def _catch(self) -> Result:
-        if self.children[-1].execute() is RUNNING:
-            return RUNNING
-        self._end()
-        return FAILURE
-
-    def _end(self) -> None:
+            self.index += 1
+        result = SKIPPED if self.skipped == len(tries) else SUCCESS
+        if self.catching:
+            if catch.execute() is RUNNING:
+                return RUNNING
+            result = FAILURE
         self.halt_children()
-        self._clear()
+        self._start_anew()
+        return result
 
-    def _clear(self) -> None:
+    def _start_anew(self) -> None:
         self.index = self.skipped = 0
         self.catching = False
 
     def halt(self) -> None:
         """With ``catch_on_halt``, give the catch child one tick first."""
+        *tries, catch = self.children
         if (self.status is not IDLE and not self.catching
                 and self.input_or("catch_on_halt", False)):
-            for child in self._tries:
+            for child in tries:
                 halt_child(child)
-            if self.children[-1].execute() is RUNNING:
-                halt_child(self.children[-1])
-        self._clear()
+            if catch.execute() is RUNNING:
+                halt_child(catch)
+        self._start_anew()
         super().halt()

@@ -1,14 +1,16 @@
 """The decorators of BehaviorTree.CPP v4 and the SubTree node: one child each."""
 from collections import deque
-from typing import Any, Deque, Optional
+from typing import Any, Deque, Optional, Tuple
 
 from py_trees import decorators
 from py_trees.common import BlackBoxLevel
 
 from behavior_controller.bt.engine.node import (
-    ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child)
+    ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child, run_script)
 from behavior_controller.bt.engine import ports
+from behavior_controller.bt.registry import Direction, Port, Role
 from behavior_controller.bt.script.parser import Script, compile_script, to_bool
+from behavior_controller.bt.script.values import TEXT
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
@@ -38,10 +40,6 @@ class Decorator(Parent, decorators.Decorator):
         if result is SUCCESS or result is FAILURE:
             self.decorated.reset()
         return result
-
-    def tip(self) -> Any:
-        """Return the deepest node that was active (py_trees)."""
-        return Node.tip(self) if self.decorated.status is IDLE else self.decorated.tip()
 
 
 class Inverter(Decorator):
@@ -86,14 +84,13 @@ class KeepRunningUntilFailure(Decorator):
 class Repeat(Decorator):
     """The child ``num_cycles`` times while it succeeds; -1: no limit."""
 
-    port = "num_cycles"
+    PORTS = (Port("num_cycles", "int", description="rounds; -1: no limit"),)
     goes_on_at = SUCCESS
     ends_at = FAILURE
-
     count = 0
 
     def _limit(self) -> int:
-        return self.required(self.port)
+        return self.required(self.PORTS[0].name)
 
     def update(self) -> Result:
         """Tick the child; yield after a round that was done at once, go on within the tick after a
@@ -136,7 +133,7 @@ class RetryUntilSuccessful(Repeat):
     """The child up to ``num_attempts`` times until it succeeds; -1: no limit. A failure reads the
     port again."""
 
-    port = "num_attempts"
+    PORTS = (Port("num_attempts", "int", description="attempts; -1: no limit"),)
     goes_on_at = FAILURE
     ends_at = SUCCESS
 
@@ -147,6 +144,8 @@ class RetryUntilSuccessful(Repeat):
 class RunOnce(Decorator):
     """The child once in the life of the tree; later ticks are SKIPPED or repeat the result."""
 
+    PORTS = (Port("then_skip", "bool", default="true",
+                  description="later ticks are SKIPPED, else they repeat the result"),)
     result: Optional[Result] = None
 
     def update(self) -> Result:
@@ -183,13 +182,15 @@ class Scripted:
 
     def run(self: Any) -> Any:
         """Run the script as it was read."""
-        return self.script.run(self.blackboard, self.services.enums)
+        return run_script(self.script, self, self.script_port)
 
 
 class Precondition(Scripted, Decorator):
     """The child if the script ``if`` is true, else the status ``else``. It is not evaluated again
     while the child runs."""
 
+    PORTS = (Port("if", TEXT, description="script that must be true", role=Role.SCRIPT),
+             Port("else", "NodeStatus", default="FAILURE", description="the result if it is not"))
     script_port, missing = "if", "parameter"
     latched = False
 
@@ -210,6 +211,8 @@ class Precondition(Scripted, Decorator):
 
 class Delay(Timed, Decorator):
     """The child after ``delay_msec``."""
+
+    PORTS = (Port("delay_msec", "uint", description="wait that long, in ms"),)
 
     def update(self) -> Result:
         """Start the timer, wait for it, then tick the child."""
@@ -233,6 +236,8 @@ class Delay(Timed, Decorator):
 class Timeout(Timed, Decorator):
     """The child for at most ``msec``, then it is halted and the node fails. 0: no limit."""
 
+    PORTS = (Port("msec", "uint",
+                  description="the longest time of the child, in ms; 0: no limit"),)
     active = False
 
     def update(self) -> Result:
@@ -320,27 +325,41 @@ class Loop(Decorator):
                         "std::vector<T>, or a string")
 
 
-class SkipUnlessUpdated(Decorator):
+class Watching:
+    """A node that watches ``entry``."""
+
+    PORTS: Tuple[Port, ...] = (
+        Port("entry", "Any", description="the entry to watch", role=Role.WATCHED),)
+    seen = 0
+    key = ""
+
+    def configure(self: Any) -> None:
+        """Find the entry's name, written with or without braces."""
+        text = self.attributes.get("entry")
+        if not text:
+            raise ConfigureError(f"Missing port 'entry' in {self.name}")
+        self.key = ports.reference(text, "entry") or text
+
+    def is_updated(self: Any) -> bool:
+        """Return whether the entry was written since this was last true."""
+        entry = self.blackboard.find(self.key)
+        if entry is None or entry.sequence == self.seen:
+            return False
+        self.seen = entry.sequence
+        self.services.changes += 1
+        return True
+
+
+class SkipUnlessUpdated(Watching, Decorator):
     """The child if ``entry`` was written since this node's last tick, else SKIPPED."""
 
     otherwise: Result = SKIPPED
-    seen = 0
     child_runs = False
-    key = ""
-
-    def configure(self) -> None:
-        """Find the entry's name."""
-        self.key = entry_key(self)
 
     def update(self) -> Result:
-        """Go on with a running child, else compare the entry's write counter."""
-        if not self.child_runs:
-            entry = self.blackboard.find(self.key)
-            sequence = entry.sequence if entry is not None else None
-            if sequence is None or sequence == self.seen:
-                return self.otherwise
-            self.seen = sequence
-            self.services.changes += 1
+        """Go on with a running child, else look whether the entry was written."""
+        if not self.child_runs and not self.is_updated():
+            return self.otherwise
         result = self.decorated.execute()
         self.child_runs = result is RUNNING
         return result
@@ -361,6 +380,8 @@ class SubTree(Decorator):
     """Another tree of the file in this place, with its own blackboard (BT.CPP section "SubTree").
     """
 
+    PORTS = (Port("_autoremap", "bool", default="false",
+                  description="entries of equal name are the parent's"),)
     blackbox_level = BlackBoxLevel.COMPONENT
 
     def update(self) -> Result:
@@ -368,12 +389,3 @@ class SubTree(Decorator):
         if self.status is IDLE:
             self.store(RUNNING)
         return self.tick_child()
-
-
-def entry_key(node: Node) -> str:
-    """Return the name of the entry that port ``entry`` of ``node`` means, written with or without
-    braces."""
-    text = node.attributes.get("entry")
-    if not text:
-        raise ConfigureError(f"Missing port 'entry' in {node.name}")
-    return ports.reference(text, "entry") or text

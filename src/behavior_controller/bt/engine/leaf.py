@@ -129,8 +129,8 @@ class BehaviourLeaf(Timed, Node):
         self.feedback_message = self.behaviour.feedback_message
         status = self.behaviour.status
         if status is IDLE:
-            raise NodeError("its update returned INVALID or no status; it must return RUNNING, "
-                            "SUCCESS or FAILURE")
+            allowed = "it must return RUNNING, SUCCESS or FAILURE"
+            raise NodeError(f"its update returned INVALID or no status; {allowed}")
         if status is RUNNING:
             self.start_timer(POLLING)
         else:

@@ -21,7 +21,7 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.script.parser import Script, ScriptError, to_bool
-from behavior_controller.bt.registry import NodeSpec, Port, Role
+from behavior_controller.bt.registry import NodeSpec, Port
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.text import clean
@@ -29,7 +29,9 @@ from behavior_controller.text import clean
 Result = Union[Status, Skipped]
 Observer = Callable[["Node", Status, Status], None]
 
-PRE_CONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
+DECISIONS: Dict[str, Result] = {
+    "_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
+PRE_CONDITIONS = tuple(DECISIONS)
 POST_CONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 
 
@@ -122,11 +124,11 @@ class Interception:
         status = node.status
         if status is IDLE:
             for attribute, script in self.conditions:
-                if to_bool(_run(script, node, attribute)) is not (attribute == "_while"):
-                    return _DECISIONS[attribute]
+                if to_bool(run_script(script, node, attribute)) is not (attribute == "_while"):
+                    return DECISIONS[attribute]
         elif status is RUNNING:
             for attribute, script in self.conditions:
-                if attribute == "_while" and not to_bool(_run(script, node, attribute)):
+                if attribute == "_while" and not to_bool(run_script(script, node, attribute)):
                     node.halt_node()
                     return SKIPPED
         return None
@@ -134,12 +136,12 @@ class Interception:
     def run(self, node: "Node", *attributes: str) -> None:
         """Run the scripts of these post-conditions."""
         for attribute in attributes:
-            script = self.scripts.get(attribute)
-            if script is not None:
-                _run(script, node, attribute)
+            if attribute in self.scripts:
+                run_script(self.scripts[attribute], node, attribute)
 
 
-def _run(script: Script, node: "Node", attribute: str) -> Any:
+def run_script(script: Script, node: "Node", attribute: str) -> Any:
+    """Run a script of a node and return its value; what it raises knows its place in the file."""
     try:
         return script.run(node.blackboard, node.services.enums)
     except BehaviorControllerError as error:
@@ -150,18 +152,15 @@ def _run(script: Script, node: "Node", attribute: str) -> Any:
 
 
 def place_of(error: BehaviorControllerError) -> str:
-    """Return ``file:line:column`` of the node at which a tick failed; "" if the tree is not from a
-    file."""
-    node = error.node if isinstance(error, TickError) else None
-    cause = error.cause if isinstance(error, TickError) else error
-    element, attribute = (node.element if node is not None else None), None
+    """Return ``file:line:column`` of the node at which a tick failed, or of its script; "" if the
+    tree is not from a file."""
+    cause: Any = error
+    element, attribute = None, None
+    if isinstance(error, TickError):
+        cause, element = error.cause, getattr(error.node, "element", None)
     if isinstance(cause, BehaviorControllerError) and cause.origin:
         element, attribute = cause.origin
-    if element is None:
-        return ""
-    if attribute is None and node is not None and isinstance(cause, ScriptError):
-        attribute = next((port.name for port in node.spec.ports if port.role is Role.SCRIPT), None)
-    return "{}:{}:{}".format(clean(element.document.file), *element.place(attribute))
+    return "" if element is None else element.where(attribute)
 
 
 class Node(Behaviour):
@@ -172,6 +171,7 @@ class Node(Behaviour):
     the tree, ``uid`` the number in depth-first order from 1 (BT.CPP section "UIDs and paths").
     """
 
+    PORTS: Tuple[Port, ...] = ()
     status: Status
     element: Any = None
     """The ``document.Element`` that the node was made from, if it was made from a file."""
@@ -267,8 +267,7 @@ class Node(Behaviour):
             result = interception.after(self, result)
         if result is not SKIPPED and (result is not self.status or result is IDLE):
             self.store(result)
-        if result is RUNNING and self.is_instant and (
-                self.hook is None or not self.hook.is_holding):
+        if result is RUNNING and self.is_instant and not (self.hook and self.hook.is_holding):
             raise TickError(self, NodeError("SyncActionNode MUST never return RUNNING"))
         return result
 
@@ -278,8 +277,8 @@ class Node(Behaviour):
         old = self.status
         if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
             shown = "IDLE" if status is IDLE else repr(status)
-            raise TickError(self, NodeError(f"its rule returned {shown}; it must be RUNNING, "
-                                            "SUCCESS, FAILURE or SKIPPED"))
+            allowed = "it must be RUNNING, SUCCESS, FAILURE or SKIPPED"
+            raise TickError(self, NodeError(f"its rule returned {shown}; {allowed}"))
         self.status = status
         if self.observer is not None and old is not status:
             self.observer(self, old, status)
@@ -287,9 +286,7 @@ class Node(Behaviour):
     def place_in_file(self) -> str:
         """Return ``file:line:column: `` as a message begins with it, or nothing if the node was not
         made from a file."""
-        if self.element is None:
-            return ""
-        return "{}:{}:{}: ".format(self.element.document.file, *self.element.place())
+        return "" if self.element is None else f"{self.element.where()}: "
 
     def reset(self) -> None:
         """Go back to IDLE; children and scripts are not touched."""
@@ -397,8 +394,9 @@ class Node(Behaviour):
 
     def _is_fixed(self, *_arguments: Any, **_named: Any) -> Any:
         """Raise NodeError."""
-        raise NodeError(f"{self.place_in_file()}the children of {self.full_path} are those of its "
-                        "file, which cannot be changed in the running tree; load another file")
+        where = f"{self.place_in_file()}the children of {self.full_path}"
+        raise NodeError(f"{where} are those of its file, which cannot be changed in the running "
+                        "tree; load another file")
 
     add_child = add_children = insert_child = prepend_child = replace_child = _is_fixed
     remove_child = remove_child_by_id = remove_all_children = _is_fixed
@@ -446,10 +444,6 @@ def label(node: Any) -> Tuple[str, str]:
     if node.full_path.rsplit("/", 1)[-1] == f"{node.name}::{node.uid}":
         return clean(node.name), f"#{node.uid}"
     return clean(node.name), f"({node.registration_id}) #{node.uid}"
-
-
-_DECISIONS: Dict[str, Result] = {
-    "_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
 
 
 def halt_child(child: Any) -> None:

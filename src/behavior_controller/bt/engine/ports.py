@@ -22,8 +22,8 @@ class TypeClash(PortError):
     """A port refers to an entry of another type."""
 
     def __init__(self, key: str, entry: Entry, port: Port):
-        super().__init__(f"the entry [{key}] has type [{entry.type}], and the port [{port.name}] "
-                         f"here has type [{port.type}]")
+        own = f"the port [{port.name}] here has type [{port.type}]"
+        super().__init__(f"the entry [{key}] has type [{entry.type}], and {own}")
         self.entry = entry
 
 

@@ -10,6 +10,7 @@ from behavior_controller.bt.script.values import to_int
 from behavior_controller.bt.status import BY_NAME, FAILURE, NUMBERS, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 
+INVALID_STATUS = "return_status resolved to invalid status"
 STATUS_NUMBERS = {name: NUMBERS[status] for name, status in BY_NAME.items()}
 
 
@@ -54,8 +55,7 @@ class TestNode(TimedAction):
     def configure(self) -> None:
         """Check the status and read the scripts."""
         if self.config.get("return_status") == "IDLE":
-            raise ConfigureError(
-                "TestNode return_status resolved to invalid status (integer value: 0)")
+            raise ConfigureError(f"TestNode {INVALID_STATUS} (integer value: 0)")
         for key in ("return_status_script", "success_script", "failure_script", "post_script"):
             if self.config.get(key):
                 self.scripts[key] = compile_script(self.config[key])
@@ -78,8 +78,8 @@ class TestNode(TimedAction):
         number = to_int(self.scripts["return_status_script"].run(self.blackboard, enums))
         allowed = list(BY_NAME)[1:]  # all but IDLE
         if not 0 < number <= len(allowed):
-            raise NodeError("TestNode return_status resolved to invalid status (integer value: "
-                            f"{number}); allowed: {' '.join(allowed)}")
+            wrong = f"TestNode {INVALID_STATUS} (integer value: {number})"
+            raise NodeError(f"{wrong}; allowed: {' '.join(allowed)}")
         return BY_NAME[allowed[number - 1]]
 
     def _run(self, key: str) -> None:

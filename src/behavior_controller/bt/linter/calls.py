@@ -1,5 +1,4 @@
 """Rules about what SubTrees are given and give back, and about entries that nothing writes."""
-import itertools
 from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.linter import rules
@@ -12,6 +11,7 @@ from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.script.values import TEXT
+from behavior_controller.text import first_names
 
 
 def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
@@ -50,23 +50,23 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
     near = ""
     if len(name) > 2:
         near = facts.findings.nearest(name, known.union(model).difference(call.attributes))
+    rule = rules.SUBTREE_CONDITION
     if condition_meant(name):
-        facts.warn(rules.SUBTREE_CONDITION, call,
-                   f"{name} is an entry of the tree {called}, no condition", condition_meant(name),
-                   name)
+        text = f"{name} is an entry of the tree {called}, no condition"
+        hint = condition_meant(name)
     elif name.lower() in ("autoremap", "auto_remap"):
-        facts.warn(rules.SUBTREE_CONDITION, call,
-                   f"{name} is an entry of the tree {called}, and remaps nothing",
-                   "did you mean _autoremap?", name)
+        text = f"{name} is an entry of the tree {called}, and remaps nothing"
+        hint = "did you mean _autoremap?"
     elif model:
-        facts.warn(rules.MODEL_PORT_UNKNOWN, call, f"the model of {called} has no port {name}",
-                   near or f"its ports: {', '.join(model)}", name)
+        rule, text = rules.MODEL_PORT_UNKNOWN, f"the model of {called} has no port {name}"
+        hint = near or f"its ports: {', '.join(model)}"
     elif near or (outer is not None and facts.flow.is_known):
-        has = ", ".join(itertools.islice(forgotten or sorted(known), 10))
-        facts.warn(rules.SUBTREE_PORT_UNKNOWN, call, f"the tree {called} uses no entry {name}",
-                   near or f"the tree {called} has {has or 'no entries'}", name)
+        has = first_names(forgotten or sorted(known)) or "no entries"
+        rule, text = rules.SUBTREE_PORT_UNKNOWN, f"the tree {called} uses no entry {name}"
+        hint = near or f"the tree {called} has {has}"
     else:
         return False
+    facts.report(rule, call, text, hint, name)
     if outer is not None:
         facts.excuse(tree, outer)
     return True
@@ -77,10 +77,9 @@ def _check_result(facts: MissionFacts, call: Element, name: str, text: str, tree
     called = call.attributes["ID"]
     key = (called, name)
     if text.isidentifier() and key in facts.flow.own and key not in facts.flow.reads:
-        facts.warn(
-            rules.BRACES_FORGOTTEN, call,
-            f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there is lost",
-            f"the entry is written {{{text}}}", name)
+        lost = f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there is lost"
+        hint = f"the entry is written {{{text}}}"
+        facts.report(rules.BRACES_FORGOTTEN, call, lost, hint, name)
         facts.excuse(tree, text)
 
 
@@ -94,8 +93,8 @@ def _tell_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) ->
         hint = f"write {name}=\"{{@{name}}}\""
     elif facts.defaults.written_by(name) or near:
         hint = f"{hint}; {near}"
-    facts.warn(rules.SUBTREE_PORT_MISSING, call,
-               f"the tree {called} needs the entry {name}, which this call does not give", hint)
+    text = f"the tree {called} needs the entry {name}, which this call does not give"
+    facts.report(rules.SUBTREE_PORT_MISSING, call, text, hint)
 
 
 def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, called: str) -> None:
@@ -104,11 +103,9 @@ def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, cal
     if port is None or ports.subtree_literal(text)[0] != TEXT:
         return
     wrong = ports.literal_fault(text, port, {})
-    if not is_cut_short(facts.warn, call, name, port, port.type) and wrong is not None:
-        facts.warn(
-            rules.WRONG_LITERAL, call,
-            f"{name}=\"{text}\" cannot be of type {port.type}, as the port {port.name} there",
-            wrong, name)
+    if not is_cut_short(facts.report, call, name, port, port.type) and wrong is not None:
+        refused = f"{name}=\"{text}\" cannot be of type {port.type}, as the port {port.name} there"
+        facts.report(rules.WRONG_LITERAL, call, refused, wrong, name, as_warning=True)
 
 
 def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, tree: str) -> None:
@@ -120,8 +117,8 @@ def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, t
     near = _meant(key[1], known)
     if near:
         facts.excuse(tree, outer)
-        facts.warn(rules.ENTRY_MISSPELT, call, f"the entry {outer} is named nowhere else",
-                   f"did you mean {near}?", name)
+        text = f"the entry {outer} is named nowhere else"
+        facts.report(rules.ENTRY_MISSPELT, call, text, f"did you mean {near}?", name)
 
 
 # --------------------------------------------------------------------- entries that are not written
@@ -161,9 +158,10 @@ def _check_written(facts: MissionFacts) -> None:
                              if other[:1] + other[-1:] == name[:1] + name[-1:]
                              and flow.first((tree, other)) in read & written & created})
         if near:
-            facts.warn(rules.ENTRY_MISSPELT, place.element,
-                       f"the entry {name} is written here, and read nowhere",
-                       f"did you mean {near}?", place.attribute, place.at)
+            text = f"the entry {name} is written here, and read nowhere"
+            element, attribute, at = place.element, place.attribute, place.at
+            hint = f"did you mean {near}?"
+            facts.report(rules.ENTRY_MISSPELT, element, text, hint, attribute, at)
 
 
 def _check_read(facts: MissionFacts, read: Access) -> None:
@@ -175,9 +173,8 @@ def _check_read(facts: MissionFacts, read: Access) -> None:
     hint = hint or facts.defaults.written_by(name) or facts.findings.nearest(name, written)
     if not hint and _is_like_a_text(read):
         hint = f"a text needs single quotes: '{name}'"
-    facts.warn(rules.NEVER_WRITTEN, read.element,
-               f"the entry {name} is read here, but nothing writes it", hint, read.attribute,
-               read.at)
+    text = f"the entry {name} is read here, but nothing writes it"
+    facts.report(rules.NEVER_WRITTEN, read.element, text, hint, read.attribute, read.at)
 
 
 def _is_like_a_text(read: Access) -> bool:
@@ -191,11 +188,10 @@ def _is_like_a_text(read: Access) -> bool:
 
 def _writer_elsewhere(facts: MissionFacts, name: str) -> str:
     """Return a hint if an entry of that name is written, but in another tree's blackboard."""
-    elsewhere = [tree for tree, names in facts.written.items()
-                 if tree != facts.trees.main and name in names]
-    if not elsewhere:
-        return ""
-    return f"the tree {elsewhere[0]} writes one of its own; that of the whole mission is @{name}"
+    for tree, names in facts.written.items():
+        if tree != facts.trees.main and name in names:
+            return f"the tree {tree} writes one of its own; that of the whole mission is @{name}"
+    return ""
 
 
 def _meant(name: str, known: Collection[str]) -> str:

@@ -2,8 +2,8 @@
 and SubTrees."""
 from typing import Counter, Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
 
-from behavior_controller.bt.linter.structure import given, is_port_name, remaps_all
-from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
+from behavior_controller.bt.linter.structure import CONDITIONS, given, is_port_name, remaps_all
+from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.script.parser import Script, ScriptSyntaxError, compile_script
@@ -76,13 +76,14 @@ class Flow:
              script: Optional[Script] = None) -> None:
         """Note that an entry is read."""
         key = self._used(tree, name)
-        at = script.facts.names[name] if script is not None else 0
+        at = script.facts.read[name] if script is not None else 0
         self.reads.setdefault(key, Access(key, element, attribute, at, script))
 
     def needs(self, tree: str) -> List[str]:
         """Return the entries that ``tree`` reads, and that it leaves to its callers to write."""
-        return [name for name in sorted(self.used.get(tree, ())) if (tree, name) in self.reads
-                and (tree, name) not in self.own and is_port_name(name)]
+        names = filter(is_port_name, sorted(self.used.get(tree, ())))
+        keys = [(tree, name) for name in names]
+        return [key[1] for key in keys if key in self.reads and key not in self.own]
 
     def write(self, tree: str, name: str, element: Element, attribute: str, at: int = 0,
               creates: bool = True, touches: bool = True) -> None:
@@ -148,14 +149,13 @@ def flow(trees: Mapping[str, List[Element]], main: str, models: Mapping[str, Lis
             if element.tag == "SubTree":
                 _call(result, tree, element, models.get(element.attributes["ID"], []))
             else:
-                spec = registry.find(element.type_id)
-                assert spec is not None  # guaranteed by the check
+                spec = registry[element.type_id]
                 for port in spec.ports:
                     _port(result, tree, element, port, spec.kind is not Kind.ACTION)
-            for name in PRE_CONDITIONS + POST_CONDITIONS:
-                if name in element.attributes:
-                    _script(result, tree, element, name, element.attributes[name], name
-                            in PRE_CONDITIONS)
+            for name in CONDITIONS:
+                text = element.attributes.get(name)
+                if text is not None:
+                    _script(result, tree, element, name, text, name in PRE_CONDITIONS)
     return result
 
 
@@ -163,25 +163,22 @@ def _port(result: Flow, tree: str, element: Element, port: Port, is_condition: b
     """Note what a port reads and writes; ``is_condition``: the script that it may hold decides
     something."""
     text = element.attributes.get(port.name, port.default)
-    if text is None:
+    if text is None or port.role is Role.NAMES:
         return
-    key = ports.reference(text, port.name)
-    if port.role is Role.NAMES:
-        return
-    if key is None and port.role is Role.WATCHED:
-        key = text
-    if key is not None:
-        if port.direction is not Direction.OUT and (port.name in element.attributes or
-                                                    not port.is_optional):
-            result.read(tree, key, element, port.name)
-            result.readers.setdefault(result.key(tree, key), port)
+    name, is_given = ports.reference(text, port.name), port.name in element.attributes
+    if name is None and port.role is Role.WATCHED:
+        name = text
+    if name is not None:
+        if port.direction is not Direction.OUT and (is_given or not port.is_optional):
+            result.read(tree, name, element, port.name)
+            result.readers.setdefault(result.key(tree, name), port)
         if port.direction is not Direction.IN and port.role is not Role.WRITES:
-            result.write(tree, key, element, port.name)
-        if port.name in element.attributes:  # when the tree is made
-            result.created.add(result.key(tree, key))
-        if port.name in element.attributes or port.direction is not Direction.IN:
-            result.types.setdefault(result.key(tree, key), set()).add(port.type)
-    if port.role in (Role.SCRIPT, Role.WRITES) and key is not None:
+            result.write(tree, name, element, port.name)
+        if is_given:  # when the tree is made
+            result.created.add(result.key(tree, name))
+        if is_given or port.direction is not Direction.IN:
+            result.types.setdefault(result.key(tree, name), set()).add(port.type)
+    if port.role in (Role.SCRIPT, Role.WRITES) and name is not None:
         result.is_known = False
     elif port.role is Role.SCRIPT:
         _script(result, tree, element, port.name, text, is_condition)
@@ -200,9 +197,9 @@ def _script(result: Flow, tree: str, element: Element, attribute: str, text: str
     except ScriptSyntaxError:
         return  # an empty one
     result.scripts.append(Use(tree, element, attribute, script, is_condition))
-    for name in sorted(script.read):
+    for name in sorted(script.facts.read):
         result.read(tree, name, element, attribute, script)
-    for name in sorted(script.written):
+    for name in sorted(script.facts.written):
         given = [assignment for assignment in script.facts.assignments if assignment.name == name]
         creates = any(assignment.sign == ":=" for assignment in given)
         result.write(tree, name, element, attribute, given[0].position, creates, touches=False)

@@ -20,28 +20,26 @@ class Findings:
         self._unrecorded = 0
         self._comparisons = _COMPARISONS
 
-    def fault(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
-              attribute: Optional[str] = None, at: int = 0) -> None:
-        """Record a fault; the element cannot be instantiated."""
-        self.faulty.add(id(element))
-        if len(self.errors) < MOST_FAULTS:
-            self.errors.append(element.fault(rule, text, hint, attribute, is_warning=False, at=at))
-        else:
+    def report(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
+               attribute: Optional[str] = None, at: int = 0, as_warning: bool = False) -> None:
+        """Record a finding, of an error ``as_warning`` if it does no harm here; an element with an
+        error cannot be instantiated."""
+        is_warning = as_warning or rule.is_warning
+        if not is_warning:
+            self.faulty.add(id(element))
+        found = self.warnings if is_warning else self.errors
+        if len(found) < MOST_FAULTS:
+            found.append(element.fault(rule, text, hint, attribute, is_warning, at))
+        elif not is_warning:
             self._unrecorded += 1
-
-    def warn(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
-             attribute: Optional[str] = None, at: int = 0) -> None:
-        """Record a warning."""
-        if len(self.warnings) < MOST_FAULTS:
-            self.warnings.append(element.fault(rule, text, hint, attribute, is_warning=True, at=at))
 
     def all(self, file: str) -> List[Fault]:
         """Return the findings in the order of the files; the last may say that ``file`` has more.
         """
         faults = sorted(dict.fromkeys(self.errors + self.warnings), key=by_place)
         if self._unrecorded:
-            faults.append(Fault(file, 0, 0, f"{self._unrecorded} more faults are not shown",
-                                code=rules.TOO_LARGE.code))
+            text = f"{self._unrecorded} more faults are not shown"
+            faults.append(Fault(file, 0, 0, text, code=rules.TOO_LARGE.code))
         return faults
 
     def may_compare(self, number: int) -> bool:

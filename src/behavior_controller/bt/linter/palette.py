@@ -1,17 +1,31 @@
-"""Node types as a ``<TreeNodesModel>``: the palette that Groot2 imports, and the model it asks a
-running tree for."""
-from typing import Iterable, List
+"""Palettes (``<TreeNodesModel>``): that of our node types, which Groot2 imports and asks a running
+tree for, and those of files, with stubs for the node types that we lack.
+
+BehaviorTree.CPP reads only the SubTree models there, so a palette that has grown stale goes
+unnoticed until a node of it is used. With stubs, a mission for another robot can be checked, though
+not run.
+"""
+from functools import partial
+from typing import Dict, Iterable, Iterator, List, Sequence, Tuple
 from xml.sax.saxutils import escape, quoteattr
 
-from behavior_controller.bt.registry import NodeSpec, Port
+from behavior_controller.bt.linter import rules
+from behavior_controller.bt.linter.nodes import ELSEWHERE
+from behavior_controller.bt.linter.findings import Findings
+from behavior_controller.bt.engine.builtins import AlwaysSuccess
+from behavior_controller.bt.engine.controls import Sequence as SequenceNode
+from behavior_controller.bt.engine.decorators import ForceSuccess
+from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
+from behavior_controller.bt.script.values import ANY, TYPES
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.errors import Fault
 from behavior_controller.text import without_controls
 
-TYPE_NAMES = {"string": "std::string", "uint": "unsigned int", "int8": "signed char",
-              "uint8": "unsigned char", "int64": "long", "uint64": "unsigned long",
-              "any": "BT::AnyTypeAllowed", "Any": "BT::Any", "NodeStatus": "BT::NodeStatus",
-              "vec_int": "std::vector<int>", "vec_double": "std::vector<double>",
-              "vec_string": "std::vector<std::string>", "vec_bool": "std::vector<bool>"}
-"""Our names of types, and those that BehaviorTree.CPP writes."""
+_KINDS = {kind.value: kind for kind in Kind}
+_DIRECTIONS = {direction.value: direction for direction in Direction}
+_FACTORIES = {Kind.ACTION: AlwaysSuccess, Kind.CONDITION: AlwaysSuccess, Kind.CONTROL: SequenceNode,
+              Kind.DECORATOR: ForceSuccess}
+_TYPES = {name: kind.name for kind in TYPES.values() for name in (kind.name, kind.cpp_name)}
 
 
 def tree_nodes_model(specs: Iterable[NodeSpec], indent: str = "") -> str:
@@ -26,7 +40,7 @@ def tree_nodes_model(specs: Iterable[NodeSpec], indent: str = "") -> str:
 
 def _model(spec: NodeSpec) -> List[str]:
     kind = spec.kind.value
-    inside = ["  " + _port(port) for port in spec.ports]
+    inside = ["  " + _written_port(port) for port in spec.ports]
     if spec.summary:
         inside += ["  <MetadataFields>", f"    <Metadata description={quoteattr(spec.summary)}/>",
                    "  </MetadataFields>"]
@@ -35,9 +49,113 @@ def _model(spec: NodeSpec) -> List[str]:
     return [f"<{kind} ID={quoteattr(spec.id)}>"] + inside + [f"</{kind}>"]
 
 
-def _port(port: Port) -> str:
+def _written_port(port: Port) -> str:
     default = "" if port.default is None else f" default={quoteattr(port.default)}"
     direction = port.direction.value
-    type_name = quoteattr(TYPE_NAMES.get(port.type, port.type))
+    type_name = quoteattr(TYPES[port.type].cpp_name or port.type)
     start = f"<{direction} name={quoteattr(port.name)} type={type_name}{default}"
     return f"{start}>{escape(port.description)}</{direction}>" if port.description else start + "/>"
+
+
+# --------------------------------------------------------------------------- the palettes of files
+
+
+def models(documents: Iterable[Document]) -> Iterator[Element]:
+    """Yield each model of a node type in the palettes of ``documents``."""
+    for document in documents:
+        for palette in document.root.children:
+            if palette.tag == "TreeNodesModel":
+                yield from (model for model in palette.children if model.tag in EXPLICIT)
+
+
+def is_palette(documents: Sequence[Document]) -> bool:
+    """Return whether a file holds a palette, and neither trees nor other files."""
+    return {child.tag for child in documents[-1].root.children} == {"TreeNodesModel"}
+
+
+def used_types(documents: Iterable[Document]) -> List[str]:
+    """Return the node types that the trees of ``documents`` name, each once."""
+    return list(dict.fromkeys(
+        element.type_id for document in documents for tree in document.root.children
+        if tree.tag == "BehaviorTree" for element in tree.below))
+
+
+# -------------------------------------------------------------------------------------------- stubs
+
+
+def stubs(documents: Iterable[Document], registry: Registry) -> Tuple[List[NodeSpec], List[Fault]]:
+    """Return a node type for each model in ``documents`` that ``registry`` lacks, and what is wrong
+    with models.
+
+    The first model of a name counts. What an older version of BehaviorTree.CPP had is not taken.
+    """
+    made: Dict[str, NodeSpec] = {}
+    faults: List[Fault] = []
+    for model in models(documents):
+        node_id = model.attributes.get("ID", "")
+        if not node_id:
+            text = f"<{model.tag}> in <TreeNodesModel> lacks the attribute ID"
+            faults.append(model.fault(rules.ID_MISSING, text, is_warning=True))
+        elif registry.find(node_id) is None and node_id not in ELSEWHERE:
+            made.setdefault(node_id, _stub(model, node_id))
+    return list(made.values()), faults
+
+
+def _stub(model: Element, node_id: str) -> NodeSpec:
+    elements = [port for port in model.children if port.tag in _DIRECTIONS
+                and port.attributes.get("name")]
+    # the library's own palettes do not tell which ports a node does without; one that does, of a
+    # port, means the rest
+    tells = any("optional" in port.attributes for port in elements)
+    kind = _KINDS[model.tag]
+    ports = tuple(_port(port, tells) for port in elements)
+    return NodeSpec(node_id, kind, partial(_FACTORIES[kind]), ports, is_stub=True)
+
+
+def _port(port: Element, tells: bool) -> Port:
+    given = port.attributes
+    is_optional = not tells or given.get("optional") in ("true", "1")
+    type_name = _TYPES.get(given.get("type") or ANY, ANY)
+    return Port(given["name"], type_name, _DIRECTIONS[port.tag], given.get("default"),
+                is_optional=is_optional)
+
+
+# ------------------------------------------------------------------------------------- stale models
+
+
+def check_models(documents: Sequence[Document], registry: Registry, findings: Findings) -> None:
+    """Warn of each model of a node that does not exist, is of another kind, or has other ports."""
+    known = [spec.id for spec in registry.all()]
+    for model in models(documents):
+        node_id = model.attributes.get("ID", "")
+        spec = registry.find(node_id)
+        if spec is None:
+            text = f"the palette has an unknown node {node_id}"
+            hint = findings.nearest(node_id, known)
+            findings.report(rules.PALETTE_UNKNOWN_NODE, model, text, hint, "ID")
+            continue
+        if model.tag != spec.kind.value:
+            kind, ours = _with_article(model.tag), _with_article(spec.kind.value)
+            text = f"the palette has {node_id} as {kind}; it is {ours}"
+            findings.report(rules.PALETTE_KIND, model, text)
+        _check_ports(model, spec, findings)
+
+
+def _with_article(word: str) -> str:
+    return f"an {word}" if word[0] in "AEIOU" else f"a {word}"
+
+
+def _check_ports(model: Element, spec: NodeSpec, findings: Findings) -> None:
+    for element in model.children:
+        name = element.attributes.get("name", "")
+        port = spec.port_named.get(name)
+        if element.tag not in _DIRECTIONS:
+            continue
+        if port is None:
+            text = f"the palette has an unknown port {name} of {spec.id}"
+            hint = findings.nearest(name, spec.port_named, "its ports")
+            findings.report(rules.PALETTE_PORT, element, text, hint, "name")
+        elif port.direction is not _DIRECTIONS[element.tag]:
+            direction = f"is an {port.direction.value}, not an {element.tag}"
+            text = f"the port {name} of {spec.id} {direction}"
+            findings.report(rules.PALETTE_DIRECTION, element, text)

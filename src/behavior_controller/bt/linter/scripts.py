@@ -3,8 +3,8 @@ from typing import List, Optional, Set, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.dataflow import Key, Use
-from behavior_controller.bt.linter.facts import MissionFacts
-from behavior_controller.bt.linter.kinds import NUMERAL, SOME_TEXT, Write, literal_kind
+from behavior_controller.bt.linter.facts import (
+    NUMERAL, SOME_TEXT, MissionFacts, Write, literal_kind)
 from behavior_controller.bt.script.parser import Operand, Operation
 from behavior_controller.text import did_you_mean
 
@@ -16,7 +16,6 @@ WORDS = {"not": "write !", "and": "write &&", "or": "write ||", "True": "write t
 
 _COMPARISONS = ("==", "!=", "<", ">", "<=", ">=")
 _TEXTS = {"text", NUMERAL, SOME_TEXT}
-_JOINED = "texts are joined with .."
 
 
 def check_scripts(facts: MissionFacts) -> None:
@@ -49,19 +48,18 @@ class _Scripts:
             self._changed(writes)
         for place in self.flow.texts:
             if self.facts.kinds.emptied(place):
-                self.facts.warn(
-                    rules.TEXT_EMPTIES, place.element,
-                    f"the entry {place.name} was made by a script: this text empties it",
-                    f"write it with a script: {place.name} := …", place.attribute)
+                text = f"the entry {place.name} was made by a script: this text empties it"
+                hint = f"write it with a script: {place.name} := …"
+                self.facts.report(rules.TEXT_EMPTIES, place.element, text, hint, place.attribute)
 
     def _warn(self, rule: rules.LintRule, use: Use, text: str, hint: str, at: int) -> None:
-        self.facts.warn(rule, use.element, text, hint, use.attribute, at)
+        self.facts.report(rule, use.element, text, hint, use.attribute, at)
 
     def _words(self, use: Use) -> bool:
-        for name, at in sorted(use.script.facts.names.items(), key=lambda item: item[1]):
+        for name, at in sorted(use.script.facts.read.items(), key=lambda item: item[1]):
             if name in WORDS and name not in self.written:
-                self._warn(rules.SCRIPT_WORD, use, f"{name} means nothing in a script",
-                           WORDS[name], at)
+                text = f"{name} means nothing in a script"
+                self._warn(rules.SCRIPT_WORD, use, text, WORDS[name], at)
                 return True
         return False
 
@@ -69,27 +67,23 @@ class _Scripts:
         statements = use.script.facts.statements
         for statement in statements[:-1] if use.is_condition else statements:
             if not statement.assigns:
+                text = f"a statement of {use.attribute} has no effect"
                 hint = "a value is assigned with :="
                 if use.is_condition:
                     hint = "&& or || joins two conditions"
-                self._warn(rules.SCRIPT_NO_EFFECT, use,
-                           f"a statement of {use.attribute} has no effect", hint,
-                           statement.position)
-                for name in use.script.read:
+                self._warn(rules.SCRIPT_NO_EFFECT, use, text, hint, statement.position)
+                for name in use.script.facts.read:
                     self.facts.excuse(use.tree, name)
                 return
 
     def _assigning(self, use: Use) -> None:
-        facts = use.script.facts
-        if not use.is_condition:
-            return
-        last = facts.statements[-1]
-        for assignment in facts.assignments:
-            if assignment.position >= last.position and (last.is_assignment or
-                                                         assignment.sign == "="):
-                self._warn(rules.CONDITION_ASSIGNS, use,
-                           f"{use.attribute} assigns to {assignment.name} instead of comparing",
-                           f"write {assignment.name} == …", assignment.position)
+        last = use.script.facts.statements[-1]
+        for assignment in use.script.facts.assignments if use.is_condition else ():
+            is_last = assignment.position >= last.position
+            if is_last and (last.is_assignment or assignment.sign == "="):
+                text = f"{use.attribute} assigns to {assignment.name} instead of comparing"
+                hint = f"write {assignment.name} == …"
+                self._warn(rules.CONDITION_ASSIGNS, use, text, hint, assignment.position)
                 return
 
     def _not_created(self, use: Use, is_excused: bool) -> None:
@@ -105,10 +99,10 @@ class _Scripts:
             self.uncreated.add(key)
             if not is_excused:
                 known = sorted(other for tree, other in self.created if tree == use.tree)
-                self._warn(rules.NOT_CREATED, use,
-                           f"{name} {sign} …, but nothing creates the entry {name}",
-                           did_you_mean(name, known, likeness=0.75)
-                           or f"create it first: {name} := …", position)
+                near = did_you_mean(name, known, likeness=0.75)
+                text = f"{name} {sign} …, but nothing creates the entry {name}"
+                hint = near or f"create it first: {name} := …"
+                self._warn(rules.NOT_CREATED, use, text, hint, position)
 
     # ---------------------------------------------------------------------------- texts and numbers
 
@@ -130,8 +124,9 @@ class _Scripts:
                 what = operand.word
                 if operand.kind == "name":
                     what = f"{operand.word}, which holds {wrong},"
-                self._warn(rules.NUMBER_AS_TRUTH, use, f"{what} is neither true nor false",
-                           f"compare it, as in {operand.word} > 0", operand.position)
+                text = f"{what} is neither true nor false"
+                hint = f"compare it, as in {operand.word} > 0"
+                self._warn(rules.NUMBER_AS_TRUTH, use, text, hint, operand.position)
                 return
 
     def _changed(self, writes: List[Write]) -> None:
@@ -140,10 +135,9 @@ class _Scripts:
         for write in known:
             if write.kind != known[0].kind and write.use is not None and write.assignment:
                 name, kind, first = write.assignment.name, write.kind, known[0].kind
-                self._warn(rules.KIND_CHANGES, write.use,
-                           f"{name} is assigned a {kind}, but elsewhere a {first}",
-                           "the first value decides the kind of an entry",
-                           write.assignment.position)
+                text = f"{name} is assigned a {kind}, but elsewhere a {first}"
+                hint = "the first value decides the kind of an entry"
+                self._warn(rules.KIND_CHANGES, write.use, text, hint, write.assignment.position)
                 return
 
     def _mixed(self, use: Use) -> None:
@@ -154,15 +148,14 @@ class _Scripts:
                 target = Operand("name", assignment.name, assignment.position)
                 operations.append(Operation(assignment.sign, target, assignment.value))
         for operation in operations:
-            wrong = _wrong(operation, self._kind(use, operation.left),
-                           self._kind(use, operation.right))
+            kinds = self._kind(use, operation.left), self._kind(use, operation.right)
+            wrong = _wrong(operation, *kinds)
             if wrong:
                 self._warn(rules.TEXT_AND_NUMBER, use, *wrong, operation.left.position)
         for signs, operand in facts.prefixed:
             if self._kind(use, operand) in _TEXTS:
-                self._warn(rules.TEXT_AND_NUMBER, use,
-                           f"{signs}{operand.word} needs a number, and gets a text", "",
-                           operand.position)
+                text = f"{signs}{operand.word} needs a number, and gets a text"
+                self._warn(rules.TEXT_AND_NUMBER, use, text, "", operand.position)
 
     def _kind(self, use: Use, operand: Operand) -> str:
         if operand.kind == "name":
@@ -182,15 +175,14 @@ def _no_truth(words: List[str]) -> str:
 
 def _wrong(operation: Operation, left: str, right: str) -> Optional[Tuple[str, str]]:
     """Return what is wrong with an operation on these kinds, and a hint."""
-    sign = operation.sign
+    sign, kinds = operation.sign, {left, right}
     said = f"{operation.left.word or '…'} {sign} {operation.right.word or '…'}"
     if sign in _COMPARISONS:
-        if {left, right} == {"text", "number"}:
-            return f"{said} compares a text with a number", ("a text needs single quotes, a number "
-                                                             "none")
-    elif _TEXTS & {left, right} and sign != ".." and (
-            sign not in ("+", "+=") or "number" in (left, right)):
-        return f"{said} calculates with a text", _JOINED
-    elif sign in ("+", "+=") and left == right == NUMERAL:
+        if kinds == {"text", "number"}:
+            hint = "a text needs single quotes, a number none"
+            return f"{said} compares a text with a number", hint
+    elif _TEXTS & kinds and sign != ".." and ("number" in kinds or sign not in ("+", "+=")):
+        return f"{said} calculates with a text", "texts are joined with .."
+    elif sign in ("+", "+=") and kinds == {NUMERAL}:
         return f"{said} joins two texts", "numbers stand in a script, without quotes"
     return None

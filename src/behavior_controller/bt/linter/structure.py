@@ -2,7 +2,7 @@
 12.3).
 """
 import re
-from typing import Callable, Counter, Dict, Iterable, List, Optional, Tuple
+from typing import Counter, Dict, Iterable, List, Optional, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
@@ -11,8 +11,11 @@ from behavior_controller.bt.linter.findings import MOST_FAULTS, Findings
 from behavior_controller.bt.registry import Port, Registry
 from behavior_controller.bt.script.values import TYPES
 from behavior_controller.errors import Fault
+from behavior_controller.text import first_names
 
 _FORBIDDEN = re.compile(r"[\x00- \x7f<>&\"'/\\:*?|.]")  # in names
+_SIGNS = "any of <>&\"'/\\:*?|."
+AROUND_THEM = "put a Sequence around them"
 CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
 PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
@@ -33,7 +36,7 @@ class Trees:
     def __init__(self, registry: Registry, tolerated: str):
         self.registry = registry
         self.findings = Findings()
-        self.fault, self.warn = self.findings.fault, self.findings.warn
+        self.report, self.nearest = self.findings.report, self.findings.nearest
         self.trees: Dict[str, Element] = {}
         # every <BehaviorTree>, also those that another replaces
         self.bodies: List[Tuple[str, Element]] = []
@@ -43,108 +46,97 @@ class Trees:
         # the trees that are part of the mission, called ones first, with the number of their nodes,
         # unfolded; all trees where there is no main tree
         self.used: Dict[str, int] = {}
+        self.documents: List[Document] = []  # the mission file is the last
         self.is_complete = True  # False: a file is missing, and what it would define
         self._tolerated = tolerated
-        self._file = ""
 
     @property
     def faults(self) -> List[Fault]:
         """What is found so far, in the order of the files."""
-        return self.findings.all(self._file)
-
-    @property
-    def errors(self) -> List[Fault]:
-        """The faults that keep the mission from loading."""
-        return [fault for fault in self.faults if not fault.is_warning]
+        return self.findings.all(self.documents[-1].file)
 
     def add(self, document: Document) -> None:
         """Collect the trees and models of one file."""
         root = document.root
-        self._file = document.file
+        self.documents.append(document)
         self.findings.errors.extend(document.faults)
         self.is_complete = self.is_complete and not document.faults
         if root.tag != "root":
-            self.fault(rules.WRONG_ROOT, root,
-                       f"the first element is <{root.tag}>; it must be <root>")
+            text = f"the first element is <{root.tag}>; it must be <root>"
+            self.report(rules.WRONG_ROOT, root, text)
             return
         self._format(root)
-        self.findings.warnings.extend(document.stray_text(MOST_FAULTS -
-                                                          len(self.findings.warnings)))
+        warnings = self.findings.warnings
+        warnings.extend(document.stray_text(MOST_FAULTS - len(warnings)))
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
         for extra in models[1:]:
-            self.fault(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")
+            self.report(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")
         for child in root.children:
             if child.tag == "BehaviorTree":
                 self._tree(child, root)
             elif models and child.tag in EXPLICIT + ("SubTree",) and "ID" not in child.attributes:
                 self.report_no_id(child)
             elif child.tag not in _BELOW_ROOT:
-                self.warn(rules.IGNORED_BELOW_ROOT, child, f"<{child.tag}> below <root> is ignored",
-                          self.findings.nearest(child.tag, _BELOW_ROOT))
+                text = f"<{child.tag}> below <root> is ignored"
+                hint = self.nearest(child.tag, _BELOW_ROOT)
+                self.report(rules.IGNORED_BELOW_ROOT, child, text, hint)
         for model in models:
             self._models(model)
 
     def _format(self, root: Element) -> None:
         version = root.attributes.get("BTCPP_format")
         if version is None:
-            self.warn(rules.FORMAT_MISSING, root, "<root> lacks BTCPP_format=\"4\"",
-                      "the file is read as version 4")
+            text, hint = "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4"
+            self.report(rules.FORMAT_MISSING, root, text, hint)
         elif version != "4":
-            self.warn(rules.OTHER_FORMAT, root,
-                      f"BTCPP_format is {version}; the file is read as version 4",
-                      attribute="BTCPP_format")
+            text = f"BTCPP_format is {version}; the file is read as version 4"
+            self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
 
     def _tree(self, tree: Element, root: Element) -> None:
         tree_id = tree.attributes.get("ID", "")
         if not tree_id:
             if len(root.children) > 1:
-                self.fault(rules.TREE_WITHOUT_ID, tree, "<BehaviorTree> lacks the attribute ID",
-                           *_instead_of_id(tree, "only a file with nothing else may go without"))
+                text = "<BehaviorTree> lacks the attribute ID"
+                hint = "only a file with nothing else may go without"
+                self.report(rules.TREE_WITHOUT_ID, tree, text, *_instead_of_id(tree, hint))
             tree_id = f"BehaviorTree_{len(self.trees) + 1}"
         else:
             self.check_id(tree, tree_id)
         if tree_id in self.trees:
             first = self.trees[tree_id]
-            self.warn(rules.TREE_TWICE, tree,
-                      f"the tree {tree_id} is defined again; this one is used, not that "
-                      f"of {first.document.file}:{first.place()[0]}", attribute="ID")
-        if len(tree.children) != 1:
-            self.fault(
-                rules.TREE_CHILDREN, tree,
-                f"<BehaviorTree ID=\"{tree_id}\"> has {len(tree.children)} children; it must have "
-                "exactly 1", "put a Sequence around them" if tree.children else "")
+            text = (f"the tree {tree_id} is defined again; this one is used, not that "
+                    f"of {first.document.file}:{first.place()[0]}")
+            self.report(rules.TREE_TWICE, tree, text, attribute="ID")
+        count = len(tree.children)
+        if count != 1:
+            text = f"<BehaviorTree ID=\"{tree_id}\"> has {count} children; it must have exactly 1"
+            self.report(rules.TREE_CHILDREN, tree, text, AROUND_THEM if count else "")
         self.trees[tree_id] = tree
         self.bodies.append((tree_id, tree))
 
     def report_no_id(self, element: Element, where: str = "", hint: str = "") -> None:
-        """Findings that an element lacks the attribute ID."""
-        self.fault(rules.ID_MISSING, element, f"<{element.tag}>{where} lacks the attribute ID",
-                   *_instead_of_id(element, hint))
+        """Report that an element lacks the attribute ID."""
+        text = f"<{element.tag}>{where} lacks the attribute ID"
+        self.report(rules.ID_MISSING, element, text, *_instead_of_id(element, hint))
 
     def check_id(self, element: Element, tree_id: str) -> None:
         """Check the ID of a <BehaviorTree> or <SubTree>."""
-        if tree_id in ("Root", "root"):
-            self.fault(rules.RESERVED_ID, element,
-                       f"{tree_id} is a reserved name; a tree cannot be called so", attribute="ID")
-        elif self.registry.find(tree_id) is not None:
-            self.fault(rules.ID_OF_A_NODE, element,
-                       f"{tree_id} is the name of a node type; a tree cannot be called so",
-                       f"a node of that type is written <{tree_id}/>" if element.tag == "SubTree"
-                       else "", "ID")
-        else:
-            self._letters(element, tree_id)
-
-    def _letters(self, element: Element, tree_id: str) -> None:
         bad = sorted(set(_FORBIDDEN.findall(tree_id)))
-        shown = " and ".join(repr(letter) for letter in bad)
-        if not set(bad) <= set(self._tolerated):
-            self.fault(rules.ID_LETTERS, element, f"the ID {tree_id} contains {shown}; "
-                       "not allowed are blanks and any of <>&\"'/\\:*?|.", attribute="ID")
+        contains = f"the ID {tree_id} contains {' and '.join(map(repr, bad))}"
+        if tree_id in ("Root", "root"):
+            text = f"{tree_id} is a reserved name; a tree cannot be called so"
+            self.report(rules.RESERVED_ID, element, text, attribute="ID")
+        elif self.registry.find(tree_id) is not None:
+            text = f"{tree_id} is the name of a node type; a tree cannot be called so"
+            is_call = element.tag == "SubTree"
+            hint = f"a node of that type is written <{tree_id}/>" if is_call else ""
+            self.report(rules.ID_OF_A_NODE, element, text, hint, "ID")
+        elif not set(bad) <= set(self._tolerated):
+            text = f"{contains}; not allowed are blanks and {_SIGNS}"
+            self.report(rules.ID_LETTERS, element, text, attribute="ID")
         elif bad and element.tag == "BehaviorTree":
-            self.warn(
-                rules.ID_BLANKS, element,
-                f"the ID {tree_id} contains {shown}; BehaviorTree.CPP 4.10 refuses such a name",
-                attribute="ID")
+            text = f"{contains}; BehaviorTree.CPP 4.10 refuses such a name"
+            self.report(rules.ID_BLANKS, element, text, attribute="ID")
 
     # --------------------------------------------------------------------------------------- models
 
@@ -170,31 +162,31 @@ class Trees:
         elif name[0] in "0123456789":
             wrong = f"the name of a port cannot start with a digit: {name}"
         elif _FORBIDDEN.search(name):
-            wrong = f"the name of a port cannot contain blanks or any of <>&\"'/\\:*?|.: {name}"
+            wrong = f"the name of a port cannot contain blanks or {_SIGNS}: {name}"
         else:
             return True
-        self.fault(rules.MODEL_PORT_NAME, port, wrong, attribute="name")
+        self.report(rules.MODEL_PORT_NAME, port, wrong, attribute="name")
         return False
 
     # ---------------------------------------------------------------------- the calls between trees
 
-    def choose_main(self, document: Document, wanted: Optional[str], guess: bool) -> None:
+    def choose_main(self, wanted: Optional[str], guess: bool) -> None:
         """Find the calls and the main tree; ``guess``: it may be the only tree that no other calls.
         """
         self.calls = {tree_id: [element for element in tree.below if element.tag == "SubTree"]
                       for tree_id, tree in self.trees.items()}
-        self.main = self._main_tree(document, wanted, guess)
+        self.main = self._main_tree(wanted, guess)
 
-    def _main_tree(self, document: Document, wanted: Optional[str], guess: bool) -> str:
-        root = document.root
+    def _main_tree(self, wanted: Optional[str], guess: bool) -> str:
+        root = self.documents[-1].root
         named = wanted or root.attributes.get("main_tree_to_execute")
         if named in self.trees:
             return named
-        own = [tree_id for tree_id, tree in self.trees.items() if tree.document is document]
+        own = [tree_id for tree_id, tree in self.trees.items() if tree.document.root is root]
         if named:
-            self.fault(rules.MAIN_TREE_UNKNOWN, root, f"there is no tree {named} to execute",
-                       self.findings.nearest(named, self.trees, "the trees"),
-                       None if wanted else "main_tree_to_execute")
+            text, attribute = f"there is no tree {named} to execute", "main_tree_to_execute"
+            hint = self.nearest(named, self.trees, "the trees")
+            self.report(rules.MAIN_TREE_UNKNOWN, root, text, hint, None if wanted else attribute)
             return ""
         called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
         free = [tree_id for tree_id in self.trees if tree_id not in called]
@@ -203,13 +195,13 @@ class Trees:
                 return choice[0]
         why = "each tree is called by another"
         if free:
-            why = f"these trees are called by no other: {', '.join(free[:10])}"
+            why = f"these trees are called by no other: {first_names(free)}"
         if root.tag == "root" and not self.trees:
-            self.fault(rules.NO_TREE, root, "the file has no <BehaviorTree>")
+            self.report(rules.NO_TREE, root, "the file has no <BehaviorTree>")
         elif root.tag == "root":
-            self.fault(rules.MAIN_TREE_MISSING, root,
-                       f"main_tree_to_execute is not given, and {why}",
-                       "name the main tree in <root main_tree_to_execute=\"…\">")
+            text = f"main_tree_to_execute is not given, and {why}"
+            hint = "name the main tree in <root main_tree_to_execute=\"…\">"
+            self.report(rules.MAIN_TREE_MISSING, root, text, hint)
         return ""
 
     def check_calls(self) -> None:
@@ -218,17 +210,16 @@ class Trees:
         main = self.main
         sizes: Counter[str] = Counter()
         for start in [main] if main else list(self.trees):
-            self._unfold(start, sizes, self.fault)
+            self._unfold(start, sizes, is_used=True)
         self.used = dict(sizes)
         if sizes[main] > MOST_NODES:
             size = "a billion or more" if sizes[main] >= _MANY else str(sizes[main])
-            self.fault(rules.TOO_LARGE, self.trees[main],
-                       f"the mission unfolds to {size} nodes; at most {MOST_NODES} are allowed",
-                       "call fewer SubTrees")
+            text = f"the mission unfolds to {size} nodes; at most {MOST_NODES} are allowed"
+            self.report(rules.TOO_LARGE, self.trees[main], text, "call fewer SubTrees")
         for start in self.trees:
-            self._unfold(start, sizes, self.warn)
+            self._unfold(start, sizes, is_used=False)
 
-    def _unfold(self, start: str, sizes: Counter[str], complain: Callable[..., None]) -> None:
+    def _unfold(self, start: str, sizes: Counter[str], is_used: bool) -> None:
         """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each
         tree, unfolded."""
         path: List[str] = []
@@ -240,11 +231,11 @@ class Trees:
                 del opened[path.pop()]
                 inner = sum(sizes[call.attributes.get("ID", "")] for call in self.calls[tree_id])
                 sizes[tree_id] = min(len(self.trees[tree_id].below) + inner, _MANY)
-            elif tree_id in opened:
+            elif tree_id in opened and call is not None:
                 begin = opened[tree_id]
                 shown = path[begin:begin + 8] + ["…"] * (len(path) > begin + 8) + [tree_id]
-                complain(rules.TREE_CIRCLE, call,
-                         f"the tree {tree_id} contains itself: {' > '.join(shown)}", attribute="ID")
+                text = f"the tree {tree_id} contains itself: {' > '.join(shown)}"
+                self.report(rules.TREE_CIRCLE, call, text, attribute="ID", as_warning=not is_used)
             elif tree_id in self.calls and tree_id not in sizes:
                 opened[tree_id] = len(path)
                 path.append(tree_id)
@@ -252,20 +243,21 @@ class Trees:
                 waiting.extend((call.attributes.get("ID", ""), call)
                                for call in reversed(self.calls[tree_id]))
 
-    def check_unused(self, document: Document) -> None:
+    def check_unused(self) -> None:
         """Warn of trees of the mission file itself that the mission does not use; what is included
         is a library."""
         for tree_id, tree in self.trees.items():
-            if tree.document is document and tree_id not in self.used:
-                self.warn(rules.TREE_UNUSED, tree, f"the tree {tree_id} is not used",
-                          f"the main tree is {self.main}")
+            if tree.document is self.documents[-1] and tree_id not in self.used:
+                text, hint = f"the tree {tree_id} is not used", f"the main tree is {self.main}"
+                self.report(rules.TREE_UNUSED, tree, text, hint)
 
 
 def _instead_of_id(element: Element, otherwise: str) -> Tuple[str, Optional[str]]:
     """Return a hint and the attribute it is about, for an element without the attribute ID."""
-    other = next((name for name in element.attributes if name.lower() == "id"), None)
-    return (f"did you mean ID? write ID=\"{element.attributes[other]}\"",
-            other) if other else (otherwise, None)
+    for name, text in element.attributes.items():
+        if name.lower() == "id":
+            return f"did you mean ID? write ID=\"{text}\"", name
+    return otherwise, None
 
 
 def given(call: Element, model: Iterable[Port]) -> Dict[str, Optional[str]]:

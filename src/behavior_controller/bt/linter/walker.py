@@ -9,7 +9,7 @@ from typing import Collection, List, Optional, Sequence
 from behavior_controller.bt.linter.calls import check_call, check_entries
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.linter.nodes import Nodes
-from behavior_controller.bt.linter.palettes import check_models
+from behavior_controller.bt.linter.palette import check_models
 from behavior_controller.bt.linter.scripts import check_scripts
 from behavior_controller.bt.linter.structure import Trees
 from behavior_controller.bt.linter.warnings import check_node
@@ -30,9 +30,9 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
     trees = Trees(registry, "" if strict else " .")
     for document in documents:
         trees.add(document)
-    trees.choose_main(documents[-1], main_tree, not strict)
+    trees.choose_main(main_tree, not strict)
     trees.check_calls()
-    nodes = Nodes(registry, trees)
+    nodes = Nodes(trees)
     for tree_id, tree in trees.bodies:
         nodes.is_used = tree_id in trees.used and trees.trees[tree_id] is tree
         for element in tree.below:
@@ -40,16 +40,15 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
     return trees
 
 
-def lint(documents: Sequence[Document], trees: Trees, registry: Registry,
-         given: Collection[str] = ()) -> List[Fault]:
-    """Return the findings about a mission; if it has no errors, with warnings.
+def lint(trees: Trees, given: Collection[str] = ()) -> List[Fault]:
+    """Return the findings about a checked mission; if it has no errors, with warnings.
 
     ``given`` are entries of the root's blackboard that the host provides, and names of enums.
     """
     if not trees.findings.errors:
-        check_models(documents, registry, trees.findings)
-        trees.check_unused(documents[-1])
-        facts = MissionFacts(trees, registry, given)
+        check_models(trees.documents, trees.registry, trees.findings)
+        trees.check_unused()
+        facts = MissionFacts(trees, given)
         for tree, element in facts.walk():
             (check_call if element.tag == "SubTree" else check_node)(facts, element, tree)
         check_scripts(facts)

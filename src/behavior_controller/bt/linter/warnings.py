@@ -4,13 +4,12 @@ Only the NodeSpecs say what nodes do. A warning must be worth reading: if the fi
 types do not decide, there is none.
 """
 import re
-from typing import List
+from typing import Iterator
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.facts import MissionFacts
-from behavior_controller.bt.linter.reactive import check_reactive
 from behavior_controller.bt.linter.structure import CONDITIONS
-from behavior_controller.bt.possible_results import FAILS, SKIPS, SUCCEEDS
+from behavior_controller.bt.possible_results import FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, by
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import EXPLICIT, Element
 from behavior_controller.bt.script.values import whole_real
@@ -23,12 +22,13 @@ _REPEATS = {SUCCEEDS: ("repeats", "succeeds", "repeats forever and never waits",
                        "put a Sleep inside"),
             FAILS: ("retries", "fails", "asks again and again without waiting",
                     "a ReactiveFallback of the condition and a Sleep waits for it")}
+WILL_FAIL = "will fail when it is ticked"
 _ODD_BRACES = re.compile(r"^\{[^{}]*$|^[^{}]*\}$|\$\{|\{=?[A-Za-z_@][A-Za-z0-9_]*\}")
 
 
 def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
     """Apply the rules to a node of ``tree``."""
-    spec, warn = facts.spec(element), facts.warn
+    spec, report = facts.spec(element), facts.report
     check_ignored(facts, element)
     for port in spec.ports:
         if port.name in element.attributes:
@@ -36,19 +36,19 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
         else:
             _check_missing(facts, element, spec, port)
     if element.tag in EXPLICIT and element.tag != spec.kind.value:
-        warn(rules.KIND_MISMATCH, element, f"<{element.tag} ID=\"{spec.id}\">: {spec.id} is of "
-             f"kind {spec.kind.value}, not {element.tag}")
-    if spec.child_counts and len(element.children) not in spec.child_counts:
+        kind = f"{spec.id} is of kind {spec.kind.value}, not {element.tag}"
+        report(rules.KIND_MISMATCH, element, f"<{element.tag} ID=\"{spec.id}\">: {kind}")
+    count = len(element.children)
+    if spec.child_counts and count not in spec.child_counts:
         allowed = " or ".join(map(str, spec.child_counts))
-        warn(rules.CHILD_COUNT, element,
-             f"{spec.id} has {len(element.children)} children; it must have {allowed}",
-             f"{spec.children}; it will fail when it is ticked")
+        text = f"{spec.id} has {count} children; it must have {allowed}"
+        report(rules.CHILD_COUNT, element, text, f"{spec.children}; it {WILL_FAIL}")
     if spec.next_after:
         _check_chain(facts, element, spec)
     if spec.repeats_on:
         _check_repeat(facts, element, spec)
     if spec.is_reactive:
-        check_reactive(facts, element, spec)
+        _check_reactive(facts, element, spec)
 
 
 def check_ignored(facts: MissionFacts, element: Element) -> bool:
@@ -58,14 +58,12 @@ def check_ignored(facts: MissionFacts, element: Element) -> bool:
     for name in element.attributes:
         if name[0] != "_" or name in CONDITIONS or name in IGNORED_ON_PURPOSE:
             continue
-        if name == "_autoremap":
-            if element.tag != "SubTree":
-                facts.warn(rules.AUTOREMAP_MISPLACED, element,
-                           "_autoremap means something only on a <SubTree>", attribute=name)
-            continue
         near = did_you_mean(name, CONDITIONS + ("_autoremap",))
-        if near:
-            facts.warn(rules.CONDITION_MISSPELT, element, f"{name} is ignored", near, name)
+        if name != "_autoremap" and near:
+            facts.report(rules.CONDITION_MISSPELT, element, f"{name} is ignored", near, name)
+        elif name == "_autoremap" and element.tag != "SubTree":
+            text = "_autoremap means something only on a <SubTree>"
+            facts.report(rules.AUTOREMAP_MISPLACED, element, text, attribute=name)
     return len(facts.findings.warnings) > before
 
 
@@ -74,16 +72,16 @@ def check_ignored(facts: MissionFacts, element: Element) -> bool:
 
 def _check_port(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port,
                 tree: str) -> None:
-    text, warn = element.attributes[port.name], facts.warn
+    text, report = element.attributes[port.name], facts.report
     is_literal = ports.reference(text, port.name) is None
     if port.type == "NodeStatus" and text not in BY_NAME and is_literal:
-        warn(rules.STATUS_UNKNOWN, element, f"{port.name}=\"{text}\" is not a status",
-             f"allowed: {' '.join(BY_NAME)}", port.name)
+        wrong, hint = f"{port.name}=\"{text}\" is not a status", f"allowed: {' '.join(BY_NAME)}"
+        report(rules.STATUS_UNKNOWN, element, wrong, hint, port.name)
     elif port.role is Role.CHILDREN:
         _check_count(facts, element, port, text)
     elif port.role is Role.WATCHED and is_literal and set(text) & set("{}$"):
-        warn(rules.BRACES_ODD, element, f"{port.name}=\"{text}\" names no entry",
-             f"write {port.name}=\"{{{text.strip('{}$ ')}}}\"", port.name)
+        hint = f"write {port.name}=\"{{{text.strip('{}$ ')}}}\""
+        report(rules.BRACES_ODD, element, f"{port.name}=\"{text}\" names no entry", hint, port.name)
     elif port.role is Role.CASE:
         _check_case(facts, element, spec, port, tree)
     elif port.role in (Role.WRITES, Role.NAMES):
@@ -91,47 +89,43 @@ def _check_port(facts: MissionFacts, element: Element, spec: NodeSpec, port: Por
     elif port.role in (Role.DATA, Role.CHOICE):
         is_odd = check_braces(facts, element, port.name, tree)
         if port.role is Role.CHOICE and is_literal and not is_odd:
-            warn(rules.SWITCH_VARIABLE, element,
-                 f"{port.name} compares the text {text}, which never changes",
-                 f"an entry is written {{{text}}}", port.name)
+            wrong = f"{port.name} compares the text {text}, which never changes"
+            hint = f"an entry is written {{{text}}}"
+            report(rules.SWITCH_VARIABLE, element, wrong, hint, port.name)
 
 
 def _check_missing(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port) -> None:
     if port.direction is not Direction.OUT and port.default is None and not port.is_optional:
-        facts.warn(rules.PORT_MISSING, element,
-                   f"{spec.id} needs the port {port.name}, which is not given",
-                   "it will fail when it is ticked")
+        text = f"{spec.id} needs the port {port.name}, which is not given"
+        facts.report(rules.PORT_MISSING, element, text, f"it {WILL_FAIL}")
     name = element.attributes.get("name", spec.id)
     has_digit = any(letter.isdigit() for letter in name)
     if port.names and name not in port.names + (spec.id,) and has_digit:
-        facts.warn(
-            rules.NAME_CHOOSES_NOTHING, element,
-            f"the name {name} has no effect; {spec.id} allows the names {' and '.join(port.names)}",
-            spec.description, "name")
+        allowed = f"{spec.id} allows the names {' and '.join(port.names)}"
+        text = f"the name {name} has no effect; {allowed}"
+        facts.report(rules.NAME_CHOOSES_NOTHING, element, text, spec.description, "name")
 
 
 def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: str) -> bool:
     """Warn of a text that is nearly a reference to an entry; return whether it is."""
-    text, warn = element.attributes[attribute], facts.warn
+    text = element.attributes[attribute]
     key = ports.reference(text, attribute)
     inner = text.strip("${} \t")
     is_written = text in facts.written.get(tree, ()) and text.isidentifier()
     is_stub = element.tag != "SubTree" and facts.spec(element).is_stub
+    rule = rules.BRACES_ODD
     if key is None and is_written and not is_stub:
-        warn(rules.BRACES_FORGOTTEN, element,
-             f"{attribute}=\"{text}\" is the text {text}, not the entry",
-             f"the entry is written {{{text}}}", attribute)
+        rule, hint = rules.BRACES_FORGOTTEN, f"the entry is written {{{text}}}"
+        wrong = f"is the text {text}, not the entry"
     elif key is None and not text.startswith("json:") and _ODD_BRACES.search(text):
-        hint = "a text is not filled in: a reference is the whole value"
-        if inner.isidentifier():
-            hint = f"the whole value is written {{{inner}}}"
-        warn(rules.BRACES_ODD, element, f"{attribute}=\"{text}\" is a text, no entry", hint,
-             attribute)
+        wrong, hint = "is a text, no entry", f"the whole value is written {{{inner}}}"
+        if not inner.isidentifier():
+            hint = "a text is not filled in: a reference is the whole value"
     elif key is not None and (key != key.strip() or "{" in key or "}" in key):
-        warn(rules.BRACES_ODD, element, f"{attribute}=\"{text}\" is the entry called \"{key}\"",
-             f"write {{{inner}}}", attribute)
+        wrong, hint = f"is the entry called \"{key}\"", f"write {{{inner}}}"
     else:
         return False
+    facts.report(rule, element, f"{attribute}=\"{text}\" {wrong}", hint, attribute)
     return True
 
 
@@ -139,47 +133,44 @@ def _check_name(facts: MissionFacts, element: Element, port: Port, tree: str) ->
     """Warn of an entry that is taken for the name of another, and holds a number."""
     key = ports.reference(element.attributes[port.name], port.name)
     if key is not None and facts.kinds.is_number(tree, key):
-        facts.warn(
-            rules.NAME_IS_NUMBER, element,
-            f"{port.name}=\"{{{key}}}\" is the entry whose name {key} holds, which is a number",
-            f"the entry itself is written {port.name}=\"{key}\"", port.name)
+        text = f"{port.name}=\"{{{key}}}\" is the entry whose name {key} holds, which is a number"
+        hint = f"the entry itself is written {port.name}=\"{key}\""
+        facts.report(rules.NAME_IS_NUMBER, element, text, hint, port.name)
 
 
 def _check_case(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port,
                 tree: str) -> None:
-    text, warn = element.attributes[port.name], facts.warn
-    for other in spec.ports:
-        if other.name == port.name:
-            break
-        if other.role is Role.CASE and element.attributes.get(other.name) == text:
-            warn(rules.SWITCH_CASE, element,
-                 f"{port.name} is never chosen: {other.name} is the same", attribute=port.name)
-            return
-    if ports.reference(text, port.name) is not None:
-        return
+    text = element.attributes[port.name]
     bare = text.strip(" \t,;'\"")
+    earlier = spec.ports[:spec.ports.index(port)]
+    same = next((other.name for other in earlier if other.role is Role.CASE
+                 and element.attributes.get(other.name) == text), None)
     choice = next(other.name for other in spec.ports if other.role is Role.CHOICE)
     key = ports.reference(element.attributes.get(choice, ""), choice)
-    if bare != text:
-        warn(rules.SWITCH_CASE, element,
-             f"{port.name}=\"{text}\" is compared with all that stands in it",
-             f"write {port.name}=\"{bare}\"", port.name)
-    elif key is not None and whole_real(text) is None and text not in facts.defaults.given \
-            and facts.kinds.is_number(tree, key):
-        warn(rules.SWITCH_CASE, element,
-             f"{port.name} is never chosen: {key} holds a number, and {text} is none",
-             "write the number", port.name)
+    if same is not None:
+        wrong, hint = f"{port.name} is never chosen: {same} is the same", ""
+    elif ports.reference(text, port.name) is not None:
+        return
+    elif bare != text:
+        wrong = f"{port.name}=\"{text}\" is compared with all that stands in it"
+        hint = f"write {port.name}=\"{bare}\""
+    elif (key is not None and whole_real(text) is None and text not in facts.defaults.given
+          and facts.kinds.is_number(tree, key)):
+        wrong = f"{port.name} is never chosen: {key} holds a number, and {text} is none"
+        hint = "write the number"
+    else:
+        return
+    facts.report(rules.SWITCH_CASE, element, wrong, hint, port.name)
 
 
 def _check_count(facts: MissionFacts, element: Element, port: Port, text: str) -> None:
-    attribute, count = port.name, len(element.children)
+    name, count = port.name, len(element.children)
     if text.isdigit() and int(text[:9]) > count:
-        facts.warn(rules.COUNT_TOO_HIGH, element,
-                   f"{attribute}=\"{text}\", but there are only {count} children",
-                   "it will fail when it is ticked", attribute)
+        wrong = f"{name}=\"{text}\", but there are only {count} children"
+        facts.report(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
     elif text == "0":
-        facts.warn(rules.COUNT_ZERO, element, f"{attribute}=\"0\" {port.if_zero}",
-                   "-1 is all children", attribute)
+        wrong = f"{name}=\"0\" {port.if_zero}"
+        facts.report(rules.COUNT_ZERO, element, wrong, "-1 is all children", name)
 
 
 # ----------------------------------------------------------------------------------------- children
@@ -195,34 +186,29 @@ def _check_chain(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     if is_sequence:
         wrong = "is reached only if all before it succeeded: there is no failure to look at"
         hint = "it belongs into a Fallback, after the step that may fail"
-    _check_reached(facts, children, spec.next_after | SKIPS, "succeeds" if is_sequence else "fails")
-    # the first of a Sequence may follow the failure of what is before the Sequence
-    for child in children[1:] if is_sequence else children[:1]:
-        child_spec = facts.registry.find(child.type_id)
-        if child_spec is not None and child_spec.is_recovery:
-            facts.warn(rules.RECOVERY_MISPLACED, child, child.type_id + " " + wrong, hint)
-
-
-def _check_reached(facts: MissionFacts, children: List[Element], wanted: int, what: str) -> None:
+    what, wanted = "succeeds" if is_sequence else "fails", spec.next_after | SKIPS
     for child, following in zip(children, children[1:]):
         if not facts.ends[id(child)] & wanted:
-            facts.warn(
-                rules.NEVER_REACHED, following,
-                f"{_called(following)} is never reached: {_called(child)} before it never {what}")
-            return
+            text = f"{_called(following)} is never reached: {_called(child)} before it never {what}"
+            facts.report(rules.NEVER_REACHED, following, text)
+            break
+    # the first of a Sequence may follow the failure of what is before the Sequence
+    for child in children[1:] if is_sequence else children[:1]:
+        if facts.spec(child).is_recovery:
+            facts.report(rules.RECOVERY_MISPLACED, child, child.type_id + " " + wrong, hint)
 
 
 def _check_repeat(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     child, rounds = element.children[0], element.attributes.get(spec.rounds, "")
     repeats, ends, _, _ = _REPEATS[spec.repeats_on]
     if not facts.ends[id(child)] & spec.repeats_on:
-        facts.warn(rules.NEVER_REPEATS, element,
-                   f"{spec.id} never {repeats}: {_called(child)} never {ends}")
+        text = f"{spec.id} never {repeats}: {_called(child)} never {ends}"
+        facts.report(rules.NEVER_REPEATS, element, text)
     elif rounds == "-1":
         _check_pause(facts, element, spec)
     if rounds == "0" or (rounds[:1] == "-" and rounds[1:].isdigit() and rounds != "-1"):
-        facts.warn(rules.NEVER_RUN, element, f"{spec.rounds}=\"{rounds}\": the child is never run",
-                   "-1: no limit", spec.rounds)
+        text = f"{spec.rounds}=\"{rounds}\": the child is never run"
+        facts.report(rules.NEVER_RUN, element, text, "-1: no limit", spec.rounds)
 
 
 def _check_pause(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
@@ -235,12 +221,12 @@ def _check_pause(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     if not all(_is_instant(facts.spec(element)) for element in inside):
         return
     if not asks:
-        facts.warn(rules.NEVER_WAITS, element, f"{spec.id} {endlessly}", hint, spec.rounds)
+        facts.report(rules.NEVER_WAITS, element, f"{spec.id} {endlessly}", hint, spec.rounds)
     elif goes_on:
         called = _called(asks[0])
-        facts.warn(rules.RETRIES_FOR_EVER, element,
-                   f"{spec.id} never ends and never pauses if {called} fails at once",
-                   f"give {spec.rounds} a limit, and put a Delay around {called}", spec.rounds)
+        text = f"{spec.id} never ends and never pauses if {called} fails at once"
+        hint = f"give {spec.rounds} a limit, and put a Delay around {called}"
+        facts.report(rules.RETRIES_FOR_EVER, element, text, hint, spec.rounds)
 
 
 def _is_instant(spec: NodeSpec) -> bool:
@@ -252,3 +238,75 @@ def _is_instant(spec: NodeSpec) -> bool:
 def _called(element: Element) -> str:
     name = element.attributes.get("name") or element.attributes.get("ID") or element.type_id
     return element.type_id if name == element.type_id else f"{element.type_id} {name}"
+
+
+# -------------------------------------------------------------------------------- reactive controls
+
+
+def _check_reactive(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
+    """Warn of the first action that succeeds and is done again while a later child runs."""
+    goes_on = (spec.next_after or OF_A_LEAF) | SKIPS
+    for index, child in enumerate(element.children if spec.next_after else element.children[:1]):
+        if not any(_may_run(facts, later) for later in element.children[index + 1:]):
+            return
+        for leaf in _done_first(facts, child):
+            if _ends_after(facts, child, leaf) & goes_on:
+                text = (f"{leaf.type_id} succeeds and is done again, at every tick of {spec.id} "
+                        "while a later child runs")
+                facts.report(rules.DONE_AGAIN, leaf, text, f"put it before {spec.id}")
+                return
+
+
+def _may_run(facts: MissionFacts, element: Element) -> bool:
+    """Return whether a node is known to take time."""
+    known = (spec for spec in map(facts.spec, facts.inside(element)) if not spec.is_stub)
+    kinds = Kind.ACTION, Kind.DECORATOR
+    return any(spec.kind in kinds and not spec.is_instant for spec in known)
+
+
+def _done_first(facts: MissionFacts, element: Element) -> Iterator[Element]:
+    """Yield the actions below ``element`` that are done whenever it begins anew, if none of them
+    fails: not those that a condition, or a failure, leads to."""
+    spec = facts.spec(element)
+    if not element.attributes.keys().isdisjoint(CONDITIONS):
+        return
+    if spec.kind is Kind.ACTION:
+        if not spec.is_stub and not spec.is_recovery and _does_more(facts, element, spec):
+            yield element
+        return
+    children = element.children
+    if spec.kind is Kind.SUBTREE:
+        children = facts.elements[element.attributes["ID"]][:1]
+    elif spec.kind is Kind.DECORATOR and by(spec.outcome, element.attributes, [0]):
+        return  # it may leave its child out
+    elif spec.kind is Kind.CONTROL and spec.next_after != SUCCEEDS:
+        children = children[:1]
+    for child in children:
+        yield from _done_first(facts, child)
+
+
+def _does_more(facts: MissionFacts, leaf: Element, spec: NodeSpec) -> bool:
+    """Return whether it matters that an action is done twice: it takes time, or goes on from what
+    it wrote before."""
+    if not spec.is_instant or any(port.direction is Direction.INOUT
+                                  and port.role is not Role.WRITES for port in spec.ports):
+        return True
+    scripts = [use.script for use in facts.flow.scripts if use.element is leaf]
+    return any(assignment.is_own or assignment.sign not in (":=", "=")
+               for script in scripts for assignment in script.facts.assignments)
+
+
+def _ends_after(facts: MissionFacts, element: Element, leaf: Element) -> int:
+    """Return how ``element`` can end after ``leaf`` in it has succeeded."""
+    if element is leaf:
+        return SUCCEEDS
+    spec = facts.spec(element)
+    if spec.kind is Kind.SUBTREE:
+        return _ends_after(facts, facts.elements[element.attributes["ID"]][0], leaf)
+    ends, before = [], True
+    for child in element.children:
+        holds = any(element is leaf for element in facts.inside(child))
+        before = before and not holds
+        after = _ends_after(facts, child, leaf) if holds else facts.ends[id(child)]
+        ends.append(spec.next_after if before and spec.next_after else after)
+    return by(spec.outcome, element.attributes, ends)

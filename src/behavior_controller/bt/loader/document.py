@@ -13,7 +13,8 @@ from lxml import etree
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.loader.xml_repair import (
-    ATTRIBUTE, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, repaired, stray_text)
+    ATTRIBUTE, BEGINS, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, repaired,
+    stray_text)
 from behavior_controller.ros_packages import package_folder
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes
@@ -21,6 +22,7 @@ from behavior_controller.text import Unreadable, clean, decode, did_you_mean, re
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
 MOST_FILES = 500  # that one mission may include
 DEEPEST_INCLUDE = 50
+AS_UTF_8 = "save the file as UTF-8"
 EXPLICIT = ("Action", "Condition", "Control", "Decorator")
 _LONGEST = 300  # characters of a fault's text: names and values in it are as long as the file wants
 
@@ -50,6 +52,10 @@ class Element:
         """
         return self.document.position(self.document.span(self.number, attribute)[0])
 
+    def where(self, attribute: Optional[str] = None) -> str:
+        """Return ``file:line:column`` of that place."""
+        return "{}:{}:{}".format(clean(self.document.file), *self.place(attribute))
+
     def fault(self, rule: rules.LintRule, text: str, hint: str = "",
               attribute: Optional[str] = None, is_warning: Optional[bool] = None,
               at: int = 0) -> Fault:
@@ -58,8 +64,8 @@ class Element:
         ``is_warning`` overrides the rule. ``at`` is the index of the character in the attribute's
         value, which matters if the value has several lines.
         """
-        begin, end = self.document.span(self.number, attribute, at)
-        return self.document.fault_between(rule, begin, end, text, hint, is_warning)
+        span = self.document.span(self.number, attribute, at)
+        return self.document.fault_between(rule, *span, text, hint, is_warning)
 
 
 class Document:
@@ -108,15 +114,17 @@ class Document:
 
     def fault(self, fault: MarkupFault) -> Fault:
         """Return a fault of the markup with its place."""
-        return self.fault_between(fault.rule, fault.offset, fault.offset + 1, fault.text,
-                                  fault.hint)
+        end = fault.offset + 1
+        return self.fault_between(fault.rule, fault.offset, end, fault.text, fault.hint)
 
     def fault_between(self, rule: rules.LintRule, begin: int, end: int, text: str, hint: str = "",
                       is_warning: Optional[bool] = None) -> Fault:
         """Return a fault about the characters from ``begin`` to before ``end``."""
-        return Fault(self.file, *self.position(begin), clean(text, _LONGEST), clean(hint, _LONGEST),
-                     rule.is_warning if is_warning is None else is_warning, rule.code,
-                     *self.position(end))
+        text, hint = clean(text, _LONGEST), clean(hint, _LONGEST)
+        if is_warning is None:
+            is_warning = rule.is_warning
+        place, after = self.position(begin), self.position(end)
+        return Fault(self.file, *place, text, hint, is_warning, rule.code, *after)
 
     def stray_text(self, most: int) -> List[Fault]:
         """Return warnings of the first ``most`` texts that stand where only elements count."""
@@ -143,11 +151,10 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
     text = document.text
     try:
         if not text.strip("\ufeff \t\r\n"):
-            raise MarkupFault(rules.EMPTY_FILE, "the file is empty", 0,
-                              "a mission begins with <root BTCPP_format=\"4\">")
+            raise MarkupFault(rules.EMPTY_FILE, "the file is empty", 0, BEGINS)
         if "\x00" in text:
-            raise MarkupFault(rules.NOT_TEXT, "a NUL character: the file is not UTF-8 text",
-                              text.index("\x00"), "save the file as UTF-8")
+            wrong = "a NUL character: the file is not UTF-8 text"
+            raise MarkupFault(rules.NOT_TEXT, wrong, text.index("\x00"), AS_UTF_8)
         with garbage_collection_paused():
             document.root = _parsed(repaired(text), document)
     except MarkupFault as fault:
@@ -165,9 +172,9 @@ def _decoded(data: bytes, file: str) -> str:
         # what comes before the first wrong byte is text, and says where it is
         before = Document(file, decode(data[:error.start], "ignore"))
         encoding = "UTF-16" if error.encoding.startswith("utf-16") else "UTF-8"
-        wrong = MarkupFault(rules.NOT_TEXT, f"byte 0x{data[error.start]:02x} is not {encoding}",
-                            len(before.text), "save the file as UTF-8")
-        raise MissionError([before.fault(wrong)]) from error
+        wrong = f"byte 0x{data[error.start]:02x} is not {encoding}"
+        fault = MarkupFault(rules.NOT_TEXT, wrong, len(before.text), AS_UTF_8)
+        raise MissionError([before.fault(fault)]) from error
 
 
 @contextlib.contextmanager
@@ -220,56 +227,56 @@ def with_includes(document: Document) -> List[Document]:
 def _include(document: Document, documents: List[Document], seen: Set[str],
              chain: Tuple[str, ...]) -> None:
     chain += (os.path.realpath(document.file),)
-    for element in document.root.children if document.root.tag == "root" else ():
-        path = _included_path(element) if element.tag == "include" else None
-        if path is not None:
-            _include_file(element, path, documents, seen, chain)
+    root = document.root
+    for element in root.children if root.tag == "root" else ():
+        if element.tag == "include":
+            try:
+                included = _included(element, _included_path(element), seen, chain)
+            except MissionError as error:
+                document.faults.append(error.faults[0])
+            else:
+                if included is not None:
+                    _include(included, documents, seen, chain)
     documents.append(document)
 
 
-def _included_path(element: Element) -> Optional[str]:
-    path = element.attributes.get("path", "")
-    faults = element.document.faults
+def _included_path(element: Element) -> str:
+    path, package = element.attributes.get("path", ""), element.attributes.get("ros_pkg")
+    folder: Optional[str] = os.path.dirname(element.document.file)
     if not path:
-        text = "<include> lacks the attribute path"
-        faults.append(element.fault(
-            rules.INCLUDE_WITHOUT_PATH, text, "it is relative to this file", "path"))
-    elif "ros_pkg" in element.attributes and not os.path.isabs(path):
-        package = element.attributes["ros_pkg"]
+        text, hint = "<include> lacks the attribute path", "it is relative to this file"
+        raise MissionError([element.fault(rules.INCLUDE_WITHOUT_PATH, text, hint, "path")])
+    if package is not None and not os.path.isabs(path):
         folder = package_folder(package)
-        if folder is not None:
-            return os.path.join(folder, path)
-        faults.append(element.fault(
-            rules.INCLUDE_PACKAGE, f"no ROS package {package} is found for ros_pkg",
-            "ROS_PACKAGE_PATH says where packages are: source the workspace's setup.bash",
-            "ros_pkg"))
-    else:
-        return os.path.join(os.path.dirname(element.document.file), path)
-    return None
+    if folder is None:
+        text = f"no ROS package {package} is found for ros_pkg"
+        hint = "ROS_PACKAGE_PATH says where packages are: source the workspace's setup.bash"
+        raise MissionError([element.fault(rules.INCLUDE_PACKAGE, text, hint, "ros_pkg")])
+    return os.path.join(folder, path)
 
 
-def _include_file(element: Element, path: str, documents: List[Document], seen: Set[str],
-                  chain: Tuple[str, ...]) -> None:
-    real, faults = os.path.realpath(path), element.document.faults
+def _included(element: Element, path: str, seen: Set[str],
+              chain: Tuple[str, ...]) -> Optional[Document]:
+    """Return the document at ``path``, or None if it was read before. Raises MissionError."""
+    real = os.path.realpath(path)
     if real in chain:
         way = [os.path.basename(file) for file in chain[chain.index(real):] + (real,)]
         text = f"{path} includes itself: {' > '.join(way)}"
-        faults.append(element.fault(rules.INCLUDE_CIRCLE, text, attribute="path"))
+        raise MissionError([element.fault(rules.INCLUDE_CIRCLE, text, attribute="path")])
     if real in seen:
-        return
+        return None
     seen.add(real)
     if len(seen) > MOST_FILES + 1 or len(chain) > DEEPEST_INCLUDE:
         text = f"more than {MOST_FILES} files are included, or {DEEPEST_INCLUDE} deep"
-        faults.append(element.fault(rules.TOO_LARGE, text))
-        return
+        raise MissionError([element.fault(rules.TOO_LARGE, text)])
     try:
-        _include(read(path), documents, seen, chain)
+        return read(path)
     except MissionError as error:
-        fault = error.faults[0]
-        if not fault.line:
-            text = f"cannot include {path}: {fault.text}"
-            fault = element.fault(rules.INCLUDE_UNREADABLE, text, _file_meant(path), "path")
-        faults.append(fault)
+        if error.faults[0].line:
+            raise
+        text, hint = f"cannot include {path}: {error.faults[0].text}", _file_meant(path)
+        fault = element.fault(rules.INCLUDE_UNREADABLE, text, hint, "path")
+        raise MissionError([fault]) from error
 
 
 def _file_meant(path: str) -> str:

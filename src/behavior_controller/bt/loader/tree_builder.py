@@ -23,7 +23,7 @@ from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.blackboard import Blackboard, Entry
 from behavior_controller.bt.loader.document import (
     Document, Element, garbage_collection_paused, parse, read, with_includes)
-from behavior_controller.bt.script.parser import Script, ScriptSyntaxError, compile_script
+from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.script.values import GENERIC, TEXT, ValueFault
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault, MissionError
@@ -33,20 +33,19 @@ DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to four Python f
 _FRAMES_PER_LEVEL = 4
 
 
-@garbage_collection_paused()
 def load_mission(path: str, registry: Registry, **options: Any) -> Tree:
     """Read a mission file and what it includes, and ``build`` it with ``options``. Raises
     MissionError."""
     return build(with_includes(read(path)), registry, **options)
 
 
-@garbage_collection_paused()
 def load_text(text: str, registry: Registry, file: str = "<text>", **options: Any) -> Tree:
     """As ``load_mission``, for a mission that is not a file. Includes are relative to the working
     directory."""
     return build(with_includes(parse(text, file)), registry, **options)
 
 
+@garbage_collection_paused()
 def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clock] = None,
           blackboard: Optional[Blackboard] = None, main_tree: Optional[str] = None,
           strict: bool = False, enums: Optional[Dict[str, int]] = None,
@@ -60,83 +59,75 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     rules; ``clock`` and ``wake`` are those of a tree that the new one replaces; ``with_lint`` adds
     the linter's warnings; ``checked`` is the result of ``walker.check``, to build another tree.
     """
-    with garbage_collection_paused():
-        trees = checked or check(documents, registry, main_tree, strict)
-        services = Services(clock or Clock(), wake or WakeUp(), enums or {})
-        compiler = _Compiler(trees, registry, services, substitutions(substitutes or {}))
-        compiler.services.clients = Clients(trees.main, compiler.blackboards, registry)
-        if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
-            compiler.unfold(blackboard if blackboard is not None else Blackboard())
+    trees = checked or check(documents, registry, main_tree, strict)
+    services = Services(clock or Clock(), wake or WakeUp(), enums or {})
+    compiler = _Compiler(trees, services, substitutions(substitutes or {}))
+    services.clients = Clients(trees.main, registry)
+    if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
+        compiler.unfold(blackboard if blackboard is not None else Blackboard())
     is_linted = with_lint and not compiler.faults
-    checked_faults = lint(documents, trees, registry) if is_linted else trees.faults
+    checked_faults = lint(trees) if is_linted else trees.faults
     faults = sorted(dict.fromkeys(compiler.faults + checked_faults), key=by_place)
     if any(not fault.is_warning for fault in faults):
         raise MissionError(faults)
-    return Tree(trees.main, compiler.nodes, compiler.blackboards, compiler.services, faults,
-                tuple(Source(document.file, document.text) for document in documents))
-
-
-class _Place(NamedTuple):
-    """Where an element is to be made: on which blackboard, under which path."""
-
-    blackboard: Blackboard
-    prefix: str
+    sources = tuple(Source(document.file, document.text) for document in documents)
+    return Tree(trees.main, compiler.nodes, compiler.blackboards, services, faults, sources)
 
 
 class _Use(NamedTuple):
-    """A port of a node that refers to an entry, and its type."""
+    """A port of a node that refers to an entry."""
 
     node: Node
-    attribute: str
-    type: str
+    port: str
 
     @property
-    def name(self) -> str:
-        """The port and the node type."""
-        return f"{self.attribute} of {self.node.registration_id}"
+    def type(self) -> str:
+        """The type of the port."""
+        return self.node.spec.port_named[self.port].type
 
     @property
-    def place(self) -> str:
-        """Where it is in the file."""
-        element = self.node.element
-        return "{}:{}:{}".format(element.document.file, *element.place(self.attribute))
+    def where(self) -> str:
+        """Its place in the file."""
+        return self.node.element.where(self.port)
+
+    def __str__(self) -> str:
+        """Return the port and the node type."""
+        return f"{self.port} of {self.node.registration_id}"
 
 
 class _Compiler:
     """Makes the nodes of one mission and collects the faults that only their making shows."""
 
-    def __init__(self, trees: Trees, registry: Registry, services: Services,
-                 substitutes: Substitutions):
+    def __init__(self, trees: Trees, services: Services, substitutes: Substitutions):
         self.trees = trees
-        self.registry = registry
+        self.registry = trees.registry
         self.services = services
         self.substitutes = substitutes
         self.nodes: List[Node] = []
         self.blackboards: Dict[str, Blackboard] = {}
         self.faults: List[Fault] = []
-        self._scripts: Dict[str, Script] = {}
         self._defaults: Dict[str, Dict[str, str]] = {}  # node type -> its entries by default
         self._classes: Set[type] = set()  # of nodes
         self._deepest = 0
-        self._clashes: List[Tuple[ports.TypeClash, Node, str]] = []
+        self._clashes: List[Tuple[ports.TypeClash, _Use]] = []
         # the entries that calls give a number, with the call and the attribute
         self._numbers: Dict[int, Tuple[Element, str]] = {}
 
     def unfold(self, blackboard: Blackboard) -> None:
         """Make every node, parents before children, in document order."""
         self.blackboards[""] = blackboard
-        faulty, place = self.trees.findings.faulty, _Place(blackboard, "")
-        stack: List[Tuple[Element, Optional[Node], _Place, int]] = [
-            (child, None, place, 1) for child in self.trees.trees[self.trees.main].children]
+        faulty = self.trees.findings.faulty
+        stack: List[Tuple[Element, Optional[Node], Blackboard, int]] = [
+            (child, None, blackboard, 1) for child in self.trees.trees[self.trees.main].children]
         while stack:
-            element, parent, place, depth = stack.pop()
+            element, parent, blackboard, depth = stack.pop()
             if depth > self._deepest:
                 self._deepest = depth
                 if depth > DEEPEST:
-                    self.faults.append(element.fault(
-                        rules.TOO_LARGE, f"the mission unfolds to more than {DEEPEST} levels"))
+                    text = f"the mission unfolds to more than {DEEPEST} levels"
+                    self.faults.append(element.fault(rules.TOO_LARGE, text))
                     break
-            node = None if id(element) in faulty else self._node(element, parent, place)
+            node = None if id(element) in faulty else self._node(element, parent, blackboard)
             children = element.children
             if node is None:
                 # it cannot be made, but its content may have mistakes too
@@ -146,27 +137,29 @@ class _Compiler:
             else:
                 parent, depth = node, depth + 1
                 if element.tag == "SubTree":
-                    place, children = self._enter(element, place, node)
+                    blackboard = self._enter(element, blackboard, node)
+                    children = self.trees.trees[element.attributes["ID"]].children
             for child in reversed(children):
-                stack.append((child, parent, place, depth))
+                stack.append((child, parent, blackboard, depth))
         self.faults += dict.fromkeys(self._blamed(*clash) for clash in self._clashes)
         needed = 1000 + _FRAMES_PER_LEVEL * self._deepest
         if sys.getrecursionlimit() < needed:
             sys.setrecursionlimit(needed)
 
-    def _node(self, element: Element, parent: Optional[Node], place: _Place) -> Optional[Node]:
+    def _node(self, element: Element, parent: Optional[Node],
+              blackboard: Blackboard) -> Optional[Node]:
         """Make the node of an element; None, with a fault, if it cannot be made."""
         uid, type_id = len(self.nodes) + 1, element.type_id
         own_id = element.attributes.get("ID", "") if type_id == "SubTree" else type_id
         name = element.attributes.get("name", own_id)
-        path = place.prefix + name
+        path = blackboard.prefix + name
         if name == own_id:
             path = f"{path}::{uid}"
         spec, node = self._made(type_id, name, path, element)
         if node is None:
             return None
         node.element, node.uid, node.registration_id, node.full_path = element, uid, type_id, path
-        node.blackboard, node.services = place.blackboard, self.services
+        node.blackboard, node.services = blackboard, self.services
         node.spec, node.attributes = spec, element.attributes
         defaults = self._defaults.get(spec.id)
         if defaults is None:
@@ -176,23 +169,22 @@ class _Compiler:
         self.nodes.append(node)
         if parent is not None:
             parent.adopt(node)
-        self._bind(element, spec.port_named, node)
+        self._bind(element, node)
         return node
 
     def _made(self, type_id: str, name: str, path: str,
               element: Element) -> Tuple[NodeSpec, Optional[Node]]:
-        spec = self.registry.find(type_id)
-        assert spec is not None  # guaranteed by the checks
+        spec = self.registry[type_id]
         if self.substitutes.rules:
             target = self.substitutes.target(name, type_id, path)
             config = self.substitutes.configs.get(target or "")
             if config is not None:
                 spec = NodeSpec(target or "", Kind.ACTION, partial(TestNode, config=config))
-            elif target is not None and self.registry.find(target) is None:
-                self.faults.append(element.fault(
-                    rules.SUBSTITUTE_UNKNOWN, f"the substitute {target} is not a node type"))
             elif target is not None:
                 spec = self.registry.find(target) or spec
+                if spec.id != target:
+                    text = f"the substitute {target} is not a node type"
+                    self.faults.append(element.fault(rules.SUBSTITUTE_UNKNOWN, text))
         try:
             node: Any = spec.factory(name)
             if type(node) in self._classes:
@@ -211,19 +203,20 @@ class _Compiler:
             return spec, None
         return spec, node
 
-    def _bind(self, element: Element, known: Dict[str, Port], node: Node) -> None:
+    def _bind(self, element: Element, node: Node) -> None:
         """Create the entries that ports refer to, and set the scripts."""
         attribute: Optional[str] = None
         rule = rules.ENTRY_TYPE
+        known = {} if element.tag == "SubTree" else node.spec.port_named
         try:
             scripts = {}
             for attribute, text in element.attributes.items():
                 if attribute == "name":
                     continue
-                if attribute in known and element.tag != "SubTree":
+                if attribute in known:
                     ports.declare(text, known[attribute], node.blackboard)
                 elif attribute in CONDITIONS:
-                    scripts[attribute] = self._script(text)
+                    scripts[attribute] = compile_script(text)
             attribute, rule = None, rules.NODE_REFUSES
             if scripts:
                 interception = node.intercepted()
@@ -233,7 +226,7 @@ class _Compiler:
                     name: scripts[name] for name in POST_CONDITIONS if name in scripts}
             node.configure()
         except ports.TypeClash as clash:
-            self._clashes.append((clash, node, attribute or ""))
+            self._clashes.append((clash, _Use(node, attribute or "")))
         except ConfigureError as error:
             self.faults.append(
                 element.fault(rules.NODE_REFUSES, str(error), attribute=error.attribute))
@@ -242,69 +235,55 @@ class _Compiler:
         except BaseException as error:  # ``configure`` of a leaf may raise anything
             self.faults.append(broken(element, node.spec.id, "made", error, type(node)))
 
-    def _blamed(self, clash: ports.TypeClash, node: Node, attribute: str) -> Fault:
+    def _blamed(self, clash: ports.TypeClash, blamed: _Use) -> Fault:
         """Return the fault of a type clash: of the number that a call gives, of the first use of
-        the entry if it is alone with its type, else of ``attribute``."""
-        call = self._numbers.get(id(clash.entry))
-        if call is not None:
-            element, name = call
-            use = _Use(node, attribute, "")
-            return element.fault(rules.ENTRY_TYPE,
-                                 f"{name}=\"{element.attributes.get(name, '')}\" is of type "
-                                 f"{clash.entry.type}, and {use.name} ({use.place}) is not",
-                                 "give it an entry that a script sets", name)
-        uses = list(self._uses(clash.entry))
-        if not uses:  # the host made the entry
-            return node.element.fault(rules.ENTRY_TYPE, str(clash), attribute=attribute)
-        blamed = _Use(node, attribute, node.spec.port_named[attribute].type)
-        other = uses[0]
-        alike = [use for use in uses if use.type == blamed.type]
-        if len(alike) > 1 and sum(use.type == other.type for use in uses) == 1:
-            blamed, other = other, alike[0]
-        return blamed.node.element.fault(
-            rules.ENTRY_TYPE,
-            f"{blamed.node.attributes[blamed.attribute]}: {blamed.name} is of type {blamed.type}, "
-            f"and {other.name} ({other.place}) is of type {other.type}", attribute=blamed.attribute)
+        the entry if it is alone with its type, else of the use ``blamed``."""
+        entry, text = clash.entry, str(clash)
+        if id(entry) in self._numbers:
+            call, name = self._numbers[id(entry)]
+            number, hint = call.attributes.get(name, ""), "give it an entry that a script sets"
+            text = (f"{name}=\"{number}\" is of type {entry.type}, "
+                    f"and {blamed} ({blamed.where}) is not")
+            return call.fault(rules.ENTRY_TYPE, text, hint, name)
+        uses = list(self._uses(entry))
+        if uses:  # otherwise the host made the entry
+            other = uses[0]
+            alike = [use for use in uses if use.type == blamed.type]
+            if len(alike) > 1 and sum(use.type == other.type for use in uses) == 1:
+                blamed, other = other, alike[0]
+            key = blamed.node.attributes[blamed.port]
+            text = (f"{key}: {blamed} is of type {blamed.type}, "
+                    f"and {other} ({other.where}) is of type {other.type}")
+        return blamed.node.element.fault(rules.ENTRY_TYPE, text, attribute=blamed.port)
 
-    def _uses(self, entry: Entry) -> Iterator["_Use"]:
+    def _uses(self, entry: Entry) -> Iterator[_Use]:
         """Yield the ports of one type each that refer to an entry, in the order of the nodes."""
         for node in self.nodes:
-            known = node.spec.port_named
-            for attribute, text in node.element.attributes.items():
-                key = ports.reference(text, attribute) if attribute in known else None
-                if key is None or node.blackboard.find(key) is not entry:
-                    continue
-                if known[attribute].type not in GENERIC + (TEXT,):
-                    yield _Use(node, attribute, known[attribute].type)
+            for name, text in node.element.attributes.items():
+                key = ports.reference(text, name) if name in node.spec.port_named else None
+                if key is not None and node.blackboard.find(key) is entry:
+                    use = _Use(node, name)
+                    if use.type not in GENERIC + (TEXT,):
+                        yield use
 
-    def _script(self, text: str) -> Script:
-        script = self._scripts.get(text)
-        if script is None:
-            script = self._scripts[text] = compile_script(text)
-        return script
-
-    def _enter(self, element: Element, place: _Place, node: Node) -> Tuple[_Place, List[Element]]:
-        """Return where the contents of a SubTree are to be made, and what they are."""
+    def _enter(self, element: Element, outer: Blackboard, node: Node) -> Blackboard:
+        """Return the blackboard of what is inside a SubTree."""
         tree_id = element.attributes["ID"]
-        path = place.prefix + element.attributes.get("name", f"{tree_id}::{node.uid}")
+        path = outer.prefix + element.attributes.get("name", f"{tree_id}::{node.uid}")
         if path in self.blackboards:
-            self.faults.append(
-                element.fault(rules.SAME_PATH, f"two SubTrees have the same path {path}",
-                              "give them different names, or none", "name"))
-        inner = Blackboard(place.blackboard)
-        self.blackboards[path] = inner
-        self._remap(element, tree_id, inner)
-        return _Place(inner, path + "/"), self.trees.trees[tree_id].children
-
-    def _remap(self, element: Element, tree_id: str, inner: Blackboard) -> None:
+            wrong = f"two SubTrees have the same path {path}"
+            hint = "give them different names, or none"
+            self.faults.append(element.fault(rules.SAME_PATH, wrong, hint, "name"))
+        inner = self.blackboards[path] = Blackboard(outer, path)
         autoremap = remaps_all(element)
         model = () if autoremap else self.trees.models.get(tree_id, ())
         for name, text in given(element, model).items():
-            outer = None if text is None else ports.subtree_reference(text, name)
-            if outer is not None:
-                inner.add_remapping(name, outer)
+            entry = None if text is None else ports.subtree_reference(text, name)
+            if entry is not None:
+                inner.add_remapping(name, entry)
             elif text is not None:
                 value_type, value = ports.subtree_literal(text)
                 inner.set(name, value, value_type)
                 self._numbers[id(inner.local[name])] = element, name
         inner.autoremap = autoremap  # not before the literals have found their place here
+        return inner

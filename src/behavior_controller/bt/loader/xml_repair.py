@@ -19,6 +19,7 @@ MOST_ATTRIBUTES = 500  # of one element; libxml2 2.9 compares each with each
 LONGEST_NAME = 300
 LONGEST_VALUE = 100_000
 MOST_FAULTS = 100
+BEGINS = 'a mission begins with <root BTCPP_format="4">'
 
 BLANKS = " \t\r\n"
 _BLANK = r"[ \t\r\n]"
@@ -79,8 +80,8 @@ def repaired(text: str) -> str:
     """Return ``text`` as XML, each element on its line. Raises MarkupFault where the pieces cannot
     be separated."""
     if text.count("<") > MOST_TAGS:
-        raise MarkupFault(rules.TOO_LARGE, f"the file has more than {MOST_TAGS} tags", 0,
-                          "split the mission into several files")
+        wrong = f"the file has more than {MOST_TAGS} tags"
+        raise MarkupFault(rules.TOO_LARGE, wrong, 0, "split the mission into several files")
     pieces: List[str] = []
     done = depth = end = 0
     first = None  # where the first element begins
@@ -98,13 +99,13 @@ def repaired(text: str) -> str:
             if kind == "repair" and not match.group("repair"):
                 depth += 1
         if depth > DEEPEST:
-            raise MarkupFault(rules.TOO_LARGE, f"elements are nested deeper than {DEEPEST} levels",
-                              match.start(), "split the tree into SubTrees")
+            wrong = f"elements are nested deeper than {DEEPEST} levels"
+            hint = "split the tree into SubTrees"
+            raise MarkupFault(rules.TOO_LARGE, wrong, match.start(), hint)
         if depth == 0 and not end and kind in ("end", "leaf", "repair"):
             end = match.end()
     if first is None:
-        raise MarkupFault(rules.NO_ELEMENT, "there is no element", 0,
-                          "a mission begins with <root BTCPP_format=\"4\">")
+        raise MarkupFault(rules.NO_ELEMENT, "there is no element", 0, BEGINS)
     _check_outside(text, first, end)
     return "".join(pieces) + text[done:]
 
@@ -138,8 +139,9 @@ def _check_outside(text: str, first: int, end: int) -> None:
             if match.group("wrong"):
                 what = "an element" if match.group("wrong") == "<" else "text"
                 where = "after the end of" if begin > 1 else "before"
-                outside = MarkupFault(rules.OUTSIDE_ROOT, f"{what} {where} the first element",
-                                      match.start(), "a file holds one <root> and nothing else")
+                wrong = f"{what} {where} the first element"
+                hint = "a file holds one <root> and nothing else"
+                outside = MarkupFault(rules.OUTSIDE_ROOT, wrong, match.start(), hint)
                 raise (diagnosis(text) or [outside])[0]
 
 
@@ -161,7 +163,7 @@ def stray_text(text: str) -> Iterator[MarkupFault]:
                 yield from _dropped(text, *content)
         if kind == "end":
             del opened[-1:]
-        elif kind == "open" or (kind == "repair" and not match.group("repair")):
+        elif _is_open(match):
             opened.append(_tag_name(match))
         end = match.end()
 
@@ -169,9 +171,9 @@ def stray_text(text: str) -> Iterator[MarkupFault]:
 def _dropped(text: str, begin: int, end: int) -> Iterator[MarkupFault]:
     words = text[begin:end].strip(BLANKS)
     if words:
-        yield MarkupFault(rules.STRAY_TEXT, f"this text is dropped: {words}",
-                          text.index(words, begin),
-                          "only elements count here; a remark is written <!-- … -->")
+        hint = "only elements count here; a remark is written <!-- … -->"
+        offset = text.index(words, begin)
+        yield MarkupFault(rules.STRAY_TEXT, f"this text is dropped: {words}", offset, hint)
 
 
 # ------------------------------------------------------------------------------------ what is wrong
@@ -192,15 +194,15 @@ def _refusal(text: str, offset: int) -> MarkupFault:
     if text.startswith("<?", offset):
         if "?>" not in text[offset:]:
             return MarkupFault(rules.NOT_CLOSED, "the instruction <? is never closed", offset)
-        return MarkupFault(rules.INSTRUCTION,
-                           "a processing instruction <?…?> is not allowed inside <root>", offset)
+        wrong = "a processing instruction <?…?> is not allowed inside <root>"
+        return MarkupFault(rules.INSTRUCTION, wrong, offset)
     for begin, rule, wrong, hint in _UNENDED:
         if text.startswith(begin, offset):
             return MarkupFault(rule, wrong, offset, hint)
     name = TAG_NAME.match(text, offset + 1)
     if name is None:
-        return MarkupFault(rules.STRAY_BRACKET, "this < begins no tag", offset,
-                           "in text it is written &lt;")
+        wrong, hint = "this < begins no tag", "in text it is written &lt;"
+        return MarkupFault(rules.STRAY_BRACKET, wrong, offset, hint)
     if text[name.end():name.end() + 1] == ":":
         return MarkupFault(rules.ELEMENT_NAME, "the name of an element cannot hold a colon", offset)
     return _unfinished_tag(text, offset, name.group(), name.end())
@@ -209,24 +211,23 @@ def _refusal(text: str, offset: int) -> MarkupFault:
 def _unfinished_tag(text: str, offset: int, tag: str, at: int) -> MarkupFault:
     """Return why the tag at ``offset``, whose name ends at ``at``, does not end where it should."""
     if len(tag) > LONGEST_NAME:
-        return MarkupFault(
-            rules.TOO_LARGE,
-            f"the name of the element is longer than {LONGEST_NAME} characters", offset)
+        wrong = f"the name of the element is longer than {LONGEST_NAME} characters"
+        return MarkupFault(rules.TOO_LARGE, wrong, offset)
     for _ in range(MOST_ATTRIBUTES):
         attribute = _NEXT_ATTRIBUTE.match(text, at)
         if attribute is None:
             return _no_attribute(text, offset, tag, at)
         name, value = attribute.group(2, 3)
         if "<" in value and "\n" in value:
-            return MarkupFault(rules.QUOTE_NOT_CLOSED,
-                               f"the value of {name} has no closing quote", attribute.start(2))
+            wrong = f"the value of {name} has no closing quote"
+            return MarkupFault(rules.QUOTE_NOT_CLOSED, wrong, attribute.start(2))
         if len(name) > LONGEST_NAME or len(value) > LONGEST_VALUE + 2:
-            return MarkupFault(rules.TOO_LARGE,
-                               f"this attribute is too long: names may have {LONGEST_NAME} "
-                               f"characters, values {LONGEST_VALUE}", attribute.start(2))
+            allowed = f"names may have {LONGEST_NAME} characters, values {LONGEST_VALUE}"
+            wrong = f"this attribute is too long: {allowed}"
+            return MarkupFault(rules.TOO_LARGE, wrong, attribute.start(2))
         at = attribute.end()
-    return MarkupFault(rules.TOO_LARGE,
-                       f"<{tag}> has more than {MOST_ATTRIBUTES} attributes", offset)
+    wrong = f"<{tag}> has more than {MOST_ATTRIBUTES} attributes"
+    return MarkupFault(rules.TOO_LARGE, wrong, offset)
 
 
 def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
@@ -237,18 +238,17 @@ def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
     at = rest.end(1)
     if name is None or name[0] in ",;.+*#&@$%()[]{}|":
         seen = text[at:at + 1]
-        if seen in ("", "<"):
-            return MarkupFault(rules.TAG_NOT_ENDED, f"the tag <{tag}> is not ended with >", offset)
-        if seen == "/" and _NO_END.match(text, at + 1):
-            return MarkupFault(rules.TAG_NOT_ENDED, f"the tag <{tag}> is not ended with >",
-                               offset, "write /> in place of /")
+        if seen in ("", "<") or (seen == "/" and _NO_END.match(text, at + 1)):
+            hint = "write /> in place of /" if seen == "/" else ""
+            wrong = f"the tag <{tag}> is not ended with >"
+            return MarkupFault(rules.TAG_NOT_ENDED, wrong, offset, hint)
         return MarkupFault(rules.STRAY_CHARACTER, f"unexpected {seen} in the tag <{tag}>", at)
+    hint = f"write {name}=\"…\""
     if not equals:
-        return MarkupFault(rules.ATTRIBUTE_VALUE, f"the attribute {name} has no value", at,
-                           f"write {name}=\"…\"")
+        return MarkupFault(rules.ATTRIBUTE_VALUE, f"the attribute {name} has no value", at, hint)
     if not quote:
-        return MarkupFault(rules.ATTRIBUTE_QUOTES, f"the value of {name} must stand in quotes", at,
-                           f"write {name}=\"…\"")
+        wrong = f"the value of {name} must stand in quotes"
+        return MarkupFault(rules.ATTRIBUTE_QUOTES, wrong, at, hint)
     if not blank:
         return MarkupFault(rules.ATTRIBUTE_BLANK, f"a blank is missing before {name}", at)
     return MarkupFault(rules.QUOTE_NOT_CLOSED, f"the value of {name} has no closing quote", at)
@@ -264,7 +264,7 @@ def diagnosis(text: str) -> List[MarkupFault]:
         if kind in STARTS:
             if not _GOOD_TAG.fullmatch(match.group()):
                 faults.extend(_tag_faults(match))
-            if kind == "open" or (kind == "repair" and not match.group("repair")):
+            if _is_open(match):
                 opened.append((_tag_name(match), match.start()))
         elif kind == "end":
             name = match.group()[2:-1].rstrip(BLANKS)
@@ -273,11 +273,12 @@ def diagnosis(text: str) -> List[MarkupFault]:
                 return faults[:MOST_FAULTS] + [_mismatch(name, match.start(), opened)]
             opened.pop()
     if opened:
-        faults.append(MarkupFault(
-            rules.ELEMENT_NOT_CLOSED, f"<{opened[-1][0]}> is never closed", opened[-1][1]))
+        tag, offset = opened[-1]
+        faults.append(MarkupFault(rules.ELEMENT_NOT_CLOSED, f"<{tag}> is never closed", offset))
     if not faults:
-        faults = [MarkupFault(rules.FORBIDDEN_CHARACTER, "a character that XML does not allow",
-                              match.start()) for match in _NOT_IN_XML.finditer(text)]
+        wrong = "a character that XML does not allow"
+        faults = [MarkupFault(rules.FORBIDDEN_CHARACTER, wrong, match.start())
+                  for match in _NOT_IN_XML.finditer(text)]
     return faults[:MOST_FAULTS]
 
 
@@ -285,32 +286,39 @@ def _tag_name(match: "re.Match[str]") -> str:
     return TAG_NAME.match(match.string, match.start() + 1).group()  # type: ignore[union-attr]
 
 
+def _is_open(match: "re.Match[str]") -> bool:
+    """Return whether a token begins an element that another one has to close."""
+    return match.lastgroup == "open" or (
+        match.lastgroup == "repair" and not match.group("repair"))
+
+
 def _mismatch(name: str, offset: int, opened: List[Tuple[str, int]]) -> MarkupFault:
+    last, begin = opened[-1] if opened else ("", 0)
     if any(tag == name for tag, _ in opened):
-        return MarkupFault(rules.ELEMENT_NOT_CLOSED,
-                           f"<{opened[-1][0]}> is not closed before </{name}>", opened[-1][1])
-    return MarkupFault(rules.CLOSES_NOTHING, f"</{name}> closes nothing", offset,
-                       f"</{opened[-1][0]}> is due" if opened else "")
+        wrong = f"<{last}> is not closed before </{name}>"
+        return MarkupFault(rules.ELEMENT_NOT_CLOSED, wrong, begin)
+    hint = f"</{last}> is due" if opened else ""
+    return MarkupFault(rules.CLOSES_NOTHING, f"</{name}> closes nothing", offset, hint)
 
 
 def _tag_faults(match: "re.Match[str]") -> Iterator[MarkupFault]:
     """Yield what is wrong inside one start tag."""
-    if not _PLAIN_NAME.fullmatch(_tag_name(match)):
-        yield MarkupFault(rules.ELEMENT_NAME,
-                          f"{_tag_name(match)} cannot be the name of an element", match.start())
+    tag = _tag_name(match)
+    if not _PLAIN_NAME.fullmatch(tag):
+        wrong = f"{tag} cannot be the name of an element"
+        yield MarkupFault(rules.ELEMENT_NAME, wrong, match.start())
     seen = set()
     for attribute in ATTRIBUTE.finditer(match.string, match.start(), match.end()):
         name, value = attribute.groups()
+        offset = attribute.start()
         if name in seen:
-            yield MarkupFault(rules.ATTRIBUTE_TWICE, f"the attribute {name} is given twice",
-                              attribute.start())
+            yield MarkupFault(rules.ATTRIBUTE_TWICE, f"the attribute {name} is given twice", offset)
         elif not _PLAIN_NAME.fullmatch(name) and ":" not in name:
-            yield MarkupFault(rules.ATTRIBUTE_NAME,
-                              f"{name} cannot be the name of an attribute", attribute.start())
+            wrong = f"{name} cannot be the name of an attribute"
+            yield MarkupFault(rules.ATTRIBUTE_NAME, wrong, offset)
         elif _NOT_IN_XML.search(value + "".join(starmap(_character, _CHARACTER.findall(value)))):
-            yield MarkupFault(
-                rules.FORBIDDEN_CHARACTER,
-                f"the value of {name} holds a character that XML does not allow", attribute.start())
+            wrong = f"the value of {name} holds a character that XML does not allow"
+            yield MarkupFault(rules.FORBIDDEN_CHARACTER, wrong, offset)
         seen.add(name)
 
 

@@ -26,12 +26,10 @@ class ScriptError(BehaviorControllerError):
     """A script failed while it ran."""
 
 
-def _both_there(left: Any, right: Any, sign: str) -> None:
-    """Raise ScriptError if an operand of ``sign`` is empty."""
-    if left is None:
-        raise ScriptError(f"The left operand of the operator [{sign}] is not initialized")
-    if right is None:
-        raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+def _not_empty(value: Any, side: str, sign: str) -> None:
+    """Raise ScriptError if the operand of ``sign`` on this side is empty."""
+    if value is None:
+        raise ScriptError(f"The {side} operand of the operator [{sign}] is not initialized")
 
 
 def _kind(value: Any) -> str:
@@ -42,25 +40,26 @@ def _kind(value: Any) -> str:
 
 
 def _not_permitted(sign: str, left: Any, right: Any) -> ScriptError:
-    _both_there(left, right, sign)
+    _not_empty(left, "left", sign)
+    _not_empty(right, "right", sign)
     return ScriptError(f"Operation not permitted: [{sign}] on {_kind(left)} and {_kind(right)}")
 
 
-def _reals(sign: str, left: Any, right: Any) -> Tuple[float, float]:
-    if not is_number(left) or not is_number(right):
-        raise _not_permitted(sign, left, right)
-    return to_real(left), to_real(right)
-
-
-def _arithmetic(sign: str, apply: Callable[[float, float], float]) -> Operate:
+def _on_numbers(sign: str, apply: Operate, converted: Callable[[Any], Any] = to_real,
+                refused: str = "") -> Operate:
+    """Return an operator on numbers, which are ``converted`` first; if they cannot be, a message
+    begins with ``refused``."""
     def operate(left: Any, right: Any) -> float:
-        if type(left) is not float or type(right) is not float:
-            left, right = _reals(sign, left, right)
-        return apply(left, right)
+        if not is_number(left) or not is_number(right):
+            raise _not_permitted(sign, left, right)
+        try:
+            return float(apply(converted(left), converted(right)))
+        except ValueFault as fault:
+            raise ScriptError(f"{refused}{fault}") from fault
     return operate
 
 
-_sum = _arithmetic("+", operator.add)
+_sum = _on_numbers("+", operator.add)
 
 
 def _add(left: Any, right: Any) -> Any:
@@ -91,34 +90,24 @@ def _concatenate(left: Any, right: Any) -> Any:
     raise _not_permitted("..", left, right)
 
 
-def _bitwise(sign: str, apply: Callable[[int, int], int]) -> Operate:
-    def operate(left: Any, right: Any) -> float:
-        _reals(sign, left, right)
-        try:
-            return float(apply(values.to_int(left), values.to_int(right)))
-        except ValueFault as fault:
-            raise ScriptError("Binary operators are not allowed if one of the operands is not an "
-                              f"integer: {fault}") from fault
-    return operate
+def _bits(value: Any) -> int:
+    return values.to_int(to_real(value))  # one that is no real is refused too
 
 
-def _logic(sign: str, decide: Callable[[List[bool]], bool]) -> Operate:
-    def operate(left: Any, right: Any) -> float:
-        if not is_number(left) or not is_number(right):
-            raise _not_permitted(sign, left, right)
-        try:
-            return float(decide([to_bool(left), to_bool(right)]))
-        except ValueFault as fault:
-            raise ScriptError("Logic operators are not allowed if one of the operands is not "
-                              f"castable to bool: {fault}") from fault
-    return operate
-
-
+_NO_INTEGER = "Binary operators are not allowed if one of the operands is not an integer: "
+_NO_TRUTH = "Logic operators are not allowed if one of the operands is not castable to bool: "
 _OPERATE: Dict[str, Operate] = {
-    "+": _add, "-": _arithmetic("-", operator.sub), "*": _arithmetic("*", operator.mul),
-    "/": _arithmetic("/", _quotient), "..": _concatenate, "&": _bitwise("&", operator.and_),
-    "|": _bitwise("|", operator.or_), "^": _bitwise("^", operator.xor), "&&": _logic("&&", all),
-    "||": _logic("||", any)}
+    "+": _add,
+    "-": _on_numbers("-", operator.sub),
+    "*": _on_numbers("*", operator.mul),
+    "/": _on_numbers("/", _quotient),
+    "..": _concatenate,
+    "&": _on_numbers("&", operator.and_, _bits, _NO_INTEGER),
+    "|": _on_numbers("|", operator.or_, _bits, _NO_INTEGER),
+    "^": _on_numbers("^", operator.xor, _bits, _NO_INTEGER),
+    "&&": _on_numbers("&&", operator.and_, to_bool, _NO_TRUTH),
+    "||": _on_numbers("||", operator.or_, to_bool, _NO_TRUTH),
+}
 
 
 def folded(first: Evaluate, rest: Rest) -> Evaluate:
@@ -169,7 +158,8 @@ _OF_NUMBERS = dict(_ORDER, **{
 def _holds(sign: str, left: Any, right: Any, enums: Enums) -> bool:
     if type(left) is float and type(right) is float:
         return _OF_NUMBERS[sign](left, right)
-    _both_there(left, right, sign)
+    _not_empty(left, "left", sign)
+    _not_empty(right, "right", sign)
     if isinstance(left, str) and isinstance(right, str):
         return _ORDER[sign](left, right)
     if isinstance(left, str) and is_number(right):
@@ -177,8 +167,8 @@ def _holds(sign: str, left: Any, right: Any, enums: Enums) -> bool:
     elif isinstance(right, str) and is_number(left):
         right = text_to_number(right, enums)
     if not is_number(left) or not is_number(right):
-        raise ScriptError(f"Can't mix different types in Comparison. Left operand {_kind(left)}, "
-                          f"right operand {_kind(right)}")
+        operands = f"Left operand {_kind(left)}, right operand {_kind(right)}"
+        raise ScriptError(f"Can't mix different types in Comparison. {operands}")
     return _OF_NUMBERS[sign](to_real(left), to_real(right))
 
 
@@ -200,8 +190,7 @@ def compared(first: Evaluate, rest: Rest) -> Evaluate:
 
 
 def _unary(sign: str, value: Any) -> float:
-    if value is None:
-        raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+    _not_empty(value, "right", sign)
     if not is_number(value):
         raise ScriptError(f"Invalid operator [{sign}] for {_kind(value)}")
     real = to_real(value)
@@ -228,8 +217,7 @@ def prefixed(signs: List[str], operand: Evaluate) -> Evaluate:
 
 
 def _is_chosen(value: Any) -> bool:
-    if value is None:
-        raise ScriptError("The left operand of the operator [?] is not initialized")
+    _not_empty(value, "left", "?")
     if isinstance(value, str):
         return leading_number(value) != 0.0
     if not is_number(value):
@@ -272,12 +260,11 @@ def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Ev
     def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
         entry = blackboard.find(name)
         if entry is None and sign != ":=":
-            raise ScriptError(f"The blackboard entry [{name}] doesn't exist, yet. If you want to "
-                              f"create a new one, use the operator [:=] instead of [{sign}]")
+            hint = f"If you want to create a new one, use the operator [:=] instead of [{sign}]"
+            raise ScriptError(f"The blackboard entry [{name}] doesn't exist, yet. {hint}")
         entry = entry or blackboard.create(name)
         value = right(blackboard, enums)
-        if value is None:
-            raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+        _not_empty(value, "right", sign)
         if sign in (":=", "="):
             origin = "" if source is None else _origin(source, blackboard, enums)
             _store(name, entry, value, enums, origin)
@@ -312,8 +299,8 @@ def _store(name: str, entry: Entry, value: Any, enums: Enums, origin: str) -> No
         else:
             entry.update(value, origin)
     except ValueFault as fault:
-        raise ScriptError(f"Error assigning a value to entry [{name}] with type [{entry.type}]: "
-                          f"{fault}") from fault
+        wrong = f"Error assigning a value to entry [{name}] with type [{entry.type}]"
+        raise ScriptError(f"{wrong}: {fault}") from fault
 
 
 def _store_text(name: str, entry: Entry, text: str, enums: Enums) -> None:

@@ -4,9 +4,10 @@ section 11).
 Nothing of Python can be reached from a script. Reading one takes time in proportion to its length,
 running one too.
 """
+import functools
 import re
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Set, Tuple
 
 from behavior_controller.bt.script import operators
 from behavior_controller.bt.engine.blackboard import Blackboard
@@ -75,7 +76,12 @@ class ScriptFacts(NamedTuple):
     assignments: List[Assignment]
     operations: List[Operation]
     prefixed: List[Tuple[str, Operand]]  # the signs before an operand, and that
-    names: Dict[str, int]  # the names that are read, and where first
+    read: Dict[str, int]  # the names that are read, and where first
+
+    @property
+    def written(self) -> Set[str]:
+        """The names of the entries that it assigns to."""
+        return {assignment.name for assignment in self.assignments if assignment.name}
 
 
 # what it is ("name", "integer", "real", "text", "end", or the operator itself), its text, its
@@ -109,8 +115,8 @@ def _tokens(text: str) -> List[Token]:
             continue
         word = match.group()
         if kind == "wrong":
-            raise ScriptSyntaxError(f"Invalid token '{shown(word)}' at position {match.start()}",
-                                    match.start(), _HINTS.get(word[0], ""))
+            wrong = f"Invalid token '{shown(word)}' at position {match.start()}"
+            raise ScriptSyntaxError(wrong, match.start(), _HINTS.get(word[0], ""))
         tokens.append((word if kind == "operator" else str(kind), word, match.start()))
     tokens.append(("end", "", len(text)))
     return tokens
@@ -150,18 +156,13 @@ _LITERALS: Dict[str, Callable[[str], Any]] = {
 
 
 class _ScriptParser:
-    """Recursive descent over the tokens of one script. ``read``, ``written`` and ``facts`` collect
-    what it does."""
+    """Recursive descent over the tokens of one script. ``facts`` collect what it does."""
 
     def __init__(self, text: str):
         self.tokens = _tokens(text)
         self.at = 0
         self.depth = 0
-        self.read: Set[str] = set()
-        self.written: Set[str] = set()
-        # the name that the operand read last is, if it is nothing more
-        self.bare: Optional[str] = None
-        self.last: Operand  # the operand read last
+        self.last: Operand  # the operand read last; a "name" is that and nothing more
         self.facts = ScriptFacts([], [], [], [], {})
         self._is_assignment: bool  # the expression read last
 
@@ -173,8 +174,9 @@ class _ScriptParser:
         while self.tokens[self.at][0] != "end":
             before, position = len(self.facts.assignments), self.tokens[self.at][2]
             statements.append(self.expression())
-            self.facts.statements.append(Statement(
-                position, self.last, self._is_assignment, len(self.facts.assignments) > before))
+            assigns = len(self.facts.assignments) > before
+            self.facts.statements.append(
+                Statement(position, self.last, self._is_assignment, assigns))
             while self.tokens[self.at][0] == ";":
                 self.at += 1
         return statements
@@ -185,10 +187,9 @@ class _ScriptParser:
         whole = self.operation(0)
         kind = self.tokens[self.at][0]
         if kind in _ASSIGNMENTS:
-            whole = self._assignment(self.bare)
+            whole = self._assignment()
         else:
-            if self.bare is not None:
-                self.read.add(self.bare)
+            self._use()
             if kind == "?":
                 whole = self._choice(whole)
         self._is_assignment = kind in _ASSIGNMENTS
@@ -199,25 +200,24 @@ class _ScriptParser:
         self.depth += 1
         if self.depth > DEEPEST:
             position = self.tokens[self.at][2]
-            raise ScriptSyntaxError(f"Nested too deeply at position {position}: at most {DEEPEST} "
-                                    "levels are allowed", position)
+            wrong = f"Nested too deeply at position {position}"
+            raise ScriptSyntaxError(f"{wrong}: at most {DEEPEST} levels are allowed", position)
 
-    def _assignment(self, name: Optional[str]) -> Evaluate:
-        position = self.last.position
-        sign, known = self._next()[0], len(self.facts.operations)
-        right = self.expression()
-        source, self.bare = self.bare, None
-        is_own = any(name in (operation.left.word, operation.right.word)
+    def _assignment(self) -> Evaluate:
+        target, known = self.last, len(self.facts.operations)
+        sign = self._next()[0]
+        right, value = self.expression(), self.last
+        name = target.word if target.kind == "name" else ""
+        is_own = any(name and name in (operation.left.word, operation.right.word)
                      for operation in self.facts.operations[known:])
-        self.facts.assignments.append(Assignment(name or "", sign, self.last, position, is_own))
-        if self.last.kind == "name":
-            self.last = self.last._replace(kind="")
-        if name is None:
+        self.facts.assignments.append(Assignment(name, sign, value, target.position, is_own))
+        if value.kind == "name":
+            self.last = value._replace(kind="")
+        if not name:
             return operators.no_entry
-        self.written.add(name)
         if sign not in (":=", "="):
-            self.read.add(name)
-        return operators.assigned(name, sign, right, source)
+            self.facts.read.setdefault(name, target.position)
+        return operators.assigned(name, sign, right, value.word if value.kind == "name" else None)
 
     def _choice(self, condition: Evaluate) -> Evaluate:
         """Return ``condition ? expression : …``; what follows the colon may be such a choice, but
@@ -228,9 +228,7 @@ class _ScriptParser:
             choices.append((condition, self.expression()))
             self._expect(":", " in ternary expression")
             condition = self.operation(0)
-            if self.bare is not None:
-                self.read.add(self.bare)
-        self.bare = None
+            self._use()
         self.last = self.last._replace(kind="")
         return operators.chosen(choices, condition)
 
@@ -262,11 +260,9 @@ class _ScriptParser:
         return apply(first, rest)
 
     def _use(self) -> None:
-        """Note that the operand read last, if it is a bare name, is an operand of something more.
-        """
-        if self.bare is not None:
-            self.read.add(self.bare)
-            self.bare = None
+        """Note that the value of the operand read last is used; of a name it is an entry's."""
+        if self.last.kind == "name":
+            self.facts.read.setdefault(self.last.word, self.last.position)
 
     def prefix(self) -> Evaluate:
         """Return ``-x``, ``~x``, ``!x`` (which may be stacked), or an operand."""
@@ -286,11 +282,8 @@ class _ScriptParser:
     def operand(self) -> Evaluate:
         """Return a literal, a name, or an expression in parentheses."""
         kind, text, position = self._next()
-        self.bare = None
         if kind == "name" and text not in ("true", "false"):
-            self.bare = text
             self.last = Operand("name", text, position)
-            self.facts.names.setdefault(text, position)
             return operators.value_of(text)
         if kind in _LITERALS:
             value = _LITERALS[kind](text)
@@ -299,8 +292,8 @@ class _ScriptParser:
         if kind != "(":
             # the end was not passed; before the first token is the end
             before = self.tokens[self.at - (1 if kind == "end" else 2)][0]
-            raise ScriptSyntaxError(f"Expected operand at position {position} (got "
-                                    f"'{shown(text)}')", position, _hint_between(before, kind))
+            wrong = f"Expected operand at position {position} (got '{shown(text)}')"
+            raise ScriptSyntaxError(wrong, position, _hint_between(before, kind))
         inner = self.expression()
         self._expect(")")
         return inner
@@ -308,8 +301,8 @@ class _ScriptParser:
     def _expect(self, sign: str, where: str = "") -> None:
         kind, text, position = self._next()
         if kind != sign:
-            raise ScriptSyntaxError(f"Parse error at position {position}: expected '{sign}'{where} "
-                                    f"(got '{shown(text)}')", position)
+            wrong = f"expected '{sign}'{where} (got '{shown(text)}')"
+            raise ScriptSyntaxError(f"Parse error at position {position}: {wrong}", position)
 
     def _next(self) -> Token:
         token = self.tokens[self.at]
@@ -329,13 +322,10 @@ def _kind(sign: str, left: Operand, right: Operand) -> str:
 
 @dataclass(frozen=True)
 class Script:
-    """A script ready to run. ``read`` and ``written`` are the names of entries that it uses,
-    ``facts`` what it does."""
+    """A script ready to run; ``facts`` are what it does. Nodes with the same text share it."""
 
     text: str
     statements: List[Evaluate]
-    read: Set[str]
-    written: Set[str]
     facts: ScriptFacts
 
     def run(self, blackboard: Blackboard, enums: Enums) -> Any:
@@ -352,11 +342,11 @@ class Script:
         return value
 
 
+@functools.lru_cache(maxsize=1000)
 def compile_script(text: str, allow_empty: bool = False) -> Script:
     """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: an empty one fails
     when it runs."""
     if allow_empty and not text:
-        return Script(text, [], set(), set(), ScriptFacts([], [], [], [], {}))
+        return Script(text, [], ScriptFacts([], [], [], [], {}))
     parser = _ScriptParser(text)
-    statements = parser.script()
-    return Script(text, statements, parser.read, parser.written, parser.facts)
+    return Script(text, parser.script(), parser.facts)

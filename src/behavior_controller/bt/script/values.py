@@ -48,6 +48,7 @@ class ValueType(NamedTuple):
     checked_at_load: bool = True
     number: Optional["re.Pattern[str]"] = None
     python: Optional[type] = None  # the class of its values, if it is a PortType
+    cpp_name: str = ""  # in palettes, if BehaviorTree.CPP calls it otherwise
 
 
 _INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero but the last digit
@@ -69,13 +70,11 @@ def shown(text: str, longest: int = 80) -> str:
     return line if len(text) <= longest else line[:longest] + "…"
 
 
-def _integer_reader(low: int, high: int) -> Callable[[str, Enums], int]:
-    def read(text: str, _enums: Enums) -> int:
-        match = _INTEGER.match(text)
-        if match is None or (low == 0 and match.group(1)):
-            raise ValueFault(f"Can't convert string [{shown(text)}] to integer")
-        return _in_range(match, low, high)
-    return read
+def _integer(text: str, _enums: Enums, low: int, high: int) -> int:
+    match = _INTEGER.match(text)
+    if match is None or (low == 0 and match.group(1)):
+        raise ValueFault(f"Can't convert string [{shown(text)}] to integer")
+    return _in_range(match, low, high)
 
 
 def _in_range(match: Any, low: int, high: int) -> int:
@@ -83,8 +82,8 @@ def _in_range(match: Any, low: int, high: int) -> int:
     value = int(digits) if len(digits) <= _MOST_DIGITS else 10 ** _MOST_DIGITS
     value = -value if sign else value
     if not low <= value <= high:
-        raise ValueFault(f"Value out of bound when converting [{shown(match.string)}] to integer: "
-                         f"{low} to {high} is allowed")
+        wrong = f"Value out of bound when converting [{shown(match.string)}] to integer"
+        raise ValueFault(f"{wrong}: {low} to {high} is allowed")
     return value
 
 
@@ -122,15 +121,15 @@ def whole_real(text: str) -> Optional[float]:
 
 def _boolean(text: str, _enums: Enums) -> bool:
     if text not in _BOOLEANS:
-        raise ValueFault(f"convertFromString(): invalid bool conversion of [{shown(text)}]; "
-                         "allowed: 0 1 true false")
+        wrong = f"convertFromString(): invalid bool conversion of [{shown(text)}]"
+        raise ValueFault(f"{wrong}; allowed: 0 1 true false")
     return _BOOLEANS[text]
 
 
 def _status(text: str, _enums: Enums) -> Any:
     if text not in BY_NAME:
-        raise ValueFault(
-            f"Cannot convert this to NodeStatus: {shown(text)}; allowed: {' '.join(BY_NAME)}")
+        wrong = f"Cannot convert this to NodeStatus: {shown(text)}"
+        raise ValueFault(f"{wrong}; allowed: {' '.join(BY_NAME)}")
     return BY_NAME[text]
 
 
@@ -139,18 +138,18 @@ def _enumerator(text: str, enums: Enums) -> int:
         return enums[text]
     number = whole_integer(text, *INT)
     if number is None:
-        raise ValueFault(f"Can't convert string [{shown(text)}] to an enum; known names: "
-                         f"{' '.join(enums) or 'none'}")
+        names = " ".join(enums) or "none"
+        raise ValueFault(f"Can't convert string [{shown(text)}] to an enum; known names: {names}")
     return number
 
 
-def _vector_reader(item: Callable[[str, Enums], Any],
-                   from_json: Callable[[Any], Any]) -> Callable[[str, Enums], Any]:
+def _vector_type(name: str, cpp_name: str, item: Callable[[str, Enums], Any],
+                 kind: type) -> ValueType:
     def read(text: str, enums: Enums) -> Any:
         if text.startswith("json:"):
-            return [from_json(value) for value in _json_array(text[5:])]
+            return [_json_item(value, kind) for value in _json_array(text[5:])]
         return [item(part, enums) for part in items_of(text)]
-    return read
+    return ValueType(name, read, cpp_name=cpp_name)
 
 
 def items_of(text: str) -> List[str]:
@@ -169,23 +168,22 @@ def _json_array(text: str) -> List[Any]:
     return value
 
 
-def _json_item(kind: type) -> Callable[[Any], Any]:
-    """Return a check of one item; a JSON number may lack the point that a real has here."""
-    def check(value: Any) -> Any:
-        if kind is float and type(value) is int:
-            return to_real(value)
-        if type(value) is not kind:
-            raise ValueFault(
-                f"the JSON item {shown(json.dumps(value))} is not of type {_JSON_NAMES[kind]}")
-        return to_int(value, *INT) if kind is int else value
-    return check
+def _json_item(value: Any, kind: type) -> Any:
+    """Check an item; a JSON number may lack the point that a real has here."""
+    if kind is float and type(value) is int:
+        return to_real(value)
+    if type(value) is not kind:
+        item = shown(json.dumps(value))
+        raise ValueFault(f"the JSON item {item} is not of type {_JSON_NAMES[kind]}")
+    return to_int(value, *INT) if kind is int else value
 
 
 _JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
 
 
-def _integer_type(name: str, low: int, high: int) -> ValueType:
-    return ValueType(name, _integer_reader(low, high), (low, high), number=_INTEGER)
+def _integer_type(name: str, low: int, high: int, cpp_name: str = "") -> ValueType:
+    from_text = partial(_integer, low=low, high=high)
+    return ValueType(name, from_text, (low, high), number=_INTEGER, cpp_name=cpp_name)
 
 
 class _Types(Dict[str, ValueType]):
@@ -234,29 +232,29 @@ def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], tex
         raise ValueFault(
             f"Can't convert string [{shown(text)}] to {name}: {described(error)}") from error
     if not isinstance(value, python):
-        raise ValueFault(f"the converter of {name} returned {value!r} for [{shown(text)}], which "
-                         f"is not a {python.__name__}")
+        wrong = f"the converter of {name} returned {value!r} for [{shown(text)}]"
+        raise ValueFault(f"{wrong}, which is not a {python.__name__}")
     return value
 
 
 TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_type in (
-    ValueType(TEXT, lambda text, _enums: text),
+    ValueType(TEXT, lambda text, _enums: text, cpp_name="std::string"),
     _integer_type("int", *INT),
-    _integer_type("uint", 0, 2 ** 32 - 1),
-    _integer_type("int8", -2 ** 7, 2 ** 7 - 1),
-    _integer_type("uint8", 0, 2 ** 8 - 1),
-    _integer_type("int64", *INT64),
-    _integer_type("uint64", 0, 2 ** 64 - 1),
+    _integer_type("uint", 0, 2 ** 32 - 1, "unsigned int"),
+    _integer_type("int8", -2 ** 7, 2 ** 7 - 1, "signed char"),
+    _integer_type("uint8", 0, 2 ** 8 - 1, "unsigned char"),
+    _integer_type("int64", *INT64, "long"),
+    _integer_type("uint64", 0, 2 ** 64 - 1, "unsigned long"),
     ValueType("double", real_from_text, number=_REAL),
     ValueType("bool", _boolean),
-    ValueType("NodeStatus", _status, checked_at_load=False),
+    ValueType("NodeStatus", _status, checked_at_load=False, cpp_name="BT::NodeStatus"),
     ValueType("enum", _enumerator, checked_at_load=False),
-    ValueType("vec_int", _vector_reader(_integer_reader(*INT), _json_item(int))),
-    ValueType("vec_double", _vector_reader(real_from_text, _json_item(float))),
-    ValueType("vec_string", _vector_reader(lambda text, _enums: text, _json_item(str))),
-    ValueType("vec_bool", _vector_reader(_boolean, _json_item(bool))),
-    ValueType(ANY, None),
-    ValueType(BT_ANY, None),
+    _vector_type("vec_int", "std::vector<int>", partial(_integer, low=INT[0], high=INT[1]), int),
+    _vector_type("vec_double", "std::vector<double>", real_from_text, float),
+    _vector_type("vec_string", "std::vector<std::string>", lambda text, _enums: text, str),
+    _vector_type("vec_bool", "std::vector<bool>", _boolean, bool),
+    ValueType(ANY, None, cpp_name="BT::AnyTypeAllowed"),
+    ValueType(BT_ANY, None, cpp_name="BT::Any"),
 ))
 
 

@@ -11,8 +11,11 @@ themselves.
 """
 import collections
 import contextlib
-import json
-from typing import Any, Callable, Deque, Dict, Iterable, List, NamedTuple, Optional, Tuple
+from typing import (
+    Any, Callable, Deque, Dict, Iterable, List, Literal, NamedTuple, Optional, Tuple, get_args)
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from behavior_controller.bt.engine.node import Node, NodeHook, Result
 from behavior_controller.bt.engine.tree import Tree
@@ -22,52 +25,35 @@ from behavior_controller.execution.events import BreakpointChanged
 BEFORE, AFTER = 0, 1
 BREAKPOINT, REPLACE = 0, 1
 _RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
-_STATUSES = ("SUCCESS", "FAILURE", "SKIPPED", "IDLE", "RUNNING")
+
+Desired = Literal["SUCCESS", "FAILURE", "SKIPPED", "IDLE", "RUNNING"]
 """What ``desired_status`` may be; the last three have no influence."""
 
-HIGHEST_UID = 65535
+ALLOWED = ("position 0 (before the node) or 1 (after it), mode 0 (breakpoint) or 1 (replace), "
+           "desired_status " + ", ".join(get_args(Desired)))
 
 
-class Refused(ValueError):
-    """A request that cannot be carried out; the text goes back to the client."""
-
-
-def read_fields(given: Any, *names: str) -> List[Any]:
-    """Return the values of these fields of a JSON object. Raises Refused: what is wrong, what is
-    allowed."""
-    if not isinstance(given, dict):
-        raise Refused(f"a hook is a JSON object with the fields {', '.join(names)}")
-    for name in names:
-        if name not in given:
-            raise Refused(f"the field {name} is missing")
-        type_, values, allowed = _FIELDS[name]
-        value = given[name]
-        # for isinstance, true would be a number
-        if type(value) is not type_ or (values and value not in values):
-            raise Refused(f"{name} cannot be {json.dumps(value)[:80]}; allowed: {allowed}")
-    return [given[name] for name in names]
-
-
-_FIELDS: Dict[str, Tuple[type, Any, str]] = {
-    "uid": (int, range(HIGHEST_UID + 1), f"a whole number from 0 to {HIGHEST_UID}"),
-    "position": (int, (BEFORE, AFTER), "0 (before the node) or 1 (after it)"),
-    "mode": (int, (BREAKPOINT, REPLACE), "0 (breakpoint) or 1 (replace)"),
-    "once": (bool, (), "true or false"),
-    "enabled": (bool, (), "true or false"),
-    "remove_when_done": (bool, (), "true or false"),
-    "desired_status": (str, _STATUSES, ", ".join(_STATUSES))}
-
-
-class Hook(NamedTuple):
-    """One hook of one node. A ``desired_status`` other than SUCCESS and FAILURE has no influence.
-    """
+class HookPlace(Struct, frozen=True):
+    """Where a hook is: at most one before each node, and one after it."""
 
     uid: int
-    position: int
-    mode: int
+    position: Literal[0, 1]
+
+
+class Hook(HookPlace, frozen=True):
+    """One hook of one node."""
+
+    mode: Literal[0, 1]
     once: bool
     enabled: bool
-    desired_status: str
+    desired_status: Desired
+
+
+class Unlocking(HookPlace, frozen=True):
+    """What lets a breakpoint go on."""
+
+    desired_status: Desired
+    remove_when_done: bool
 
 
 class Hooks:
@@ -88,14 +74,10 @@ class Hooks:
         # those that have removed themselves, on the tick thread
         self.gone: Deque[Hook] = collections.deque()
 
-    def __bool__(self) -> bool:
-        """Whether there is any."""
-        return bool(self.all())
-
     def all(self) -> List[Hook]:
         """Return every hook, those before their nodes first."""
         self._take_gone_off()
-        return [hook for _, hook in sorted(list(self._listed.items()))]
+        return [hook for _, hook in sorted(self._listed.items())]
 
     def _take_gone_off(self) -> None:
         """Forget what the tick thread has removed, unless another hook was set in its place
@@ -110,7 +92,8 @@ class Hooks:
         """Add each hook, or change the one at its place; a hook of an unknown node is passed over,
         as the library does."""
         # the last hook for a place counts: a client that floods must not occupy the tick thread
-        newest = {(hook.position, hook.uid): hook for hook in hooks if hook.uid in self._nodes}
+        newest: Dict[Tuple[int, int], Hook] = {
+            (hook.position, hook.uid): hook for hook in hooks if hook.uid in self._nodes}
         self._listed.update(newest)
         for hook in newest.values():
             self._post(self._nodes[hook.uid].insert, hook)
@@ -124,21 +107,22 @@ class Hooks:
             self._post(self._nodes[uid].remove, hook, reason)
         return hook is not None
 
-    def unlock(self, position: int, uid: int, desired_status: str, remove: bool) -> bool:
+    def unlock(self, position: int, uid: int, desired_status: Desired,
+               remove_when_done: bool) -> bool:
         """Let a breakpoint go on with this result; return whether there is one."""
         self._take_gone_off()
         hook = self._listed.get((position, uid))
         if hook is None:
             return False
-        hook = self._listed[position, uid] = hook._replace(desired_status=desired_status,
-                                                           once=hook.once or remove)
+        hook = self._listed[position, uid] = replace(
+            hook, desired_status=desired_status, once=hook.once or remove_when_done)
         self._post(self._nodes[uid].release, hook, "lets the node go on")
         return True
 
     def disable_all(self) -> None:
         """Disable every hook without removing it; every breakpoint lets its node go on."""
         for hook in self.all():
-            disabled = self._listed[hook.position, hook.uid] = hook._replace(enabled=False)
+            disabled = self._listed[hook.position, hook.uid] = replace(hook, enabled=False)
             self._post(self._nodes[hook.uid].release, disabled, "is disabled")
 
     def remove_all(self, reason: str = "") -> None:

@@ -6,20 +6,19 @@ on its own thread. The tick thread only notes each change of a status, at next t
 """
 import asyncio
 import collections
-import itertools
-import json
+import ctypes
 import os
-import socket
 import struct
 import time
 import uuid
 from functools import partial
-from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
-from xml.sax.saxutils import quoteattr
+from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple, Union
+from xml.etree import ElementTree
 
 import msgspec
 import zmq
 import zmq.asyncio
+from msgspec.structs import asdict
 
 from behavior_controller.bt.linter.structure import CONDITIONS
 from behavior_controller.bt.linter.palette import tree_nodes_model
@@ -30,7 +29,8 @@ from behavior_controller.bt.registry import NodeSpec
 from behavior_controller.bt.status import IDLE, NUMBERS
 from behavior_controller.execution.events import BreakpointChanged
 from behavior_controller.monitoring.groot2.tcp_proxy import Front
-from behavior_controller.monitoring.groot2.breakpoints import Hook, Hooks, Refused, read_fields
+from behavior_controller.monitoring.groot2.breakpoints import (
+    ALLOWED, Hook, Hooks, HookPlace, Unlocking)
 from behavior_controller.monitoring.server import LoopThread, opened
 
 PROTOCOL = 2
@@ -68,12 +68,16 @@ MOST_LINES = 20
 """The most lines about hooks that the operator gets in a second."""
 
 
+class Refused(ValueError):
+    """A request that cannot be carried out; the text goes back to the client."""
+
+
 class Groot2Publisher:
     """Serves one tree after another at ``address``, ``port`` (requests) and ``port + 1``
     (breakpoints reached)."""
 
     def __init__(self, address: str, port: int, specs: Sequence[NodeSpec],
-                 warn: Callable[[str], None], heartbeat: float = HEARTBEAT,
+                 warn: Callable[[str], None],
                  held: Callable[[BreakpointChanged], None] = lambda event: None):
         """Open the sockets; if a port is taken, ``warn`` gets one line and nothing is served.
 
@@ -84,25 +88,19 @@ class Groot2Publisher:
         self._lines = _Lines(warn)
         self._held = held
         self._shown: Optional[_Shown] = None
-        self._heartbeat = heartbeat
         self._last_request = 0.0
         self._is_closed = False
-        self._thread: Optional[LoopThread] = None
         # of the requests, and of the breakpoints reached
-        self._sockets: List[List[socket.socket]] = []
-        for number in (port, port + 1):
-            self._sockets.append(
-                opened(address, number, "Groot2 cannot connect", "groot2Port", warn))
-            if not self._sockets[-1]:
-                self._close_sockets()
-                return
-        self._thread = LoopThread("groot2", self._begin, self._end)
+        self._sockets = opened(
+            address, [port, port + 1], "Groot2 cannot connect", "groot2Port", warn)
+        self._thread = LoopThread("groot2", self._sockets, self._begin, self._end)
 
     def show(self, tree: Tree) -> None:
         """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
         before = self._shown
-        hooks = Hooks(tree, partial(self._call, self._publish),
-                      partial(self._call, self._lines.tell), self._held)
+        # a hook reports on the tick thread
+        hooks = Hooks(tree, partial(self._thread.call, self._publish),
+                      partial(self._thread.call, self._lines.tell), self._held)
         self._shown = _Shown(tree, self._specs, hooks)
         if before is not None:
             before.hooks.remove_all(": another mission follows")
@@ -110,13 +108,7 @@ class Groot2Publisher:
     def close(self) -> None:
         """Close the sockets and let every breakpoint go on."""
         self._is_closed = True
-        if self._thread is not None:
-            self._thread.close()
-
-    def _call(self, function: Callable[..., None], argument: Any) -> None:
-        """Have the publisher's thread call ``function``. Any thread may call this."""
-        if self._thread is not None:
-            self._thread.call(function, argument)
+        self._thread.close()
 
     # -------------------------------------------------------------------- on the publisher's thread
 
@@ -137,7 +129,6 @@ class Groot2Publisher:
             task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
 
     def _end(self) -> None:
-        self._close_sockets()
         self._context.destroy(0)
         if self._shown is not None:
             self._shown.hooks.remove_all()
@@ -145,17 +136,13 @@ class Groot2Publisher:
             self._lines.warn("Groot2 is cut off by an internal error; its breakpoints and "
                              "replacements are removed")
 
-    def _close_sockets(self) -> None:
-        for sock in itertools.chain(*self._sockets):
-            sock.close()
-
     async def _check_client(self) -> None:
         """Remove the hooks of a client that is gone: they must not hold the robot."""
         while True:
             await asyncio.sleep(CHECK_INTERVAL)
             self._lines.flush()
             shown, silence = self._shown, time.monotonic() - self._last_request
-            if shown is not None and shown.hooks and silence >= self._heartbeat:
+            if shown is not None and silence >= HEARTBEAT:
                 shown.hooks.remove_all(": its client is gone")
 
     def _publish(self, uid: int) -> None:
@@ -179,11 +166,10 @@ class Groot2Publisher:
         """Return the reply to one request, valid or not."""
         try:
             return self._reply(frames, self._shown)
-        except Refused as refused:
-            return [b"error", str(refused).encode("utf-8", "replace")]
         # what a client sends, or a value of the mission, must not end the service
         except Exception as error:
-            return [b"error", f"{type(error).__name__}: {error}".encode("utf-8", "replace")]
+            kind = "" if isinstance(error, Refused) else f"{type(error).__name__}: "
+            return [b"error", f"{kind}{error}".encode("utf-8", "replace")]
 
     def _reply(self, frames: List[bytes], shown: "Optional[_Shown]") -> List[bytes]:
         if len(frames[0]) != 6:
@@ -204,23 +190,22 @@ class _Lines:
 
     def __init__(self, warn: Callable[[str], None]):
         self.warn = warn
-        self._began, self._sent, self._left_out = 0.0, 0, 0
+        self._began, self._count = 0.0, 0
 
     def tell(self, text: str) -> None:
-        """Send a line to the operator, or count it as left out."""
+        """Send a line to the operator, if it is not one too many."""
         self.flush()
-        if self._sent < MOST_LINES:
-            self._sent += 1
+        self._count += 1
+        if self._count <= MOST_LINES:
             self.warn(text)
-        else:
-            self._left_out += 1
 
     def flush(self) -> None:
         """Start the next second if one has passed, with a line about those left out."""
         now = time.monotonic()
         if now - self._began >= 1.0:
-            left_out, self._began, self._sent, self._left_out = self._left_out, now, 0, 0
-            if left_out:
+            left_out = self._count - MOST_LINES
+            self._began, self._count = now, 0
+            if left_out > 0:
                 self.warn(f"Groot2: {left_out} more changes of breakpoints and replacements in one "
                           "second")
 
@@ -232,7 +217,9 @@ class _Shown:
         self.tree = tree
         self.uuid = uuid.uuid4().bytes
         self.hooks = hooks
-        self._order = _by_instance(tree)
+        # as in the library: grouped by subtree instance, in the order in which these were made
+        instances = [id(board) for board in tree.blackboards.values()]
+        self._nodes = sorted(tree.nodes, key=lambda node: instances.index(id(node.blackboard)))
         self._specs = specs
         self._xml = b""
         self._transitions: Deque[Tuple[int, int, int]] = collections.deque(maxlen=MOST_TRANSITIONS)
@@ -250,13 +237,12 @@ class _Shown:
     def full_tree(self, frames: List[bytes]) -> bytes:
         """``T``: the unfolded tree and the model of all node types, as XML."""
         if not self._xml:
-            self._xml = full_tree(self.tree, self._specs).encode()
+            self._xml = full_tree(self.tree, self._specs)
         return self._xml
 
     def status(self, frames: List[bytes]) -> bytes:
         """``S``: uid and status of each node, grouped by subtree instance."""
-        nodes = self.tree.nodes
-        return b"".join(struct.pack("<HB", uid, _code(nodes[uid - 1])) for uid in self._order)
+        return b"".join(struct.pack("<HB", node.uid, _code(node)) for node in self._nodes)
 
     def blackboard(self, frames: List[bytes]) -> bytes:
         """``B``: the entries of the named subtree instances, and the root's if another one is
@@ -267,29 +253,28 @@ class _Shown:
         wanted = {name: boards[name] for name in names if name in boards}
         if any(board.parent is not None for board in wanted.values()):
             wanted["ROOT"] = boards[self.tree.id]
-        return pack({name: _entries(board) or None for name, board in wanted.items()} or None)
+        shown = {name: _entries(board) or None for name, board in sorted(wanted.items())}
+        return msgspec.msgpack.encode(shown or None)
 
     def insert_hooks(self, frames: List[bytes]) -> None:
         """``I``: one hook or an array of them; if one is wrong, none is set."""
-        given = _json(frames)
-        hooks = given if isinstance(given, list) else [given]
-        self.hooks.insert([Hook(*read_fields(hook, *Hook._fields)) for hook in hooks])
+        given = _read(frames, Union[Hook, List[Hook]])
+        self.hooks.insert(given if isinstance(given, list) else [given])
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""
-        if not self.hooks.remove(*read_fields(_json(frames), "position", "uid")):
+        if not self.hooks.remove(**asdict(_read(frames, HookPlace))):
             raise Refused("Node ID not found")
 
     def unlock(self, frames: List[bytes]) -> None:
         """``U``: a breakpoint may go on."""
-        names = ("position", "uid", "desired_status", "remove_when_done")
-        if not self.hooks.unlock(*read_fields(_json(frames), *names)):
+        if not self.hooks.unlock(**asdict(_read(frames, Unlocking))):
             raise Refused("Node ID not found")
 
     def dump_hooks(self, frames: List[bytes]) -> bytes:
         """``D``: all hooks as JSON."""
-        hooks = [hook._asdict() for hook in self.hooks.all()]
-        return json.dumps(hooks, sort_keys=True, separators=(",", ":")).encode()
+        hooks = msgspec.to_builtins(self.hooks.all())
+        return msgspec.json.encode([dict(sorted(hook.items())) for hook in hooks])
 
     def record(self, frames: List[bytes]) -> Optional[bytes]:
         """``r``: start or stop recording transitions; a start is answered with the time in
@@ -324,24 +309,14 @@ def _second(frames: List[bytes]) -> bytes:
     return frames[1]
 
 
-def _json(frames: List[bytes]) -> Any:
-    text = _second(frames)
+def _read(frames: List[bytes], kind: Any) -> Any:
     try:
-        return json.loads(text.decode())
-    except ValueError as error:
-        raise Refused(f"not JSON: {error}")
+        return msgspec.json.decode(_second(frames), type=kind)
+    except msgspec.ValidationError as error:
+        raise Refused(f"{error}; allowed: {ALLOWED}")
 
 
 # ----------------------------------------------------------------------------------------- the tree
-
-
-def _by_instance(tree: Tree) -> List[int]:
-    """Return the uids grouped by subtree instance, in the order in which the instances were made.
-    """
-    groups: Dict[int, List[int]] = {id(board): [] for board in tree.blackboards.values()}
-    for node in tree.nodes:
-        groups[id(node.blackboard)].append(node.uid)
-    return [uid for uids in groups.values() for uid in uids]
 
 
 def _code(node: Node) -> int:
@@ -349,82 +324,55 @@ def _code(node: Node) -> int:
     return NUMBERS[node.status] or (WAS + NUMBERS[node.was] if node.was is not IDLE else 0)
 
 
-def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:
+def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> bytes:
     """Return the tree as Groot2 reads it: a ``<BehaviorTree>`` for each subtree instance, then the
     model."""
-    lines = ['<root BTCPP_format="4">']
-    inside = {id(node.children[0].blackboard): node for node in tree.nodes
-              if node.registration_id == "SubTree"}
+    document = ElementTree.Element("root", BTCPP_format="4")
+    roots = {id(node.children[0].blackboard): (node.attributes["ID"], node.children[0])
+             for node in tree.nodes if node.registration_id == "SubTree"}
     for path, board in tree.blackboards.items():
-        subtree = inside.get(id(board))
-        name = tree.id if subtree is None else subtree.attributes["ID"]
-        lines.append(f"  <BehaviorTree ID={quoteattr(name)} _fullpath={quoteattr(path)}>")
-        root = tree.root if subtree is None else subtree.children[0]
-        lines.extend("    " + line for line in _element(root, inside, tree))
-        lines.append("  </BehaviorTree>")
-    return "\n".join(lines + [tree_nodes_model(specs, "  "), "</root>"])
+        name, root = roots.get(id(board), (tree.id, tree.root))
+        _add(ElementTree.SubElement(document, "BehaviorTree", ID=name, _fullpath=path), root, tree)
+    document.append(ElementTree.fromstring(tree_nodes_model(specs)))
+    return ElementTree.tostring(document, "utf-8")
 
 
-def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
-    """Return the lines of one node and those below it, down to the SubTrees."""
+def _add(above: ElementTree.Element, node: Node, tree: Tree) -> None:
+    """Add the element of one node and those below it, down to the SubTrees."""
+    shown = {"name": node.name, "_uid": str(node.uid)}
+    names = {port.name for port in node.spec.ports}
+    children = node.children
     if node.registration_id == "SubTree":
-        board = node.children[0].blackboard
+        board = children[0].blackboard
         path = next(path for path, other in tree.blackboards.items() if other is board)
         shown = {"ID": node.attributes["ID"], "_fullpath": path, "_uid": str(node.uid)}
-        shown.update((key, text) for key, text in node.attributes.items()
-                     if key in CONDITIONS or key not in ("ID", "name") and key[:1] != "_")
-        children: List[Node] = []
-    else:
-        shown = {"name": node.name, "_uid": str(node.uid)}
-        ports = {port.name for port in node.spec.ports}
-        shown.update((key, text) for key, text in node.attributes.items()
-                     if key in CONDITIONS or key in ports)
-        children = node.children
-    attributes = " ".join(f"{key}={quoteattr(text)}" for key, text in shown.items())
-    start = f"<{node.registration_id} {attributes}"
-    if not children:
-        return [start + "/>"]
-    lines = ["  " + line for child in children for line in _element(child, inside, tree)]
-    return [start + ">"] + lines + [f"</{node.registration_id}>"]
+        names = {key for key in node.attributes if key not in ("ID", "name") and key[:1] != "_"}
+        children = []
+    shown.update((key, text) for key, text in node.attributes.items()
+                 if key in names or key in CONDITIONS)
+    element = ElementTree.SubElement(above, node.registration_id, shown)
+    for child in children:
+        _add(element, child, tree)
 
 
 # ----------------------------------------------------------------------------------- the blackboard
 
-def pack(value: Any) -> bytes:
-    """Return MessagePack as the library writes it: keys in order, and reals in four bytes where
-    that loses nothing."""
-    return msgspec.msgpack.encode(_as_written(value))
-
-
-def _as_written(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _as_written(value[key]) for key in sorted(value)}
-    if isinstance(value, list):
-        return list(map(_as_written, value))
-    if isinstance(value, float) and _fits_single(value):
-        return msgspec.Raw(struct.pack(">Bf", 0xca, value))
-    return value
-
-
-def _fits_single(value: float) -> bool:
-    try:
-        return struct.unpack("<f", struct.pack("<f", value))[0] == value
-    except OverflowError:
-        return False
-
-
 def _entries(board: Blackboard) -> Dict[str, Any]:
-    """Return the entries of one blackboard that have a value that can be shown."""
-    values = {key: _plain(entry.value) for key, entry in dict(board.local).items()}
+    """Return the entries of one blackboard that have a value that can be shown, in order as the
+    library has them."""
+    values = {key: _plain(entry.value) for key, entry in sorted(dict(board.local).items())}
     return {key: value for key, value in values.items() if value is not None}
 
 
 def _plain(value: Any) -> Any:
     """Return a value as numbers, texts, lists and objects, or None if it is none of these."""
+    if isinstance(value, float) and ctypes.c_float(value).value == value:
+        # as the library writes reals: in four bytes where that loses nothing
+        return msgspec.Raw(struct.pack(">Bf", 0xca, value))
     if isinstance(value, (bool, int, float, str)):
         return value
     if hasattr(value, "_asdict"):  # the mission's own records: places, points
-        return {key: _plain(item) for key, item in value._asdict().items()}
+        return {key: _plain(item) for key, item in sorted(value._asdict().items())}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return list(map(_plain, value))
     return None

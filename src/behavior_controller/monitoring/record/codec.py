@@ -8,6 +8,7 @@ import json
 from typing import Any, Iterator, List
 
 import msgspec
+from msgspec.structs import replace
 
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.execution.events import (
@@ -19,8 +20,6 @@ VERSION = 10
 
 LATEST = 1e11
 """The latest time, in Unix seconds, that a record may have: a date in the year 5138."""
-
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 class Header(msgspec.Struct, frozen=True):
@@ -85,25 +84,21 @@ class Decoder:
                 self._check_header(text)
                 return []
             return [self._checked(self._line(text))]
-        except RecursionError as error:
-            raise self._not_a_line("it is nested too deeply") from error
-        except UnicodeDecodeError as error:
-            raise self._not_a_line("it is not UTF-8 text") from error
-        except (msgspec.MsgspecError, ValueError) as error:
-            raise self._not_a_line(str(error)) from error
-
-    def _not_a_line(self, why: str) -> MissionError:
-        return self._fault(f"this is not a line of a record: {why}",
-                           "a record is written by the node")
+        except RecursionError:
+            why = "it is nested too deeply"
+        except UnicodeDecodeError:
+            why = "it is not UTF-8 text"
+        except (msgspec.MsgspecError, ValueError, LookupError) as error:
+            why = str(error)
+        raise self._fault(f"this is not a line of a record: {why}",
+                          "a record is written by the node")
 
     def _fault(self, text: str, hint: str) -> MissionError:
         return MissionError([Fault(self._file, self._read, 1, text, hint)])
 
     def _check_header(self, text: bytes) -> None:
-        if text.startswith(BYTE_ORDER_MARK):
-            text = text[len(BYTE_ORDER_MARK):]
         try:
-            head = _headers.decode(text)
+            head = _headers.decode(text.decode("utf-8-sig"))
         except msgspec.ValidationError:  # JSON, and no header
             head = Header("", 0, 0, 0.0)
         if head.format != FORMAT:
@@ -116,17 +111,11 @@ class Decoder:
     def _line(self, text: bytes) -> Line:
         has_escapes = b"\\u" in text  # perhaps a lone surrogate, which the quick decoder refuses
         line = msgspec.convert(json.loads(text), Line) if has_escapes else _lines.decode(text)
-        if isinstance(line.event, Message):
-            return msgspec.structs.replace(line, event=self._of_its_topic(line.event))
-        return line
-
-    def _of_its_topic(self, message: Message) -> Message:
-        """Return the message with a value of its topic's kind."""
-        try:
-            kind: Any = self._interface.topic(message.topic).value
-        except LookupError as error:
-            raise ValueError(str(error)) from error
-        return msgspec.structs.replace(message, value=msgspec.convert(message.value, kind))
+        if not isinstance(line.event, Message):
+            return line
+        kind: Any = self._interface.topic(line.event.topic).value
+        value = msgspec.convert(line.event.value, kind)
+        return replace(line, event=replace(line.event, value=value))
 
     def _checked(self, line: Line) -> Line:
         """Return the line. Raises ValueError if it cannot stand here."""

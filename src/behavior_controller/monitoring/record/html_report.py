@@ -1,14 +1,12 @@
 """A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes,
 the mission file."""
-import collections
 import itertools
 import json
 import os
 import re
 from time import localtime, strftime
 from types import SimpleNamespace
-from typing import (
-    Counter, DefaultDict, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union)
+from typing import Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from msgspec.structs import replace
 from tornado.template import Template
@@ -19,15 +17,13 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.registry import Registry
 from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import (
-    LETTERS, Event, LeafFinished, Line, Retried, RunStarted, TreeNode, TreeShown)
+from behavior_controller.execution import events
 from behavior_controller.execution.run import with_nodes
 from behavior_controller.execution.state import UNDER_WAY, NodeResult, State, Step, Visit
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.missions.load import build_tree
+from behavior_controller.monitoring import story
 from behavior_controller.monitoring.moment import robot_line
-from behavior_controller.monitoring.story import (
-    Sentence, Story, cause, completed, counted, how_it_ended, step_words, title, why)
 from behavior_controller.monitoring.board import is_bare, port_texts
 from behavior_controller.monitoring.record.timeline import Bar, Lanes
 from behavior_controller.monitoring.record.moments import Moments
@@ -37,7 +33,7 @@ from behavior_controller.monitoring.view import View, clock
 SECTIONS = {"then": "Moment", "story": "Story", "timeline": "Timeline", "tree": "Tree",
             "files": "Mission file", "settings": "Configuration"}
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
-LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
+LETTER_OF = {NAMES[status]: letter for status, letter in events.LETTERS.items()}
 NO, RETRY, DONE = "n", "r", "d"
 """Kinds of bars in addition to the statuses: a condition that does not hold, a retry that failed, a
 step."""
@@ -67,13 +63,13 @@ class Written(NamedTuple):
 class Drawn:
     """What the report shows of one mission of a record, processed line by line."""
 
-    def __init__(self, began: float, started: RunStarted, nodes: List[TreeNode]):
+    def __init__(self, began: float, started: events.RunStarted, nodes: List[events.TreeNode]):
         self.began = self.ended = began
         self.started = started
         self.nodes = nodes
         self.visits: Dict[int, Visit] = {}
         # by visit; 0 is what was before the first
-        self.sentences: Dict[int, List[Sentence]] = {}
+        self.sentences: Dict[int, List[story.Sentence]] = {}
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # results of each node
         # kinds of results of each mission leaf
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]
@@ -82,7 +78,7 @@ class Drawn:
         self.changes = Lanes()  # results of other nodes, from their changes of status
         self.moments = Moments()
         self._view = View()
-        self._view.take(began, TreeShown("", nodes))
+        self._view.take(began, events.TreeShown("", nodes))
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
 
     @property
@@ -90,7 +86,7 @@ class Drawn:
         """What was so at the end."""
         return self._view.state
 
-    def take(self, time: float, event: Event) -> None:
+    def take(self, time: float, event: events.Event) -> None:
         """Process the next line."""
         self.ended = max(self.ended, time)
         for sentence in self._view.take(time, event):
@@ -114,20 +110,20 @@ class Drawn:
 
     def _end_step(self, step: Step) -> None:
         end = self._since(step.ended or step.began)
-        self.steps.append(Bar(self._since(step.began), end, DONE, step_words(step)))
+        self.steps.append(Bar(self._since(step.began), end, DONE, story.step_words(step)))
         self.lanes.end_wait(step.uid, NO, end)  # a condition tells that it does not hold once
 
-    def _draw(self, time: float, event: Event) -> None:
+    def _draw(self, time: float, event: events.Event) -> None:
         end = self._since(time)
-        if isinstance(event, Retried):
-            bar = Bar(end, end, RETRY, cause(event.failure))
+        if isinstance(event, events.Retried):
+            bar = Bar(end, end, RETRY, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)
-        elif isinstance(event, LeafFinished) and 0 < event.uid <= len(self.nodes):
+        elif isinstance(event, events.LeafFinished) and 0 < event.uid <= len(self.nodes):
             is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
             kind = NO if is_no else LETTER_OF.get(event.status, "-")
             self.finished[event.uid - 1][kind] += 1
-            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind,
-                      cause(event.failure) if event.failure else "")
+            why = story.cause(event.failure) if event.failure else ""
+            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind, why)
             self.lanes.add(event.uid, bar, is_asked_again=is_no)
 
     def _since(self, time: float) -> float:
@@ -140,40 +136,38 @@ class Drawn:
         return self
 
 
-def to_html(lines: Iterable[Line], verdict: str = "") -> str:
+def to_html(lines: Iterable[events.Line], verdict: str = "") -> str:
     """Return the page of a record (its last mission, if the mission was changed while it ran).
 
     ``verdict`` is a text that stands before the story.
     """
     earlier, run = _last(lines)
     written, doubt = _written(run)
-    groups = {number: _grouped(sentences) for number, sentences in run.sentences.items()}
-    visits: List[Tuple[Optional[Visit], List[Tuple[int, Sentence]]]] = [(None, groups[0])]
-    visits += [(visit, groups[visit.number]) for visit in run.visits.values()]
+    visits = [(visit, _grouped(run.sentences[number]))
+              for number, visit in {0: None, **run.visits}.items()]
     documents = [(encodable(file), re.split("\r\n?|\n", encodable(text)))
                  for file, text in run.started.sources.documents]
     live = file_text("page_files", "index.html")
     content = Template(file_text("report_files", "report.html")).generate(
-        clock=clock, seconds=_seconds, sign=_sign, why=why, how_it_ended=how_it_ended,
-        letter_of=_letter, completed=completed, verdict=verdict, choices=_choices(run),
-        legend=LEGEND, lanes=run.lanes, visits=visits, rows=_rows(run, written),
-        doubt=encodable(doubt),
+        clock=clock, seconds=_seconds, sign=_sign, why=story.why, letter_of=_letter,
+        how_it_ended=story.how_it_ended, completed=story.completed, verdict=verdict,
+        choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
+        rows=_rows(run, written), doubt=encodable(doubt),
         settings={encodable(key): encodable(value) for key, value in run.started.settings.items()},
         documents=documents, moment=_between(live, '<div id="card">', "</section>"),
         robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
-    heads = ["; ".join(_heads(run)), "Robot at the end: " + robot_line(run.run).text]
     sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
-    return framed("Mission " + title(run.started.mission), heads + list(_lacks(run, earlier)),
+    return framed("Mission " + story.title(run.started.mission), list(_heads(run, earlier)),
                   sections, content.decode(), _script(), _data(run, written))
 
 
-def _last(lines: Iterable[Line]) -> Tuple[List[RunStarted], Drawn]:
+def _last(lines: Iterable[events.Line]) -> Tuple[List[events.RunStarted], Drawn]:
     """Return the missions before the last one, and the last one's run."""
-    runs: List[RunStarted] = []
+    runs: List[events.RunStarted] = []
     run: Optional[Drawn] = None
     for line, nodes in with_nodes(lines):
         event = line.event
-        if isinstance(event, RunStarted):
+        if isinstance(event, events.RunStarted):
             run = Drawn(line.time, event, nodes)
             runs.append(event)
         if run is not None:
@@ -233,18 +227,15 @@ def _letter(visit: Visit) -> str:
     return LETTER_OF.get(visit.outcome, "R" if visit.ended is None else "-")
 
 
-def _heads(run: Drawn) -> List[str]:
-    """Return when the mission ran, and how it ended."""
+def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
+    """Yield when the mission ran, how it ended, and what the report does not have."""
     day = strftime("%Y-%m-%d", localtime(run.began))
     ending = "the record ends before the run: the node was killed, or the record full"
     if run.run.finished is not None:
         ending = "ended: " + run.run.finished.outcome
-    return [f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}",
-            counted(run.run.outcomes), ending]
-
-
-def _lacks(run: Drawn, earlier: List[RunStarted]) -> Iterator[str]:
-    """Yield what the report does not have."""
+    yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}; "
+           f"{story.counted(run.run.outcomes)}; {ending}")
+    yield "Robot at the end: " + robot_line(run.run).text
     if earlier:
         yield "Before it the record has {}, which this report leaves out.".format(
             ", ".join(mission.mission for mission in earlier))
@@ -263,11 +254,10 @@ def _choices(run: Drawn) -> List[Tuple[str, str, str, Counter[str]]]:
             ("Cause", "cause", "any", Counter(said.cause for said in sentences if said.cause))]
 
 
-def _grouped(sentences: List[Sentence]) -> List[Tuple[int, Sentence]]:
+def _grouped(sentences: List[story.Sentence]) -> List[Tuple[int, story.Sentence]]:
     """Return sentences; one that is repeated within a second comes once, with its count."""
-    groups = itertools.groupby(sentences, lambda said: said._replace(at=int(said.at)))
-    alike = (list(group) for _, group in groups)
-    return [(len(group), group[0]) for group in alike]
+    alike = itertools.groupby(sentences, lambda said: said._replace(at=int(said.at)))
+    return [(len(group), group[0]) for group in (list(group) for _, group in alike)]
 
 
 # ----------------------------------------------------------------------------------------- timeline
@@ -313,42 +303,24 @@ def _data(run: Drawn, written: Dict[str, Written]) -> str:
 # --------------------------------------------------------------------------------------------- tree
 
 
-class ResultRow(NamedTuple):
-    """A node with its results; what never ran is grey."""
-
-    uid: int
-    path: str
-    name: str
-    kind: str
-    is_bare: bool
-    has_run: bool
-    results: List[Tuple[str, str, int]]
-    place: Optional[Written]
-    file: str
-
-
-def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[ResultRow, str]]:
+def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[SimpleNamespace, str]]:
     """Yield the nodes of the tree in order, and between them the tags that nest their lists."""
-    nodes = run.nodes
-    children: DefaultDict[int, List[int]] = collections.defaultdict(list)
-    for number, node in enumerate(nodes, 1):
-        children[node.parent].append(number)
     registry = leaves.registry()
-    # a node, or what closes one, and its level
-    waiting: List[Tuple[Union[int, str], int]] = [(1, 1)]
-    while waiting:
-        item, level = waiting.pop()
-        if isinstance(item, str):
-            yield item
-            continue
-        is_nested = bool(children[item]) and level < DEEPEST
-        yield _row(run, item, written, registry)
-        yield "<ul>" if is_nested else "</li>"
-        closing = "</ul></li>" if is_nested else ""
-        waiting += [(closing, level)] + [(child, level + 1) for child in reversed(children[item])]
+    levels = [0]  # of each node
+    before = 0  # the level of the row before
+    for uid, node in enumerate(run.nodes, 1):
+        level = min(levels[node.parent] + 1, before + 1, DEEPEST)
+        if uid > 1:
+            yield "<ul>" if level > before else "</li>" + "</ul></li>" * (before - level)
+        yield _row(run, uid, written, registry)
+        levels.append(level)
+        before = level
+    yield "</li>" + "</ul></li>" * (before - 1)
 
 
-def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) -> ResultRow:
+def _row(run: Drawn, uid: int, written: Dict[str, Written],
+         registry: Registry) -> SimpleNamespace:
+    """Return what the template shows of a node: its results, and its place in the file."""
     node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
     name, kind = label(
         SimpleNamespace(uid=uid, full_path=node.path, registration_id=node.type, name=node.name))
@@ -358,19 +330,20 @@ def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) 
                (NO, LEGEND[NO], count["F"] - failed))
     place = written.get(node.path)
     file = "" if place is None else run.started.sources.documents[place.document].file
-    return ResultRow(
-        uid, encodable(node.path), encodable(name), encodable(kind),
-        bool(node.parent) and is_bare(registry.find(node.type), node.name),
-        bool(count) or uid in run.run.running,
-        [result for result in results if result[2] > 0], place, encodable(os.path.basename(file)))
+    return SimpleNamespace(
+        uid=uid, path=encodable(node.path), name=encodable(name), kind=encodable(kind),
+        is_bare=bool(node.parent) and is_bare(registry.find(node.type), node.name),
+        has_run=bool(count) or uid in run.run.running, place=place,
+        file=encodable(os.path.basename(file)),
+        results=[result for result in results if result[2] > 0])
 
 
 # ------------------------------------------------------------------------------------ on a terminal
 
 
-def story_lines(lines: Iterable[Line]) -> Iterator[str]:
+def story_lines(lines: Iterable[events.Line]) -> Iterator[str]:
     """Yield the sentences of a record, each with the time of day."""
-    story = Story()
+    run = story.Story()
     for line in lines:
-        for sentence in story.take(line.time, line.event):
+        for sentence in run.take(line.time, line.event):
             yield f"{clock(sentence.at)} {sentence.text}"

@@ -32,14 +32,14 @@ class Moments:
         changed = view.changed(self._shown)
         parts = {name: msgspec.to_builtins(view.part(name)) for name in KEPT
                  if name in changed or name not in self._parts}
-        news = changes({name: self._parts[name] for name in parts if name in self._parts}, parts)
-        self._parts.update(parts)
+        before, self._parts = self._parts, {**self._parts, **parts}
         self._shown = view.state
+        news = changes(before, self._parts)
         if not news:
             return
         if len(self._moments) == EVERY:
             self._close()
-        self._moments.append((round(1000 * at), news if self._moments else dict(self._parts)))
+        self._moments.append((round(1000 * at), news if self._moments else self._parts))
 
     def _close(self) -> None:
         text = json.dumps(self._moments, separators=(",", ":"))

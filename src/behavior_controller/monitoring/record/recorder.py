@@ -161,9 +161,6 @@ class Record(Topics):
         """Whether the record has been written without a failure so far."""
         return self._thread is not None
 
-    def _tell(self, reason: Any) -> None:
-        self._complain(f"no record is written to {self.path}: {reason}; the mission goes on")
-
     def close(self) -> None:
         """Write the waiting lines, for a second at most."""
         thread = self._thread
@@ -205,7 +202,8 @@ class Record(Topics):
                 self._is_open.set()
                 self._fill(file)
         except (OSError, ValueError) as error:
-            self._tell(getattr(error, "strerror", None) or error)
+            reason = getattr(error, "strerror", None) or error
+            self._complain(f"no record is written to {self.path}: {reason}; the mission goes on")
         finally:
             self._thread = None
             self._notes.clear()
@@ -217,20 +215,17 @@ class Record(Topics):
         while not is_last:
             is_last = self._is_over.wait(REST)
             while self._notes:
-                line = self._line(*self._notes.popleft())
+                at, make, values = self._notes.popleft()
+                event = make(*values)
+                if isinstance(event, Lost):
+                    self._complain(f"the record {self.path} lacks {event.lines} lines, because the "
+                                   "disk is too slow; the mission goes on")
+                line = encode(at, event)
                 written += len(line)
                 if written > MOST_BYTES:
-                    self._tell(f"it has reached {MOST_BYTES} bytes and ends here")
-                    return
+                    raise ValueError(f"it has reached {MOST_BYTES} bytes and ends here")
                 file.write(line)
             file.flush()
-
-    def _line(self, when: float, make: Callable[..., Event], values: Tuple[Any, ...]) -> bytes:
-        event = make(*values)
-        if isinstance(event, Lost):
-            self._complain(f"the record {self.path} lacks {event.lines} lines, because the disk is "
-                           "too slow; the mission goes on")
-        return encode(when, event)
 
     # --------------------------------------------------------------------------------- what happens
 

@@ -4,6 +4,7 @@ import glob
 import itertools
 import os
 import sys
+from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, TypeVar, Union
 
 from behavior_controller import exit_codes, folders, leaves, ros_arguments
@@ -13,11 +14,9 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
-from behavior_controller.execution.events import (
-    LETTERS, Answered, Asked, Event, Events, HealthChanged, Line, Lost, Message, PassFinished,
-    PassStarted, RunStarted, StillHearing, Tick, TreeNode)
+from behavior_controller.execution import events
 from behavior_controller.execution.run import with_nodes
-from behavior_controller.robot.gateway import Call, Failure, Gateway, Sample, Topics
+from behavior_controller.robot.gateway import Call, Failure, FakeGateway, Sample, Topics
 from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.robot.requests import Answer, Request
@@ -30,6 +29,8 @@ from behavior_controller.monitoring.record.recorder import FILE_NAME, MOST_BYTES
 from behavior_controller.monitoring.record.html_report import story_lines, to_html
 
 Part = TypeVar("Part")
+
+NAME_OF: Dict[str, str] = {letter: NAMES[status] for status, letter in events.LETTERS.items()}
 
 LATEST = "latest"
 """The argument that means the newest record of the default folder."""
@@ -78,12 +79,12 @@ def _records_below(folder: str) -> List[str]:
     return sorted(filter(os.path.isfile, paths))
 
 
-def read_record(path: str) -> List[Line]:
+def read_record(path: str) -> List[events.Line]:
     """Return the lines of a record. Raises MissionError if it cannot be read or is invalid."""
     return list(stream_record(path))
 
 
-def stream_record(path: str) -> Iterator[Line]:
+def stream_record(path: str) -> Iterator[events.Line]:
     """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
     try:
         data = read_bytes(path, MOST_BYTES)
@@ -92,7 +93,7 @@ def stream_record(path: str) -> Iterator[Line]:
     return decode(data, path)
 
 
-def replay(lines: List[Line], mission: Optional[str] = None) -> Replayed:
+def replay(lines: List[events.Line], mission: Optional[str] = None) -> Replayed:
     """Run the record again, with the file ``mission`` in place of each mission in it if one is
     given.
 
@@ -102,10 +103,10 @@ def replay(lines: List[Line], mission: Optional[str] = None) -> Replayed:
     passes, changes = 0, 0
     for line, nodes in with_nodes(lines):
         event = line.event
-        if isinstance(event, RunStarted):
+        if isinstance(event, events.RunStarted):
             replaying = _Replay(event, nodes, mission)
         elif replaying is not None:
-            if isinstance(event, PassFinished):
+            if isinstance(event, events.PassFinished):
                 passes += 1
             try:
                 changes += replaying.take(event)
@@ -132,7 +133,8 @@ def _unusable(text: str) -> FaultsFound:
 class _Replay:
     """One mission of a record, and the recorded answers and messages."""
 
-    def __init__(self, started: RunStarted, nodes: List[TreeNode], mission: Optional[str]):
+    def __init__(self, started: events.RunStarted, nodes: List[events.TreeNode],
+                 mission: Optional[str]):
         sources = started.sources
         if sources.interface not in INTERFACES:
             raise _unusable(
@@ -154,28 +156,28 @@ class _Replay:
                           lambda: recovery_policy.read(sources.policy, leaves.mission_specs()))
         known = _restored("knowledge",
                           lambda: _knowledge(sources.knowledge, INTERFACES[sources.interface]))
-        self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
+        self.tree.subscribe(
+            lambda node, old, new: self._now.append((node.full_path, events.LETTERS[new])))
         restored = Mission(chosen, started.mission, spoken, rules, self.tree, known)
-        self._mission = restored.context(self._world, self._world, Events(), self._health)
+        self._mission = restored.context(self._world, self._world, events.Events(), self._health)
         self.tree.setup(mission=self._mission)
 
-    def take(self, event: Event) -> int:
+    def take(self, event: events.Event) -> int:
         """Process one event; a traversal is repeated and compared. Return how many statuses it
         changed."""
-        if isinstance(event, (Asked, Answered, Message, StillHearing)):
-            self._world.take(event)
-        elif isinstance(event, Lost):
+        self._world.take(event)
+        if isinstance(event, events.Lost):
             raise Diverged(f"the record lacks {event.lines} lines")
-        elif isinstance(event, PassStarted):
+        elif isinstance(event, events.PassStarted):
             self._mission.begin_visit(self.tree.blackboard, event.at)
-        elif isinstance(event, HealthChanged):
+        elif isinstance(event, events.HealthChanged):
             self._health.report(event.respect, event)
-            self._health.publish(Events())
-        elif isinstance(event, Tick):
+            self._health.publish(events.Events())
+        elif isinstance(event, events.Tick):
             return self._traverse(event)
         return 0
 
-    def _traverse(self, tick: Tick) -> int:
+    def _traverse(self, tick: events.Tick) -> int:
         self.clock.set_to(tick.at)
         self._began = tick.at if self._began is None else self._began
         self._now.clear()
@@ -215,56 +217,50 @@ def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Kn
 def _words(change: Optional[Tuple[str, str]]) -> str:
     if change is None:
         return "no further change"
-    path, changed_to = change
-    return next(f"{path} {NAMES[status]}" for status, letter in LETTERS.items()
-                if letter == changed_to)
+    path, letter = change
+    return f"{path} {NAME_OF[letter]}"
 
 
-class _World(Gateway, Topics):
+class _World(FakeGateway, Topics):
     """The recorded answers and messages: those that a traversal read precede it in the record."""
 
     def __init__(self, interface: Interface) -> None:
+        super().__init__(reply=lambda request: self._results.pop(len(self.calls), None))
         self._interface = interface
-        self._calls: List[Call] = []  # each has its result from the traversal on that read it
         self._wanted: List[Request] = []  # requests that the traversal must make
-        self._results: Dict[int, Union[Answer, Failure]] = {}
+        self._results: Dict[int, Union[Answer, Failure]] = {}  # of the calls that it makes
         self._messages: List[Tuple[Topic, int, Sample]] = []
         self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
         self._reads: Dict[Topic, int] = {}
         self._hearing: List[str] = []  # on which topics the robot still hears something
         self._difference = ""  # between the requests that are made and the recorded ones
 
-    def take(self, event: Union[Asked, Answered, Message, StillHearing]) -> None:
+    def take(self, event: events.Event) -> None:
         """Store a request, an answer, a message or a state of the robot for the next traversal."""
-        if isinstance(event, Asked):
+        if isinstance(event, events.Asked):
             self._wanted.append(event.request)
-        elif isinstance(event, Answered):
+        elif isinstance(event, events.Answered) and event.call <= len(self.calls):
+            self.calls[event.call - 1].finish(event.result)
+        elif isinstance(event, events.Answered):
             self._results[event.call] = event.result
-        elif isinstance(event, StillHearing):
+        elif isinstance(event, events.StillHearing):
             self._hearing.append(event.topic)
-        else:
+        elif isinstance(event, events.Message):
             sample = Sample(event.value, event.arrived)
             self._messages.append((self._interface.topic(event.topic), event.read, sample))
 
     def begin(self) -> None:
         """A traversal begins."""
         self._reads.clear()
-        for number, result in list(self._results.items()):
-            if number <= len(self._calls):
-                self._calls[number - 1].finish(self._results.pop(number))
 
     def start(self, request: Request) -> Call:
         """Compare a request with the recorded one; its answer is the recorded one's."""
-        call = Call(request, lambda: None)
-        self._calls.append(call)
         recorded = self._wanted.pop(0) if self._wanted else None
         if not self._difference and recorded != request:
             self._difference = "recorded is {}, now it asks {} for {}".format(
                 "no request" if recorded is None else f"the request {recorded}",
                 self._interface.resource(type(request)), request)
-        if len(self._calls) in self._results:
-            call.finish(self._results.pop(len(self._calls)))
-        return call
+        return super().start(request)
 
     def difference(self) -> str:
         """Return how the requests of the traversal differ from the recorded ones; empty if they do
@@ -334,8 +330,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
 
 def _write(path: str, text: str) -> None:
     try:
-        with open(path, "w", encoding="utf-8", errors="replace") as file:
-            file.write(text)
+        Path(path).write_text(text, encoding="utf-8", errors="replace")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise MissionError.of(path, f"the report cannot be written: {reason}") from error

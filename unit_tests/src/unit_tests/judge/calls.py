@@ -1,24 +1,22 @@
 """The requests on record, which the nodes of the reference take one after the other."""
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
+from dataclasses import dataclass
+from typing import Any, Dict, List, Optional, Tuple, Union
 
 from behavior_controller.execution.events import Answered, Asked
-from behavior_controller.robot.gateway import Failure
+from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request
 
 from unit_tests.judge.comparison import label
-from unit_tests.judge.reference import HANDLERS, SAFE_STATE, Duty, Reply
+from unit_tests.judge.reference import HANDLERS, SAFE_STATE, Duty
 
 
-THE_END, LATER = "the safe state", "a later step"
-"""What asks without a node: the end of a run, and what follows the first difference."""
-
-
-class Query(NamedTuple):
-    """A request on record, the node that it was due for, and its result; ``dropped``: when the node
-    was halted."""
+@dataclass(eq=False)
+class Query:
+    """A request, the node that it was due for, and its result; ``dropped``: when the node was
+    halted."""
 
     call: int
-    request: Request
+    request: Any
     service: str
     asked: float
     node: str = ""
@@ -27,23 +25,37 @@ class Query(NamedTuple):
     result: Union[Answer, Failure, None] = None
     dropped: Optional[float] = None
 
+    def __str__(self) -> str:
+        return described(self.request)
+
     @property
     def asker(self) -> str:
-        """What made the request."""
-        return self.node or (THE_END if self.is_for_safety else LATER)
+        """What made the request: a node, or the end of the run; after a difference none is known.
+        """
+        return self.node or ("the safe state" if self.is_for_safety else "a later step")
 
     @property
     def is_for_safety(self) -> bool:
         """Whether it may be a part of the safe state: a recovery that gives up asks for it, and the
         end of the run."""
-        return self.node in HANDLERS and self.request in SAFE_STATE
+        return self.node in ("", *HANDLERS) and self.request in SAFE_STATE
+
+    @property
+    def cause(self) -> Optional[Cause]:
+        """Why it failed, if it did."""
+        return self.result.cause if isinstance(self.result, Failure) else None
 
     @property
     def outcome(self) -> str:
         """The result in words: an answer, or the cause of its failure."""
-        if isinstance(self.result, Failure):
-            return self.result.cause.value
+        if self.cause is not None:
+            return self.cause.value
         return "an answer" if self.result is not None else "no answer"
+
+    def drop(self, time: float) -> None:
+        """Note that nothing waits for the answer any more."""
+        if self.result is None:
+            self.dropped = time
 
 
 class Calls:
@@ -51,14 +63,15 @@ class Calls:
 
     def __init__(self) -> None:
         self.queries: Dict[int, Query] = {}
-        self.unexplained: List[Asked] = []  # that no node has made yet
+        self.unexplained: List[Query] = []  # that no node has made yet
         self.asker = ""  # the node that made the newest request
-        self._replies: Dict[int, Reply] = {}
 
-    def note_asked(self, event: Asked, time: float) -> None:
+    def note_asked(self, event: Asked, time: float) -> Query:
         """Note a request on record."""
-        self.unexplained.append(event)
-        self.queries[event.call] = Query(event.call, event.request, event.service, time)
+        query = self.queries.setdefault(
+            event.call, Query(event.call, event.request, event.service, time))
+        self.unexplained.append(query)
+        return query
 
     def note_answer(self, event: Answered, time: float) -> str:
         """Note an answer on record; return why there can be none."""
@@ -66,17 +79,9 @@ class Calls:
         if query is None:
             return ""
         if query.result is not None or query.dropped is not None:
-            return "{} has an answer on record that nothing waits for: {}".format(
-                query.node, described(query.request))
-        self.queries[event.call] = query._replace(answered=time, result=event.result)
+            return f"{query.node} has an answer on record that nothing waits for: {query}"
+        query.answered, query.result = time, event.result
         return ""
-
-    def deliver(self) -> None:
-        """Hand the answers that have come to the nodes that wait for them."""
-        for call in list(self._replies):
-            self._replies[call].result = self.queries[call].result
-            if self.queries[call].result is not None:
-                del self._replies[call]
 
     def next_is(self, request: Union[Request, type, Tuple[type, ...]]) -> bool:
         """Return whether the next request is that one, or of that kind or one of these."""
@@ -87,52 +92,35 @@ class Calls:
 
     def take(self, node: Duty) -> Query:
         """Return the next request, which is that of the node."""
-        self.asker = label(node)
-        call = self.unexplained.pop(0).call
-        self.queries[call] = self.queries[call]._replace(node=node.registration_id,
-                                                         path=node.full_path)
-        return self.queries[call]
-
-    def reply(self, query: Query) -> Reply:
-        """Return the answer to a request, which may have to come yet."""
-        reply = Reply()
-        reply.call, reply.result = query.call, query.result
-        if reply.result is None:
-            self._replies[query.call] = reply
-        return reply
-
-    def drop(self, reply: Reply, time: float) -> None:
-        """Note that nothing waits for an answer any more."""
-        query = self.queries.get(reply.call)
-        if query is not None and query.result is None:
-            self.queries[reply.call] = query._replace(dropped=time)
+        self.asker, query = label(node), self.unexplained.pop(0)
+        query.node, query.path = node.registration_id, node.full_path
+        return query
 
     def unlike(self, request: Union[Request, type]) -> str:
         """Return what is on record instead of a request that was due."""
         what = "" if isinstance(request, type) else ": " + described(request)
         if not self.unexplained:
-            return "was due{}; nothing was asked".format(what)
+            return f"was due{what}; nothing was asked"
         asked = self.unexplained[0]
-        text = "was due{}; what was asked: {}".format(what, self.described(asked))
+        text = f"was due{what}; what was asked: {self.described(asked)}"
         if type(asked.request) is type(request):
-            text += " ({})".format(_unlike_fields(asked.request, request))
+            text += f" ({_unlike_fields(asked.request, request)})"
         return text
 
-    def described(self, asked: Asked) -> str:
+    def described(self, asked: Query) -> str:
         """Return a request in words, and which node has made the same before."""
         before = [query.node for query in self.queries.values()
                   if query.request == asked.request and query.node]
-        again = ", as {} did before".format(before[-1]) if before else ""
-        return described(asked.request) + again
+        return f"{asked}, as {before[-1]} did before" if before else str(asked)
 
 
 def described(request: Any) -> str:
     """Return a request in words."""
     words = request.words
-    return "{} {}".format(words.doing, words.what).strip() if words is not None else str(request)
+    return f"{words.doing} {words.what}".strip() if words is not None else str(request)
 
 
 def _unlike_fields(asked: Any, due: Any) -> str:
     names = [name for name in due.__struct_fields__ if getattr(asked, name) != getattr(due, name)]
-    return ", ".join("{} is {!r} instead of {!r}".format(name, getattr(asked, name),
-                                                         getattr(due, name)) for name in names)
+    return ", ".join(f"{name} is {getattr(asked, name)!r} instead of {getattr(due, name)!r}"
+                     for name in names)

@@ -6,8 +6,9 @@ from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Union
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.execution.events import (
-    EntriesWritten, LeafFinished, Recovered, Recovering, Retried)
+    EntriesWritten, LeafFinished, Recovered, Recovering, Retried, StepStarted, StopChanged)
 from behavior_controller.monitoring.record.recorder import Entries, entry_text
+from behavior_controller.robot.gateway import Cause
 
 from unit_tests.judge import reference
 from unit_tests.judge.foreign import Foreign
@@ -21,7 +22,7 @@ class Reports:
         self.finished: List[LeafFinished] = []
         self.decisions: List[Decision] = []
         self._ends: Dict[int, List[str]] = {}
-        self._due: List[Decision] = []
+        self.due: List[Decision] = []
 
     def ended(self, node: Duty, end: str) -> None:
         """Note how a leaf had to end: SUCCESS, IDLE, or the cause of its failure."""
@@ -31,9 +32,11 @@ class Reports:
         """Return why a leaf had to fail; empty: it had not."""
         return next((end for end in self._ends.get(uid, ()) if end not in ("SUCCESS", "IDLE")), "")
 
-    def decided(self, decision: Decision) -> None:
-        """Note what the record has to say."""
-        self._due.append(decision)
+    def decided(
+            self, node: Duty, step: str, cause: Optional[Cause] = None, handler: int = 0) -> None:
+        """Note what the record has to say of a step."""
+        self.due.append(Decision(node.registration_id, node.full_path,
+                                 cause.value if cause else "", step, handler))
 
     def differences(self, nodes: Sequence[Any]) -> Iterator[str]:
         """Yield what the record says otherwise, and forget both sides."""
@@ -41,11 +44,10 @@ class Reports:
         # decisions of recoveries first, then what is begun: of both the order counts
         for due, other in itertools.zip_longest(*(
                 sorted(decisions, key=lambda decision: not decision.cause)
-                for decisions in (self._due, self.decisions))):
+                for decisions in (self.due, self.decisions))):
             if due != other:
-                yield "this had to happen: {}; on record is: {}".format(
-                    due or "nothing", other or "nothing")
-        for notes in (self.finished, self._ends, self._due, self.decisions):
+                yield f"this had to happen: {due or 'nothing'}; on record is: {other or 'nothing'}"
+        for notes in (self.finished, self._ends, self.due, self.decisions):
             notes.clear()
 
     def _unlike_ends(self, nodes: Sequence[Any]) -> Iterator[str]:
@@ -67,14 +69,19 @@ class Reports:
 def _value(ended: LeafFinished) -> str:
     """Return how a leaf ended: SUCCESS, IDLE, or the cause of its failure."""
     if (ended.failure is None) is (ended.status == "FAILURE"):
-        return "{} although it {}".format(ended.status, "failed" if ended.failure else
-                                          "did not fail")
+        return f"{ended.status} although it {'failed' if ended.failure else 'did not fail'}"
     return ended.status if ended.failure is None else ended.failure.cause.value
 
 
-def decision(event: Union[Recovering, Retried, Recovered]) -> Decision:
-    """Return what the record says of a recovery."""
-    if isinstance(event, Retried):
+def decision(event: Union[StepStarted, StopChanged, Recovering, Retried, Recovered]) -> Decision:
+    """Return what the record says of a step, a stop or a recovery."""
+    failure = getattr(event, "failure", None)
+    handler = event.uid if isinstance(event, (Recovering, Recovered)) else 0
+    if isinstance(event, StepStarted):
+        step = reference.BEGINS
+    elif isinstance(event, StopChanged):
+        step = reference.STOP.format(event.number, event.of, event.name, event.state)
+    elif isinstance(event, Retried):
         step = reference.FAILED_AGAIN.format(event.attempt)
     elif isinstance(event, Recovered):
         gives_up = event.policy.partition(": ")[0].endswith("give up")
@@ -84,8 +91,7 @@ def decision(event: Union[Recovering, Retried, Recovered]) -> Decision:
         step = reference.RETRY.format(event.attempt, event.of)
     else:
         step = reference.INSTEAD.format(event.substitute)
-    return Decision(event.node, event.path, event.failure.cause.value, step,
-                    getattr(event, "uid", 0))
+    return Decision(event.node, event.path, failure.cause.value if failure else "", step, handler)
 
 
 class WrittenEntries:
@@ -93,8 +99,7 @@ class WrittenEntries:
 
     def __init__(self, tree: Tree):
         self._tree, self._entries = tree, Entries(tree)
-        self._due: Dict[str, Optional[str]] = {}
-        self._recorded: Dict[str, Optional[str]] = {}
+        self._before: Dict[str, Optional[str]] = {}  # at the last comparison
         # on record since the last comparison, and the newest event of these
         self._news: Dict[str, Optional[str]] = {}
         self._newest: Sequence[Tuple[str, Optional[str]]] = ()
@@ -115,7 +120,7 @@ class WrittenEntries:
         """Write an entry of a node without a row, if the record has it now."""
         board, key = node.blackboard.home(_entry_of(node, port))
         path = next(path for path, other in self._tree.blackboards.items() if other is board)
-        name = "{}/{}".format(path, key) if path else key
+        name = f"{path}/{key}" if path else key
         if self._news.get(name) is not None:
             board.set(key, self._news[name])
         elif name in self._news:
@@ -126,16 +131,16 @@ class WrittenEntries:
         who wrote them; ``last`` is the leaf that ended last."""
         due = {name: None if value is None else entry_text(value)
                for name, value in self._entries.news()}
-        self._due.update(due)
-        self._recorded.update(self._news)
-        for name in sorted({**self._due, **self._recorded}):
-            wanted, text = self._due.get(name), self._recorded.get(name)
+        for name in sorted({**due, **self._news}):
+            before = self._before.get(name)
+            wanted, text = due.get(name, before), self._news.get(name, before)
             is_written = (due.get(name) is None) is (self._news.get(name) is None)
             if wanted != text or not is_written:
-                yield "{} had to leave {} = {}; on record is {}{}".format(
-                    self._writers.get(name.rpartition("/")[2]) or last, name,
-                    "nothing" if wanted is None else wanted, "nothing" if text is None else text,
-                    "" if is_written else ", from before")
+                writer = self._writers.get(name.rpartition("/")[2]) or last
+                due_text, came = ("nothing" if it is None else it for it in (wanted, text))
+                yield (f"{writer} had to leave {name} = {due_text}; on record is {came}"
+                       f"{'' if is_written else ', from before'}")
+        self._before.update(self._news)
         self._newest = ()
         self._news.clear()
         self._writers.clear()
@@ -149,6 +154,6 @@ def _entry_of(node: Duty, port: str) -> str:
 def label(node: Any) -> str:
     """Return what a tester calls a node: its type, and its name if that says more."""
     name = node.registration_id
-    if isinstance(node, reference.Recovering) and node.round is not None:
-        return "{} ({})".format(name, node.round)
-    return name if node.name in (name, "") else "{} {}".format(name, node.name)
+    if isinstance(node, reference.Recovering) and node.remark:
+        return f"{name} ({node.remark})"
+    return name if node.name in (name, "") else f"{name} {node.name}"

@@ -15,7 +15,7 @@ than ``Facts.late`` before (a timer, the next traversal, the next pass), and ear
 import itertools
 import math
 from collections import Counter
-from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
@@ -27,16 +27,16 @@ from behavior_controller.execution.events import (
     LETTERS, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message,
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
+from behavior_controller.execution.health import GONE
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 
 from unit_tests.judge import reference
-from unit_tests.judge.calls import Calls, described
+from unit_tests.judge.calls import Calls, Query, described
 from unit_tests.judge.comparison import Reports, WrittenEntries, decision, label
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
-from unit_tests.judge.reference import (
-    SAFE, SAFE_STATE, Course, Decision, Duty, Reply)
+from unit_tests.judge.reference import SAFE, SAFE_STATE, Course, Duty
 from unit_tests.judge.signs import Signs
 from unit_tests.robot.options import ACTION
 
@@ -91,9 +91,8 @@ class Execution(Course):
         try:
             self._build(started)
         except BehaviorControllerError as error:
-            raise CannotRepeat(
-                "the mission on record cannot be done again: {}".format(error)) from error
-        self.began = self.last_line = began  # times of its first and its newest line
+            raise CannotRepeat(f"the mission on record cannot be done again: {error}") from error
+        self.began = self.now = began  # times of its first and its newest line
         self.difference, self.differs_at = "", began
         self.passes, self.test, self._facts = passes, facts.test, facts
         self.offset: Optional[float] = None  # from the mission's clock to Unix time
@@ -101,11 +100,10 @@ class Execution(Course):
         self.reports, self.entries = Reports(), WrittenEntries(self.tree)
         self._next = began, "the first pass"  # what is due next, and when
         self._is_in_pass = self._is_over = False
-        self._pass_began = self._visit_began = 0.0
+        self._pass_began, self._visit_began = began, 0.0
         self._clock_began: Optional[float] = None  # the offset at the first traversal of a pass
         self._result = ""  # of the tree in the newest traversal, if it has ended
         self._outcome, self._ready, self._pauses = "", 0.0, 0  # after the last pass
-        self.gone: Set[str] = set()  # services that are known to be gone
         self._traversal = Traversal()
         self._last = ""  # the leaf that ended last
         self._delays: Dict[str, List[float]] = {}  # of retries, by node type
@@ -115,7 +113,7 @@ class Execution(Course):
         leaves = [place for place, node in zip(places, self.tree.nodes) if isinstance(node, Duty)]
         if leaves != list(map(tuple, started.leaves)) or [places] != [
                 [(node.path, node.type) for node in tree.nodes] for tree in shown]:
-            self._differ("the tree on record is not that of the mission file", began)
+            self._differ("the tree on record is not that of the mission file")
 
     def _build(self, started: RunStarted) -> None:
         """Set the mission up. Raises BehaviorControllerError."""
@@ -135,48 +133,47 @@ class Execution(Course):
 
     def take(self, line: Line) -> None:
         """Go on with the next event of the record."""
-        handle = _HANDLERS.get(type(line.event))
-        self.last_line = line.time
-        if isinstance(line.event, PACING):
-            self._differ(self.overdue(line.time), line.time)
-        if handle is not None and (not self.difference or isinstance(line.event, WITNESSED)):
-            handle(self, line.event, line.time)
+        event, self.now = line.event, line.time
+        if isinstance(event, PACING):
+            self._differ(self.overdue(self.now))
+        if type(event) in _HANDLERS and (not self.difference or isinstance(event, WITNESSED)):
+            _HANDLERS[type(event)](self, event)
 
-    def _note_asked(self, event: Asked, time: float) -> None:
+    def _note_asked(self, event: Asked) -> None:
+        query = self.calls.note_asked(event, self.now)
         if self._is_over:
-            self._differ("after the end of the run nothing is due; what was asked: {}".format(
-                self.calls.described(event)), time)
-        self.calls.note_asked(event, time)
+            self._differ("after the end of the run nothing is due; what was asked: "
+                         f"{self.calls.described(query)}")
 
-    def _note_answer(self, event: Answered, time: float) -> None:
-        self._differ(self.calls.note_answer(event, time), time)
+    def _note_answer(self, event: Answered) -> None:
+        self._differ(self.calls.note_answer(event, self.now))
 
-    def _note_message(self, event: Message, _time: float) -> None:
+    def _note_message(self, event: Message) -> None:
         self.signs.note(event, self.interface.topic(event.topic))
 
-    def _note_hearing(self, event: StillHearing, time: float) -> None:
+    def _note_hearing(self, event: StillHearing) -> None:
         if self.test.recognise_by != ACTION:
-            self._differ("{} is no action that goes on hearing".format(event.topic), time)
+            self._differ(f"{event.topic} is no action that goes on hearing")
         self.signs.note_hearing(event.topic)
 
-    def _note_entries(self, event: EntriesWritten, time: float) -> None:
+    def _note_entries(self, event: EntriesWritten) -> None:
         if self.entries.note(event):
-            self._differ("the entries after {} are on record twice".format(self._last), time)
+            self._differ(f"the entries after {self._last} are on record twice")
 
-    def _note_health(self, event: HealthChanged, time: float) -> None:
-        if event.respect == "gone":
+    def _note_health(self, event: HealthChanged) -> None:
+        if event.respect == GONE:
             (self.gone.discard if event.is_well else self.gone.add)(event.name)
         if self.passes and not self._is_in_pass:
-            self._expect_pass(time)
+            self._expect_pass()
 
-    def _note_suspension(self, event: Suspended, time: float) -> None:
+    def _note_suspension(self, event: Suspended) -> None:
         if not self.settings.ros_interface:
-            self._differ("{}, and there is no way to ask for that".format(event.words), time)
-        self._next = math.inf if event.words else time, "the mission"
+            self._differ(f"{event.words}, and there is no way to ask for that")
+        self._next = math.inf if event.words else self.now, "the mission"
 
-    def _note_leaf(self, event: LeafFinished, time: float) -> None:
+    def _note_leaf(self, event: LeafFinished) -> None:
         if not self._is_of(event):
-            self._differ("node {} is not {} {}".format(event.uid, event.node, event.path), time)
+            self._differ(f"node {event.uid} is not {event.node} {event.path}")
         self.reports.finished.append(event)
 
     def _is_of(self, event: Union[LeafFinished, Recovering, Recovered]) -> bool:
@@ -185,118 +182,109 @@ class Execution(Course):
         return node is not None and (event.path, event.node) == (node.full_path,
                                                                  node.registration_id)
 
-    def _note_step(self, event: StepStarted, _time: float) -> None:
-        if event.node in TABLE and not (event.is_wait or event.goes_on):
-            self.reports.decisions.append(Decision(event.node, event.path, "", reference.BEGINS))
+    def _note_step(self, event: Union[StepStarted, StopChanged]) -> None:
+        is_request = isinstance(event, StopChanged) or not (event.is_wait or event.goes_on)
+        if event.node in TABLE and is_request:
+            self.reports.decisions.append(decision(event))
 
-    def _note_stop(self, event: StopChanged, _time: float) -> None:
-        if event.node in TABLE:
-            self.reports.decisions.append(
-                Decision(event.node, event.path, "", reference.STOP.format(
-                    event.number, event.of, event.name, event.state)))
-
-    def _note_recovery(self, event: Union[Recovering, Retried, Recovered], time: float) -> None:
+    def _note_recovery(self, event: Union[Recovering, Retried, Recovered]) -> None:
         if isinstance(event, Recovered):
             if self._is_of(event):
                 return  # there was nothing to recover from
             if event.success is (event.outcome == reference.GIVEN_UP):
-                self._differ("the recovery of {} is {}; on record its success is {}".format(
-                    event.node, event.outcome, event.success), time)
+                self._differ(f"the recovery of {event.node} is {event.outcome}; on record its "
+                             f"success is {event.success}")
         self.reports.decisions.append(decision(event))
 
     # ----------------------------------------------------------------------------------- the passes
 
-    def _start_pass(self, event: PassStarted, time: float) -> None:
-        self._pass_began = time
+    def _start_pass(self, event: PassStarted) -> None:
+        self._pass_began, self._visit_began, self._clock_began = self.now, event.at, None
         if self._is_in_pass or event.number != self.passes + 1:
             self._differ("pass {} began, and pass {} had to {}".format(
-                event.number, self.passes + 1, "end" if self._is_in_pass else "begin"), time)
-        self._is_in_pass = True
-        for asked in self.calls.unexplained:
-            self._differ("before the pass nothing is due; what was asked: {}".format(
-                self.calls.described(asked)), time)
+                event.number, self.passes + 1, "end" if self._is_in_pass else "begin"))
+        for query in self.calls.unexplained:
+            asked = self.calls.described(query)
+            self._differ(f"before the pass nothing is due; what was asked: {asked}")
         early = self._ready - event.at
         if early > 0.01 or self._next[0] == math.inf:
             self._differ("the pass began {}, and the cause of the last failure persists".format(
-                "{:.1f} s too early".format(early) if early > 0.01 else "without a pause"), time)
-        self._next = time, "the first step of pass {}".format(event.number)
-        self._clock_began = None
-        self._visit_began = event.at
+                f"{early:.1f} s too early" if early > 0.01 else "without a pause"))
+        self._is_in_pass = True
+        self._next = self.now, f"the first step of pass {event.number}"
         self.begin_visit(self.tree.blackboard, event.at)
 
-    def _end_pass(self, event: PassFinished, time: float) -> None:
+    def _end_pass(self, event: PassFinished) -> None:
         now = self.clock.now()
-        if abs(event.seconds - (now - self._visit_began)) > self._facts.late:
-            self._differ("the pass took {:.1f} s; on record are {:.1f} s".format(
-                now - self._visit_began, event.seconds), time)
+        seconds = now - self._visit_began
+        if abs(event.seconds - seconds) > self._facts.late:
+            self._differ(f"the pass took {seconds:.1f} s; on record are {event.seconds:.1f} s")
         if (event.number, event.outcome) != (self.passes + 1, self._result):
             self._differ("pass {} ended with {}; its tree ends with {}".format(
-                event.number, event.outcome, self._result or "nothing yet"), time)
-        self._differ(next(self.reports.differences(self.tree.nodes), ""), time)
+                event.number, event.outcome, self._result or "nothing yet"))
+        self._differ(next(self.reports.differences(self.tree.nodes), ""))
         self.passes += 1
         self._is_in_pass, self._outcome = False, event.outcome
         self._ready = now + (SHORTEST_PASS if event.seconds < SHORTEST_PASS else 0.0)
-        self._pauses = 0 if event.outcome == "SUCCESS" else self._pauses
-        pause = self.pause(self._pauses, self._ready) if event.outcome == "FAILURE" else 0.0
-        self._pauses += pause > 0.0
-        self._ready += pause
-        self._expect_pass(time)
+        if event.outcome == "SUCCESS":
+            self._pauses = 0
+        elif event.outcome == "FAILURE":
+            pause = self.pause(self._pauses, self._ready)
+            self._pauses += 1 if pause else 0
+            self._ready += pause
+        self._expect_pass()
 
-    def _expect_pass(self, time: float) -> None:
+    def _expect_pass(self) -> None:
         """Note when the next pass has to begin, or the run has to end."""
         if self.passes == self.test.mission_runs:
-            self._next = time + SAFE_LIMIT, "the end of the run"
+            self._next = self.now + SAFE_LIMIT, "the end of the run"
             return
-        is_awaited = self._outcome == "FAILURE" and any(
-            resource in self.gone for resource in self.failed_for())
-        ready = math.inf if is_awaited else max(time, self._ready + (self.offset or 0.0))
-        self._next = ready, "pass {}".format(self.passes + 1)
+        failed_for = {resource for _, resource in self.failures_of_pass}
+        is_awaited = self._outcome == "FAILURE" and not self.gone.isdisjoint(failed_for)
+        ready = math.inf if is_awaited else max(self.now, self._ready + (self.offset or 0.0))
+        self._next = ready, f"pass {self.passes + 1}"
 
-    def _note_safe_state(self, event: SafeStateReported, time: float) -> None:
+    def _note_safe_state(self, event: SafeStateReported) -> None:
         self.reports.decisions.append(SAFE)
         reported = {part.service: part for part in event.parts}
-        since = time - event.seconds - self._facts.late
+        since = self.now - event.seconds - self._facts.late
         for request in SAFE_STATE:
             # of each handler the newest request, and of the end of the run
             newest = {query.path: query for query in self.calls.queries.values()
                       if query.request == request and query.is_for_safety and query.asked > since}
             for query in newest.values():
-                if query.result is None:
-                    self.calls.queries[query.call] = query._replace(dropped=time)
+                query.drop(self.now)
             part = reported.get(self.interface.resource(type(request)))
             outcomes = {query.outcome for query in newest.values()}
             if not newest:
-                self._differ("the robot was not asked for the safe state: {}".format(
-                    described(request)), time)
+                self._differ(f"the robot was not asked for the safe state: {described(request)}")
             elif part is None and outcomes != {Cause.NOT_ADVERTISED.value}:
-                self._differ("what {} has come to is not reported".format(described(request)), time)
+                self._differ(f"what {described(request)} has come to is not reported")
             elif part is not None and len(outcomes) == 1 and (part.failure is None) is not (
                     outcomes == {"an answer"}):
                 self._differ("{} was reported as {}; the requests on record say otherwise".format(
-                    part.what, "failed" if part.failure else "reached"), time)
+                    part.what, "failed" if part.failure else "reached"))
 
-    def _end_run(self, event: RunFinished, time: float) -> None:
+    def _end_run(self, event: RunFinished) -> None:
         asked = [query.request for query in self.calls.unexplained]
         if sorted(map(str, asked)) != sorted(map(str, SAFE_STATE)):
             self._differ("at the end the safe state is due, once; what was asked: {}".format(
-                ", ".join(map(described, asked)) or "nothing"), time)
+                ", ".join(map(described, asked)) or "nothing"))
         elif self.reports.decisions != [SAFE]:
-            self._differ("at the end {}; it was not".format(SAFE), time)
+            self._differ(f"at the end {SAFE}; it was not")
         elif not event.outcome.endswith(self._outcome):
-            self._differ("the last pass ended with {}; at the end it was {}".format(
-                self._outcome, event.outcome), time)
+            self._differ(
+                f"the last pass ended with {self._outcome}; at the end it was {event.outcome}")
         self.calls.unexplained.clear()
         self.reports.decisions.clear()
         self._is_over, self._next = True, (math.inf, "")
 
     # ----------------------------------------------------------------------------------- traversals
 
-    def _traverse(self, tick: Tick, time: float) -> None:
-        self._check_clock(tick, time)
+    def _traverse(self, tick: Tick) -> None:
+        self._check_clock(tick)
         self.clock.set_to(tick.at)
         self._traversal = Traversal(tick.changes, self._last)
-        self.signs.begin_traversal()
-        self.calls.deliver()
         result: Any = None
         changes = self.tree.changes
         try:
@@ -305,10 +293,10 @@ class Execution(Course):
             result = self.tree.root.execute()
         except BehaviorControllerError as error:
             if not isinstance(getattr(error, "cause", error), BehaviorControllerError):
-                self._differ("the mission cannot be done again: {}".format(error), time)
+                self._differ(f"the mission cannot be done again: {error}")
             result = FAILURE  # of a script, say: the pass is over
-        self._differ(self._first_difference(), time)
-        self._expect_traversal(result is RUNNING, self.tree.changes != changes, time)
+        self._differ(self._first_difference())
+        self._expect_traversal(result is RUNNING, self.tree.changes != changes)
         self._result = result.name if result in (SUCCESS, FAILURE) else ""
         if self._result:
             self.tree.root.reset()
@@ -316,24 +304,23 @@ class Execution(Course):
             self.tree.halt()
         self.signs.end_traversal()
 
-    def _check_clock(self, tick: Tick, time: float) -> None:
-        offset = time - tick.at
+    def _check_clock(self, tick: Tick) -> None:
+        offset = self.now - tick.at
         self.offset = offset if self.offset is None else min(self.offset, offset)
         if not self._is_in_pass:
-            self._differ("the mission went on, and no pass had begun", time)
+            self._differ("the mission went on, and no pass had begun")
         if self._clock_began is None:
             self._clock_began = offset
             if not 0.0 <= tick.at - self._visit_began <= self._facts.late:
-                self._differ("the pass began at {:.1f} s, its first step came at {:.1f} s".format(
-                    self._visit_began, tick.at), time)
+                self._differ(f"the pass began at {self._visit_began:.1f} s, its first step came at "
+                             f"{tick.at:.1f} s")
         if abs(offset - self._clock_began) > self._facts.late:
-            self._differ("the mission's clock is {:.1f} s wrong".format(
-                offset - self._clock_began), time)
+            self._differ(f"the mission's clock is {offset - self._clock_began:.1f} s wrong")
 
-    def _expect_traversal(self, is_running: bool, has_changed: bool, time: float) -> None:
+    def _expect_traversal(self, is_running: bool, has_changed: bool) -> None:
         """Note when the next traversal has to come: at once after a change, else at the next timer.
         """
-        due = self.clock.next_due()
+        time, due = self.now, self.clock.next_due()
         if is_running and not has_changed:
             time = math.inf if due is None else due + (self.offset or 0.0)
         self._next = time, "" if is_running else "the end of the pass"
@@ -342,13 +329,14 @@ class Execution(Course):
     def is_paused(self) -> bool:
         """Whether a pass has failed, and the next one has to wait."""
         has_failed = self._outcome == "FAILURE" and not self._is_in_pass
-        return has_failed and self._next[0] > self.last_line
+        return has_failed and self._next[0] > self.now
 
     def overdue(self, time: float) -> str:
         """Return what had to come long before that time, and has not come; empty: nothing."""
         due, what = self._next
-        return "{} was due {:.1f} s before".format(
-            what or self.under_way(), time - due) if time - due > self._facts.late else ""
+        if time - due <= self._facts.late:
+            return ""
+        return f"{what or self.under_way()} was due {time - due:.1f} s before"
 
     def under_way(self) -> str:
         """Return the nodes that are running, without a running child."""
@@ -358,11 +346,12 @@ class Execution(Course):
 
     # ------------------------------------------------------------------------------- the difference
 
-    def _differ(self, text: str, time: float) -> None:
+    def _differ(self, text: str) -> None:
+        """Note a difference; empty: there is none."""
         if text and not self.difference:
-            self.differs_at = max(time, self._pass_began)
-            self.difference = "pass {}, {:.1f} s: {}".format(
-                self.passes + 1, max(0.0, time - self._pass_began), text)
+            self.differs_at = max(self.now, self._pass_began)
+            at = self.differs_at - self._pass_began
+            self.difference = f"pass {self.passes + 1}, {at:.1f} s: {text}"
 
     def _first_difference(self) -> str:
         """Return the first difference of the traversal: a request, a change of status, then what
@@ -372,9 +361,9 @@ class Execution(Course):
             return wrong[1]
         if misstep is not None:
             return self._described_misstep(misstep)
-        for asked in self.calls.unexplained:
-            return "after {}, while {} goes on, nothing more was due; what was asked: {}".format(
-                self.calls.asker or self._last, self.under_way(), self.calls.described(asked))
+        for query in self.calls.unexplained:
+            return (f"after {self.calls.asker or self._last}, while {self.under_way()} goes on, "
+                    f"nothing more was due; what was asked: {self.calls.described(query)}")
         return next(itertools.chain(self.reports.differences(self.tree.nodes),
                                     self.entries.differences(self._last)), "")
 
@@ -383,50 +372,48 @@ class Execution(Course):
         due, came = "nothing more had to be", "nothing"
         for uid, letter in self._traversal.due[place:place + 1]:
             node, cause = self.tree.nodes[uid - 1], self.reports.cause(uid)
-            reason = " ({})".format(cause) if cause and letter == "F" else ""
-            place_of = " (in {})".format(label(node.parent)) if node.parent is not None else ""
-            due = "{} had to be {}{}{}".format(self._label(uid), WORDS[letter], reason, place_of)
+            reason = f" ({cause})" if cause and letter == "F" else ""
+            place_of = f" (in {label(node.parent)})" if node.parent is not None else ""
+            due = f"{self._label(uid)} had to be {WORDS[letter]}{reason}{place_of}"
         for uid, letter in self._traversal.recorded[place:place + 1]:
-            came = "{} {}".format(self._label(uid), WORDS[letter])
-        return "{}{}; on record is {}".format(self._after(place), due, came)
+            came = f"{self._label(uid)} {WORDS[letter]}"
+        return f"{self._after(place)}{due}; on record is {came}"
 
     def _after(self, place: int) -> str:
         """Return which leaf had ended before a change of status."""
         before = [uid for uid, letter in self._traversal.due[:place]
                   if letter in "SF" and isinstance(self.tree.nodes[uid - 1], Duty)]
         last = self._label(before[-1]) if before else self._traversal.last
-        return "after {}, ".format(last) if last else ""
+        return f"after {last}, " if last else ""
 
     def _label(self, uid: int) -> str:
         """Return the label of a node; that of a control has the first leaf below it."""
         if not 0 < uid <= len(self.tree.nodes):
-            return "node {}".format(uid)
+            return f"node {uid}"
         node = first = self.tree.nodes[uid - 1]
         while first.children:
             first = first.children[0]
-        return label(node) if first is node else "{} of {}".format(label(node), label(first))
+        return label(node) if first is node else f"{label(node)} of {label(first)}"
 
     # ------------------------------------------------------------------------- what the nodes go by
 
-    def ask(self, node: Duty, request: Union[Request, type]) -> Reply:
-        """Return the reply to a request; of a node without a row only its kind is known."""
+    def ask(self, node: Duty, request: Union[Request, type]) -> Query:
+        """Return a request with its answer, if that has come; of a node without a row only the
+        request's kind is known."""
         if node.registration_id in TABLE and not isinstance(node, reference.Recovering):
-            self.reports.decided(
-                Decision(node.registration_id, node.full_path, "", reference.BEGINS))
-        reply = Reply()
+            self.reports.decided(node, reference.BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
-            reply.result = Answer(exhibits=self.knowledge[request.what])
-        elif not self.calls.next_is(request):
-            self._wrong("{}{} {}".format(self._after(len(self._traversal.due)), label(node),
-                                         self.calls.unlike(request)))
-        else:
-            query = self.calls.take(node)
-            early = self._unix_now - query.asked
-            if early > EARLY:
-                self._wrong("{} asked {:.1f} s too early: {}".format(label(node), early,
-                                                                     described(query.request)))
-            reply = self.calls.reply(query)
-        return reply
+            answer = Answer(exhibits=self.knowledge[request.what])
+            return Query(0, request, "", self._unix_now, result=answer)
+        if not self.calls.next_is(request):
+            after = self._after(len(self._traversal.due))
+            self._wrong(f"{after}{label(node)} {self.calls.unlike(request)}")
+            return Query(0, request, "", self._unix_now)
+        query = self.calls.take(node)
+        early = self._unix_now - query.asked
+        if early > EARLY:
+            self._wrong(f"{label(node)} asked {early:.1f} s too early: {query}")
+        return query
 
     def _wrong(self, text: str) -> None:
         self._traversal.wrong.append((len(self._traversal.due), text))
@@ -435,9 +422,9 @@ class Execution(Course):
     def _unix_now(self) -> float:
         return self.clock.now() + (self.offset or 0.0)
 
-    def drop(self, reply: Reply) -> None:
+    def drop(self, query: Query) -> None:
         """Note that nothing waits for an answer any more."""
-        self.calls.drop(reply, self._unix_now)
+        query.drop(self._unix_now)
 
     def retried(self, node: Duty, late: float) -> None:
         """Note a retry, and how many seconds after its pause it was made."""
@@ -446,7 +433,7 @@ class Execution(Course):
     @property
     def late_retries(self) -> List[str]:
         """The nodes that were tried again more than once, and too late every time."""
-        return ["{} was tried again {:.1f} s later than the policy says".format(node, min(delays))
+        return [f"{node} was tried again {min(delays):.1f} s later than the policy says"
                 for node, delays in self._delays.items()
                 if len(delays) > 1 and min(delays) > LATE_RETRY + self._facts.stall]
 
@@ -454,10 +441,6 @@ class Execution(Course):
         """Note that a leaf ended; ``cause`` None: it succeeded."""
         self.reports.ended(node, "SUCCESS" if cause is None else cause.value)
         self._last = label(node)
-
-    def halted(self, node: Duty) -> None:
-        """Note that a leaf was halted, as it has to report."""
-        self.reports.ended(node, "IDLE")
 
     def of_record(self, node: Duty) -> Tuple[str, Optional[Cause]]:
         """Return the next status of a node in this traversal, and why it failed, if it did."""
@@ -473,9 +456,7 @@ class Execution(Course):
         return mine[place] if place < len(mine) else "", causes[0] if causes else None
 
 
-Handler = Callable[[Execution, Any, float], None]
-
-_HANDLERS: Dict[type, Handler] = {
+_HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     Asked: Execution._note_asked, Answered: Execution._note_answer,
     Message: Execution._note_message, StillHearing: Execution._note_hearing,
     EntriesWritten: Execution._note_entries, HealthChanged: Execution._note_health,
@@ -483,7 +464,7 @@ _HANDLERS: Dict[type, Handler] = {
     Recovering: Execution._note_recovery, Retried: Execution._note_recovery,
     PassStarted: Execution._start_pass, PassFinished: Execution._end_pass,
     RunFinished: Execution._end_run, SafeStateReported: Execution._note_safe_state,
-    StepStarted: Execution._note_step, StopChanged: Execution._note_stop,
+    StepStarted: Execution._note_step, StopChanged: Execution._note_step,
     Suspended: Execution._note_suspension, Tick: Execution._traverse
 }
 """What is done again, until the first difference."""

@@ -93,7 +93,7 @@ class Rows:
         later = [other for other in rounds[0].failures + rounds[0].instead if other.at > failed.at]
         if later:
             is_other = any(other is later[0] for other in rounds[0].instead)
-            return "{} instead".format(later[0].node) if is_other else AGAIN, later[0].at
+            return f"{later[0].node} instead" if is_other else AGAIN, later[0].at
         # an outer HandleFallBack goes on with the failure that an inner one gave up
         rounds = self._rounds[id((rounds[0].failures + rounds[0].instead)[0])]
         return ", then ".join(dict.fromkeys(map(_outcome, rounds))), rounds[-1].decided
@@ -115,11 +115,11 @@ def _fault(pair: Pair) -> str:
 
 
 def _call(pair: Pair) -> str:
-    return "{}:{}".format(pair.line.node, pair.line.call) if pair.line is not None else "-"
+    return f"{pair.line.node}:{pair.line.call}" if pair.line is not None else "-"
 
 
 def _outcome(recovery: RecoveryRound) -> str:
-    tries = " by retry {}".format(recovery.attempts) if recovery.outcome == DONE else ""
+    tries = f" by retry {recovery.attempts}" if recovery.outcome == DONE else ""
     reason = recovery.recovered.reason if recovery.recovered is not None else ""
     return recovery.outcome + tries + (": " + reason if reason else "")
 
@@ -154,6 +154,6 @@ def table(rows: Sequence[FailureRow], began: float, width: int) -> List[str]:
 
 def _cells(row: FailureRow, began: float) -> Tuple[str, ...]:
     return tuple(
-        clean(cell) for cell in ("{:.1f}".format(row.at - began), str(row.visitor),
+        clean(cell) for cell in (f"{row.at - began:.1f}", str(row.visitor),
                                  row.stop or "-", row.node or "-", row.call, row.kind,
-                                 row.recovery, "{:.1f} s".format(row.lost)))
+                                 row.recovery, f"{row.lost:.1f} s"))

@@ -26,21 +26,20 @@ class Foreign(reference.Asking):
             return SKIPPED if self.status is IDLE else self.status
         return self.conclude(None if letter == "S" else cause or Cause.CONDITION_FALSE)
 
+    def steps(self) -> reference.Steps:
+        """Ask what it asks: of that only the kind is known."""
+        calls = getattr(self.spec, "calls", ())
+        return reference.ask(self, (calls or (object,))[0], lambda _: calls[0] if calls else None)
+
     def on_halted(self) -> None:
         """It need not report that."""
 
 
 def _foreign(spec: NodeSpec) -> NodeSpec:
-    calls = getattr(spec, "calls", ())
-
-    def make(name: str) -> Foreign:
-        node = Foreign(name)
-        node.asks, node.rule = (calls or (object,))[0], lambda _: calls[0] if calls else None
-        return node
     own = {str(kind): kind for kind in reference.TYPES.values()}
     mine = tuple(port._replace(type=own.get(port.type, port.type)) for port in spec.ports)
     is_leaf = spec.kind in (Kind.ACTION, Kind.CONDITION)
-    return dataclasses.replace(spec, ports=mine, factory=make if is_leaf else spec.factory)
+    return dataclasses.replace(spec, ports=mine, factory=Foreign if is_leaf else spec.factory)
 
 
 def registry() -> Registry:

@@ -11,11 +11,11 @@ def to_xml(verdict: Verdict, seconds: float, title: str) -> str:
     """Return the text of the file; ``seconds`` is how long the test took, ``title`` what ran."""
     failed = sum(bool(objections) for _, objections in verdict.answers)
     suite = ElementTree.Element("testsuite", name=SUITE, tests=str(len(verdict.answers)),
-                                failures=str(failed), errors="0", time="{:.3f}".format(seconds))
+                                failures=str(failed), errors="0", time=f"{seconds:.3f}")
     for question, objections in verdict.answers:
         case = ElementTree.SubElement(suite, "testcase", classname=SUITE, name=question, time="0")
         if objections:
             ElementTree.SubElement(case, "failure",
                                    message=objections[0]).text = "\n".join(objections)
-    ElementTree.SubElement(suite, "system-out").text = "{}\n{}".format(title, verdict)
+    ElementTree.SubElement(suite, "system-out").text = f"{title}\n{verdict}"
     return ElementTree.tostring(suite, encoding="unicode")

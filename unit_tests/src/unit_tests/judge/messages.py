@@ -25,8 +25,8 @@ def objections(facts: Facts, execution: Execution, end: float) -> Iterator[str]:
     for event in signs.read:
         topic = execution.interface.topic(event.topic)
         if topic in published and not published[topic].has(event):
-            yield "the controller read {!r} from {}, and nobody published that".format(
-                event.value, event.topic)
+            yield (f"the controller read {event.value!r} from {event.topic}, and nobody published "
+                   "that")
     waiting = [search._replace(until=max(search.until, end - offset))
                for search in signs.waiting.values()]
     for search in signs.searches + waiting:
@@ -68,8 +68,8 @@ class JournalMessages:
             time, value = self._newest(at - self._late)
             earliest = max(began + self._late, search.newest + offset + EARLY)
             if self._is_heard(time) and time > earliest:
-                yield "{} did not read what {} said {:.1f} s before: {!r}".format(
-                    search.node.registration_id, search.topic.name, at - time, value)
+                yield (f"{search.node.registration_id} did not read what {search.topic.name} said "
+                       f"{at - time:.1f} s before: {value!r}")
                 return
             after = max(after, at - execution.settings.topic_max_age + EARLY)
         for place in range(self._until(after), self._until(until - self._late)):
@@ -80,8 +80,8 @@ class JournalMessages:
                 last = self._until(max(at, time + self._late))
             if self._is_heard(time) and all(
                     search.is_sign(later) for _, later in self._lines[place:last]):
-                yield "{} did not see what {} said {:.1f} s before: {!r}".format(
-                    search.node.registration_id, search.topic.name, until - time, value)
+                yield (f"{search.node.registration_id} did not see what {search.topic.name} said "
+                       f"{until - time:.1f} s before: {value!r}")
                 return
 
     def outdated(self, holding: Holding) -> Iterator[str]:
@@ -89,8 +89,8 @@ class JournalMessages:
         at = holding.at + self._offset
         time, value = self._newest(at - self._late)
         if time > holding.arrived + self._offset + EARLY and not holding.is_sign(value):
-            yield "{} held, {:.1f} s after {} said {!r}".format(
-                holding.node.registration_id, at - time, holding.topic.name, value)
+            yield (f"{holding.node.registration_id} held, {at - time:.1f} s after "
+                   f"{holding.topic.name} said {value!r}")
 
     def _newest(self, time: float) -> Tuple[float, Any]:
         """Return time and value of the newest message at that time."""

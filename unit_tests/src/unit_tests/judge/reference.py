@@ -2,19 +2,22 @@
 stores, when it holds.
 
 It is written from the documents, beside the controller's own leaves, and uses nothing of them.
-``ROWS`` is the table. A row's rule takes the node, which reads and writes its entries; the classes
-below are the few ways in which a node of the engine obeys its rule. Answers, messages and what is
-known of the robot come from a ``Course``.
+``ROWS`` is the table. The steps of a row take the node, and are a generator if they may pause while
+the node goes on; they raise ``Fails``. Requests, messages and what is known of the robot come from
+a ``Course``.
 """
 import math
 import re
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import (
+    Any, Callable, Dict, Generator, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple)
 
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
+from behavior_controller.bt.engine.leaf import ActionLeaf
 from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.ports import NoValue, PortError, defaults
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, argument
@@ -25,11 +28,10 @@ from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.settings import Settings
 from behavior_controller.execution.events import BEGUN, OMITTED, OVER
 from behavior_controller.robot.declarations import Sense, Topic
-from behavior_controller.robot.gateway import Cause, Failure, Sample
-from behavior_controller.robot.requests import (Answer, Exhibit, GoTo, Location, PerformGesture,
-                                                Point, Prompt, QueryKnowledge, Request, Say,
-                                                SetAnimation, SetAttention, SetPose, SetRecognition,
-                                                SetRecognitionLanguage)
+from behavior_controller.robot.gateway import Cause, Sample
+from behavior_controller.robot.requests import (
+    Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
+    SetAnimation, SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
 
 NOWHERE = Point(0.0, 0.0, 0.0)
 """A gesture target that means that there is nothing to point at."""
@@ -47,6 +49,19 @@ RETURN_WAIT = 15.0
 DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given up"
 """How a recovery ends."""
 
+SAFE_STATE = (SetAttention("disabled"), SetAnimation("disabled"))
+"""The requests that leave the robot safe."""
+
+HANDLERS = ("HandleFallBack", "HandleFallback")
+"""The nodes that recover."""
+
+INDISPENSABLE = {"Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance",
+                 "LookUpHome", "RetrieveInitialLocation"}
+"""Nodes that no policy may skip."""
+
+OF_A_VISIT = {"Navigate", "SelectExhibit"}
+"""Nodes without which an exhibit is left out."""
+
 
 # ----------------------------------------------------------------------------------------- entries
 
@@ -56,10 +71,9 @@ def _numbers(record: Any, text: str) -> Any:
 
 
 TYPES: Dict[str, str] = {
-    "visitorResponse": TEXT, "exhibits": PortType("Exhibits", list), "nextExhibit": "int",
-    "currentExhibit": TEXT, "leftOutExhibits": "vec_int", "description1": TEXT,
-    "description2": TEXT, "targetLocation": PortType("Location", Location,
-                                                     partial(_numbers, Location)),
+    **dict.fromkeys(("visitorResponse", "currentExhibit", "description1", "description2"), TEXT),
+    "exhibits": PortType("Exhibits", list), "nextExhibit": "int", "leftOutExhibits": "vec_int",
+    "targetLocation": PortType("Location", Location, partial(_numbers, Location)),
     "gestureTarget": PortType("Point", Point, partial(_numbers, Point)),
     "questionAskedAt": "double", "attentionSetAt": "double"
 }
@@ -68,26 +82,16 @@ TYPES: Dict[str, str] = {
 _DIRECTIONS = {"<": Direction.IN, ">": Direction.OUT, "=": Direction.INOUT}
 
 
-def _ports(text: str) -> Tuple[Port, ...]:
-    """Return the ports of a row: ``<`` reads, ``>`` writes, ``=`` does both; ``<port:entry`` if its
+def _ports(text: str) -> Iterator[Port]:
+    """Yield the ports of a row: ``<`` reads, ``>`` writes, ``=`` does both; ``<port:entry`` if its
     name is another."""
-    ports = []
     for word in text.split():
         name, _, entry = word[1:].partition(":")
         entry = entry or name
-        default = "{{@{}}}".format(entry)
-        ports.append(Port(name, TYPES[entry], _DIRECTIONS[word[0]], default, is_optional=True))
-    return tuple(ports)
+        yield Port(name, TYPES[entry], _DIRECTIONS[word[0]], "{@" + entry + "}", is_optional=True)
 
 
 # ------------------------------------------------------------------------------ what a node goes by
-
-
-class Reply:
-    """A request under way; ``result`` None: there is no answer yet."""
-
-    result: Union[Answer, Failure, None] = None
-    call = 0  # its number
 
 
 class Failed(NamedTuple):
@@ -110,13 +114,12 @@ class Decision(NamedTuple):
     handler: int = 0
 
     def __str__(self) -> str:
-        node = "{} ({}):".format(self.node, self.cause) if self.cause else self.node
-        return "{} {}".format(node, self.step).strip()
+        node = f"{self.node} ({self.cause}):" if self.cause else self.node
+        return f"{node} {self.step}".strip()
 
 
 BEGINS, STOP = "begins", "is at stop {} of {}, {}: {}"
 """What is reported of a step that asks, and of one that begins, ends or leaves out a stop."""
-
 
 RETRY, INSTEAD, ENDED = "retry {} of {}", "{} instead", "{} after {} retries, by a rule to {}"
 FAILED_AGAIN = "failed too, after {} retries"
@@ -134,6 +137,7 @@ class Course:
         self.settings, self.phrases, self.known, self.policy = settings, phrases, known, policy
         self.interface = settings.interface
         self.language = settings.language if known is None else known.language
+        self.gone: Set[str] = set()  # services that are known to be gone
         self.failures: Dict[int, Failed] = {}  # the newest of each node, by uid
         self.newest = 0
         # number of the failure for which the robot was left in the safe state last
@@ -143,14 +147,13 @@ class Course:
         self.unrecovered: List[Tuple[Cause, str]] = []  # causes and resources, in this pass
         self._first = 1  # number of the first failure of this pass
 
-    def failed_for(self) -> Iterator[str]:
-        """Yield the services and topics that the last pass may have failed for."""
-        return (resource for _, resource in self._failures_of_pass())
-
-    def _failures_of_pass(self) -> List[Tuple[Cause, str]]:
+    @property
+    def failures_of_pass(self) -> List[Tuple[Cause, str]]:
+        """The causes and resources for which the last pass may have failed."""
         newest = max(self.failures.values(), default=None)
-        is_new = newest is not None and newest.number >= self._first
-        return self.unrecovered + ([(newest.cause, newest.resource)] if newest and is_new else [])
+        if newest is None or newest.number < self._first:
+            return self.unrecovered
+        return self.unrecovered + [(newest.cause, newest.resource)]
 
     def pause(self, number: int, at: float) -> float:
         """Return the seconds that the next pass waits after a number of passes that failed for a
@@ -158,7 +161,7 @@ class Course:
         policy, spent = self.policy, self.recoveries[-self.policy.most:]
         usual = min(policy.first_pause * 2**min(number, 12), policy.longest_pause)
         rest = spent[0] + policy.seconds - at if policy.most and spent else math.inf
-        failures = self._failures_of_pass()
+        failures = self.failures_of_pass
         if failures and self.is_spent and len(spent) >= policy.most and rest > 0.0:
             return min(usual, rest)
         return usual if any(cause is Cause.TYPE_MISMATCH for cause, _ in failures) else 0.0
@@ -196,16 +199,83 @@ class Course:
         }
 
 
+# ------------------------------------------------------------------------------ how it is done
+
+Steps = Iterator[None]
+"""What a node does: it pauses while there is something to wait for."""
+
+
+class Fails(Exception):
+    """A node fails: the argument is the cause."""
+
+
 class Duty(Node):
-    """A node with a rule."""
+    """A node whose row has steps."""
 
     course: Any  # the execution
-    rule: Callable[[Any], Any]
+    spec: Any  # its row
     resource = ""
+    _attempt: Any = None  # under way
 
     def setup(self, **kwargs: Any) -> None:
         """Get what the nodes of the mission go by."""
         self.course = kwargs["course"]
+
+    def steps(self) -> Steps:
+        """Do what the row says. Raises Fails, and PortError."""
+        yield from self.spec.steps(self) or ()
+
+    def attempt(self) -> Generator[None, None, Optional[Cause]]:
+        """Take the steps once; return why they failed, or None."""
+        with ExitStack() as self._at_end:
+            try:
+                yield from self.steps()
+            except Fails as failed:
+                return failed.args[0]
+            except PortError:  # an entry cannot be read or written
+                return Cause.MISSING_DATA
+        return None
+
+    def go_on(self) -> Result:
+        """Begin an attempt, or go on with it."""
+        attempt, self._attempt = self._attempt or self.attempt(), None
+        try:
+            next(attempt)
+        except StopIteration as end:
+            return self.conclude(end.value)
+        self._attempt = attempt
+        return RUNNING
+
+    def conclude(self, cause: Optional[Cause]) -> Result:
+        """End the node; without a cause it has succeeded."""
+        if cause is not None:
+            self.course.failed(self, cause, self.resource)
+        self.course.ended(self, cause)
+        return SUCCESS if cause is None else FAILURE
+
+    def halt(self) -> None:
+        if self._attempt is not None:
+            self._attempt.close()
+        self._attempt = None
+        super().halt()
+
+    def ask(self, request: Any) -> Any:
+        """Return the query of a request, which is dropped with the attempt."""
+        query = self.course.ask(self, request)
+        self._at_end.callback(self.course.drop, query)
+        return query
+
+    def timer(self, seconds: float) -> Timer:
+        """Have the node ticked again after a time, if the attempt lasts so long."""
+        timer = self.clock.call_after(seconds, self.wake)
+        self._at_end.callback(timer.cancel)
+        return timer
+
+    def pause(self, seconds: float) -> Steps:
+        """Wait for so many seconds."""
+        timer = self.timer(seconds)
+        while timer.callback is not None:
+            yield
 
     def entry(self, port: str, otherwise: Any = None) -> Any:
         """Return the value of a port; ``otherwise`` if nothing has written it. Raises PortError."""
@@ -220,112 +290,77 @@ class Duty(Node):
             self.set_output(port, value)
             self.course.entries.stored(self, port)
 
-    def conclude(self, cause: Optional[Cause]) -> Result:
-        """End the node; without a cause it has succeeded."""
-        if cause is not None:
-            self.course.failed(self, cause, self.resource)
-        self.course.ended(self, cause)
-        return SUCCESS if cause is None else FAILURE
 
-    @property
-    def word(self) -> str:
-        """The argument of a node of release 1.0: its name."""
-        return argument(self.name)
-
-
-class Instant(Duty):
-    """A node that is done within its tick: the rule returns why it fails, or None."""
+class Check(Duty):
+    """A node that is done anew at every tick: a condition, or an action within one tick."""
 
     def update(self) -> Result:
-        try:
-            return self.conclude(self.rule(self))
-        except PortError:
-            return self.conclude(Cause.MISSING_DATA)
+        return self.go_on()
 
 
-# ----------------------------------------------------------------------------------------- requests
+class Sign(Check):
+    """A condition on messages."""
 
 
-class Ended(NamedTuple):
-    """The end of an attempt."""
+class Task(Duty, ActionLeaf):
+    """An action that may take several ticks."""
 
-    cause: Optional[Cause]
-
-
-class Attempt:
-    """One request of a node, from its sending to its end."""
-
-    def __init__(self, node: "Asking"):
-        self._node = node
-        try:
-            self._wanted = node.rule(node)
-        except PortError:
-            self._wanted = Cause.MISSING_DATA
-        is_asked = self._wanted is not None and not isinstance(self._wanted, Cause)
-        self._reply: Optional[Reply] = node.course.ask(node, self._wanted) if is_asked else None
-        self._rest: Optional[Timer] = None  # of what the robot says, after its answer
-
-    def poll(self) -> Optional[Ended]:
-        """Return how the attempt ended, or None."""
-        node = self._node
-        if self._reply is None:
-            return Ended(self._wanted)
-        result = self._reply.result
-        if result is None or isinstance(result, Answer) and self._goes_on():
-            return None
-        try:
-            if node.marks_end:  # a question that failed makes older answers invalid too
-                node.write(questionAskedAt=node.clock.now())
-            if isinstance(result, Failure):
-                return Ended(result.cause)
-            return Ended(node.keep(node, result))
-        except PortError:
-            return Ended(result.cause if isinstance(result, Failure) else Cause.MISSING_DATA)
-
-    def drop(self) -> None:
-        """Wait no more."""
-        if self._reply is not None:
-            self._node.course.drop(self._reply)
-        if self._rest is not None:
-            self._rest.cancel()
-
-    def _goes_on(self) -> bool:
-        """Return whether the robot still speaks, though it has answered."""
-        if self._rest is None:
-            seconds = self._node.course.speech_lasts(self._node, self._wanted)
-            if not seconds:
-                return False
-            self._rest = self._node.clock.call_after(seconds, self._node.wake)
-        return self._rest.callback is not None
-
-
-def _keep_nothing(node: Any, answer: Answer) -> Optional[Cause]:
-    return None
-
-
-class Asking(Duty, ActionLeaf):
-    """A node that asks the robot: the rule returns the request, why there is none, or None: none is
-    needed."""
-
-    asks: type
-    keep: Callable[[Any, Answer], Optional[Cause]] = staticmethod(_keep_nothing)
-    marks_end = False
-    attempt: Optional[Attempt] = None
-
-    def on_start(self) -> Result:
-        interface = self.course.interface
-        self.resource = interface.resource(self.asks) if interface.serves(self.asks) else ""
-        self.attempt = Attempt(self)
-        return self.on_running()
-
-    def on_running(self) -> Result:
-        ended = self.attempt.poll() if self.attempt is not None else None
-        return RUNNING if ended is None else self.conclude(ended.cause)
+    on_start = on_running = Duty.go_on
 
     def on_halted(self) -> None:
-        if self.attempt is not None:
-            self.attempt.drop()
-        self.course.halted(self)
+        self.course.reports.ended(self, "IDLE")
+
+
+class Asking(Task):
+    """An action that asks the robot; a recovery may try it again."""
+
+
+class Starting(Asking):
+    """StartOfTree: a pass begins, once, even if setting the language is retried."""
+
+    def on_start(self) -> Result:
+        _begin(self)
+        return self.go_on()
+
+
+@dataclass(frozen=True)
+class Row(NodeSpec):
+    """A row of the table: a node type and what it does."""
+
+    steps: Optional[Callable[[Any], Optional[Steps]]] = None
+
+
+def _require(node: Any, condition: Callable[[Any], Any]) -> None:
+    """Fail unless a condition holds."""
+    if not condition(node):
+        raise Fails(Cause.CONDITION_FALSE)
+
+
+def ask(node: Any, kind: type, rule: Callable[[Any], Any],
+        keep: Callable[[Any, Answer], None] = lambda node, answer: None,
+        is_question: bool = False) -> Steps:
+    """Ask the robot for what the rule returns; None: nothing has to be asked, as on a robot that
+    lacks the service."""
+    course = node.course
+    if not course.interface.serves(kind):
+        return
+    node.resource = course.interface.resource(kind)
+    wanted = rule(node)
+    if wanted is None:
+        return
+    query = node.ask(wanted)
+    while query.result is None:
+        yield
+    rest = course.speech_lasts(node, wanted)
+    if rest and query.cause is None:
+        yield from node.pause(rest)
+    try:
+        if is_question:  # one that failed makes older answers invalid too
+            node.write(questionAskedAt=node.clock.now())
+    finally:
+        if query.cause is not None:
+            raise Fails(query.cause)
+    keep(node, query.result)
 
 
 # ------------------------------------------------------------------------------- signs of a visitor
@@ -335,190 +370,121 @@ class Evidence(NamedTuple):
     """When a message is the sign; ``wait``: seconds that the condition itself waits, None:
     ``conditionWait``."""
 
-    is_sign: Callable[[Any, int], bool]
+    is_sign: Callable[[Any, Any], bool]  # takes the course and the message's value
     wait: Optional[float] = None
-    is_given_up: Callable[[Any], bool] = lambda value: False
+    is_given_up: Callable[[Any, Any], bool] = lambda course, value: False
 
 
-def _has_face(faces: Any, _gaze: int) -> bool:
+def _is(state: str, value: int) -> Callable[[Any, Any], bool]:
+    return lambda course, status: bool(status == (state, value))
+
+
+def _has_face(_course: Any, faces: Any) -> bool:
     return len(faces.labels) > 0
 
 
-def _is(state: str, value: int) -> Callable[..., bool]:
-    return lambda status, *_gaze: (status.state, status.value) == (state, value)
+def _is_answer(course: Any, text: str) -> bool:
+    return spoken(course.phrases, text) is not None
 
 
 EVIDENCE: Dict[str, Dict[Sense, Evidence]] = {
     "D5.4.3": {
         Sense.VISITOR: Evidence(_has_face), Sense.PRESENCE: Evidence(_has_face, PRESENCE_WAIT),
-        Sense.GAZE: Evidence(lambda status, gaze: (status.state, status.value) == ("seeking", gaze))
+        Sense.GAZE: Evidence(
+            lambda course, status: bool(status == ("seeking", course.settings.gaze_value))),
+        Sense.UTTERANCE: Evidence(_is_answer)
     },
     "release-1.0": {
         Sense.VISITOR: Evidence(_is("scanning", 2), math.inf),
         Sense.PRESENCE: Evidence(_is("social", 2), PRESENCE_WAIT),
-        Sense.GAZE: Evidence(_is("seeking", 2), math.inf, _is("seeking", 3))
+        Sense.GAZE: Evidence(_is("seeking", 2), math.inf, _is("seeking", 3)),
+        Sense.UTTERANCE: Evidence(_is_answer, ANSWER_WAIT)
     }
 }
 """Sections 4.6 and table 4 of the document; the statuses of release 1.0's attention."""
 
-
-class Listener(Duty):
-    """A node that goes by the messages about one sense."""
-
-    sense: Sense
-    _timer: Optional[Timer] = None
-    _is_late = False
-
-    @property
-    def topic(self) -> Topic:
-        return self.course.interface.evidence(self.sense).topic
-
-    def listens(self, seconds: float) -> bool:
-        """Return whether the node listens on: for so many seconds from the first call on, and for
-        what began within them."""
-        if self._timer is None:
-            self._timer = self.clock.call_after(min(seconds, 1e9), self.wake)
-        if self._timer.callback is not None and not self._is_late:
-            return True
-        if not self.course.signs.is_hearing(self.topic):
-            return False
-        if not self._is_late and self.topic.action is not None:
-            self._is_late = True
-            self._timer = self.clock.call_after(RESULT_WAIT, self.wake)
-        return True
-
-    def stop_listening(self) -> None:
-        """Listen no more."""
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer, self._is_late = None, False
+ENDING = Evidence(lambda course, text: is_error(text) or _is_answer(course, text))
+"""What ends listening: an answer, or an error of the recognition."""
 
 
-class Sign(Listener, ConditionLeaf):
-    """A condition on messages: the newest one of a state, each one of events, if they came after
-    what they answer."""
+def _look(node: Any, topic: Topic, evidence: Evidence, after: float) -> Optional[Sample]:
+    """Return the message that is the sign, the newest one of a state, each one of events, if it
+    came after what it answers."""
+    course, now = node.course, node.clock.now()
+    limit = course.settings.topic_max_age if topic.is_continuous else math.inf
+    counting = [sample for sample in course.signs.messages(topic)
+                if sample.arrived > after and now - sample.arrived <= limit]
+    is_sign = partial(evidence.is_sign, course)
+    for sample in counting:
+        if is_sign(sample.value):
+            course.signs.saw(node, topic, sample, is_sign)
+            return sample
+    course.signs.sought(node, topic, after, is_sign)
+    if any(evidence.is_given_up(course, sample.value) for sample in counting):
+        raise Fails(Cause.CONDITION_FALSE)
+    return None
 
-    counts_from = "attentionSetAt"
 
-    def update(self) -> Result:
-        self.resource = self.topic.name
-        try:
-            return self._answer(self._after)
-        except PortError:
-            self.stop_listening()
-            return self.conclude(Cause.MISSING_DATA)
+def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
+    """Yield True while the node listens: for so many seconds, and for what began within them."""
+    if seconds:
+        for _ in node.pause(min(seconds, 1e9)):
+            yield True
+        node.timer(RESULT_WAIT)
+        while node.course.signs.is_hearing(topic):
+            yield True
 
-    @property
-    def _after(self) -> float:
-        if self.sense is Sense.VISITOR or self.sense is Sense.PRESENCE:
-            return -math.inf
-        return self.entry(self.counts_from, -math.inf)
 
-    def _answer(self, after: float) -> Result:
-        evidence, now = self._evidence, self.clock.now()
-        limit = self.course.settings.topic_max_age if self.topic.is_continuous else math.inf
-        counting = [sample for sample in self.course.signs.messages(self.topic)
-                    if sample.arrived > after and now - sample.arrived <= limit]
-        for sample in counting:
-            if self.is_sign(sample.value):
-                self.stop_listening()
-                self.course.signs.saw(self, self.topic, sample, self.is_sign)
-                self.use(sample)
-                return self.conclude(None)
-        self.course.signs.sought(self, self.topic, after, self.is_sign)
-        if any(evidence.is_given_up(sample.value)
-               for sample in counting) or not self._waits(evidence.wait):
-            self.stop_listening()
-            return self.conclude(Cause.CONDITION_FALSE)
-        return RUNNING
+def _sense(node: Any, sense: Sense, evidence: Evidence, seconds: float,
+           after: Callable[[], float]) -> Generator[None, None, Optional[Sample]]:
+    """Return the message that is the sign; None: there was none in time."""
+    topic = node.course.interface.evidence(sense).topic
+    node.resource, listening = topic.name, _listening(node, topic, seconds)
+    while True:
+        sample = _look(node, topic, evidence, after())
+        if sample is not None or not next(listening, False):
+            return sample
+        yield
 
-    @property
-    def _evidence(self) -> Evidence:
-        of_robot = EVIDENCE.get(self.course.interface.name, EVIDENCE["D5.4.3"])
-        return of_robot.get(self.sense) or Evidence(lambda value, gaze: False)
 
-    def is_sign(self, value: Any) -> bool:
-        return self._evidence.is_sign(value, self.course.settings.gaze_value)
+def _see(node: Any, sense: Sense, since: str = "",
+         keep: Callable[[Any, Sample], None] = lambda node, sample: None) -> Steps:
+    """Fail without a sign in messages later than the entry ``since``."""
+    evidence = EVIDENCE[node.course.interface.name][sense]
+    wait = node.course.settings.condition_wait if evidence.wait is None else evidence.wait
+    sample = yield from _sense(node, sense, evidence, 0.0 if is_asked_again(node) else wait,
+                               lambda: node.entry(since, -math.inf) if since else -math.inf)
+    if sample is None:
+        raise Fails(Cause.CONDITION_FALSE)
+    keep(node, sample)
 
-    def use(self, sample: Sample) -> None:
-        """Store what the sign says."""
 
-    def _waits(self, wait: Optional[float]) -> bool:
-        wait = self.course.settings.condition_wait if wait is None else wait
-        return bool(wait) and not is_asked_again(self) and self.listens(wait)
+def _keep_utterance(node: Any, sample: Sample) -> None:
+    """Store a yes or a no; one utterance answers one question."""
+    node.write(visitorResponse=spoken(node.course.phrases, sample.value),
+               questionAskedAt=sample.arrived)
 
-    def halt(self) -> None:
-        self.stop_listening()
-        super().halt()
+
+def _listen(node: Any) -> Steps:
+    """Listen for 10 s; an error of the recognition ends that with FAILURE."""
+    began = node.clock.now()
+    sample = yield from _sense(node, Sense.UTTERANCE, ENDING, ANSWER_WAIT, lambda: began)
+    text = "" if sample is None else sample.value
+    answer = None if is_error(text) else spoken(node.course.phrases, text)
+    node.write(visitorResponse=answer or "")
+    if is_error(text):
+        raise Fails(Cause.UNUSABLE_ANSWER)
 
 
 def is_asked_again(node: Any) -> bool:
     """Return whether a reactive control asks a condition again while a later child runs, which
     waits for it."""
-    while node.parent is not None:
-        parent, node = node.parent, node
-        is_reactive = isinstance(
-            parent, (ReactiveFallback, ReactiveSequence)) and node is not parent.children[-1]
-        if is_reactive or isinstance(parent, WhileDoElse) and node is parent.children[0]:
-            return True
-        node = parent
-    return False
-
-
-class YesNo(Sign):
-    """IsYesNoUttered: a yes or a no after the question; one utterance answers one question."""
-
-    sense = Sense.UTTERANCE
-    counts_from = "questionAskedAt"
-
-    @property
-    def _evidence(self) -> Evidence:
-        is_release = self.course.interface.name == "release-1.0"
-        return Evidence(lambda value, gaze: self.is_sign(value),
-                        ANSWER_WAIT if is_release else None)
-
-    def is_sign(self, value: Any) -> bool:
-        return spoken(self.course.phrases, value) is not None
-
-    def use(self, sample: Sample) -> None:
-        self.write(visitorResponse=spoken(self.course.phrases, sample.value),
-                   questionAskedAt=sample.arrived)
-
-
-class Listening(Listener, ActionLeaf):
-    """GetVisitorResponse: listens for 10 s; an error of the recognition ends it with FAILURE."""
-
-    sense = Sense.UTTERANCE
-    _began = 0.0
-
-    def on_start(self) -> Result:
-        self.resource, self._began = self.topic.name, self.clock.now()
-        return self.on_running()
-
-    def on_running(self) -> Result:
-        heard = [
-            sample.value for sample in self.course.signs.messages(self.topic)
-            if sample.arrived > self._began
-        ]
-        ending = next(filter(self._ends, heard), None)
-        if ending is None and self.listens(ANSWER_WAIT):
-            self.course.signs.sought(self, self.topic, self._began, self._ends)
-            return RUNNING
-        is_failure = ending is not None and is_error(ending)
-        self.stop_listening()
-        try:
-            answer = None if ending is None or is_failure else spoken(self.course.phrases, ending)
-            self.write(visitorResponse=answer or "")
-        except PortError:
-            return self.conclude(Cause.MISSING_DATA)
-        return self.conclude(Cause.UNUSABLE_ANSWER if is_failure else None)
-
-    def _ends(self, text: str) -> bool:
-        return is_error(text) or spoken(self.course.phrases, text) is not None
-
-    def on_halted(self) -> None:
-        self.stop_listening()
-        self.course.halted(self)
+    parent = node.parent
+    if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and node is not parent.children[-1]:
+        return True
+    if isinstance(parent, WhileDoElse) and node is parent.children[0]:
+        return True
+    return parent is not None and is_asked_again(parent)
 
 
 _WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)*")
@@ -559,32 +525,16 @@ class Rule(NamedTuple):
     then: str
 
 
-INDISPENSABLE = {
-    "Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome",
-    "RetrieveInitialLocation"
-}
-"""Nodes that no policy may skip."""
-
-OF_A_VISIT = {"Navigate", "SelectExhibit"}
-"""Nodes without which an exhibit is left out."""
-
-
 class Policy:
-    """The lines of recoveryPolicy.ini, by the words at its head."""
+    """The lines of recoveryPolicy.ini, by the number of their words."""
 
     def __init__(self, text: str):
-        self.rules: List[Rule] = []
-        self.most, self.seconds = 0, 0.0
-        self.first_pause, self.longest_pause = 10.0, 300.0
-        for line in text.splitlines():
-            words = line.split("#")[0].split()
-            if words[:1] == ["budget"]:
-                self.most, self.seconds = int(words[1]), float(words[2])
-            elif words[:1] == ["pause"]:
-                self.first_pause, self.longest_pause = float(words[1]), float(words[2])
-            elif len(words) == len(Rule._fields):
-                self.rules.append(Rule(words[0], words[1], int(words[2]), float(words[3]),
-                                       words[4]))
+        lines = [line.split("#")[0].split() for line in text.splitlines()]
+        pairs = {words[0]: (float(words[1]), float(words[2])) for words in lines if len(words) == 3}
+        self.most, self.seconds = int(pairs["budget"][0]), pairs["budget"][1]
+        self.first_pause, self.longest_pause = pairs.get("pause", (10.0, 300.0))
+        self.rules = [Rule(words[0], words[1], int(words[2]), float(words[3]), words[4])
+                      for words in lines if len(words) == len(Rule._fields)]
 
     def rule(self, node: Node, cause: Cause) -> Rule:
         """Return the first line that fits."""
@@ -596,50 +546,132 @@ class Policy:
         return rule._replace(then="giveUp") if is_needed else rule
 
 
-class Recovering(Duty, ActionLeaf):
+class Recovering(Task):
     """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
 
-    _last = 0
-    round: Optional["Round"] = None  # the newest
+    failed: Any = None  # the failure that it recovers from
+    _last = 0  # number of the newest failure when it was begun
 
-    def on_start(self) -> Result:
-        self.round = None
-        before = list(self._before())
-        first = before[0].uid if before else self.uid
-        failures = [failed for uid, failed in self.course.failures.items()
-                    if first <= uid < self.uid and failed.number > self._last]
-        self._last = self.course.newest
-        if not failures:
-            self.course.ended(self, Cause.MISSING_DATA)
-            return FAILURE
-        self.round = Round(self, max(failures), before)
-        return self.on_running()
+    @property
+    def remark(self) -> str:
+        """What it recovers from, and what it has done about that."""
+        if self.failed is None:
+            return ""
+        is_other = self._work not in (None, self.failed.node)
+        instead = ", " + INSTEAD.format(self._work.registration_id) if is_other else ""
+        return (f"{self.failed.node.registration_id} failed: {self._cause.value}; {self._retries} "
+                f"of {self._rule.retries} retries made{instead}")
 
-    def _before(self) -> Iterator[Any]:
-        """Yield the nodes before this one below the nearest ancestor that has any."""
+    def conclude(self, cause: Optional[Cause]) -> Result:
+        """End the node; its own failure is none to recover from."""
+        self.course.ended(self, cause)
+        return SUCCESS if cause is None else FAILURE
+
+    def _before(self) -> List[Any]:
+        """Return the nodes before this one below the nearest ancestor that has any."""
+        before: List[Any] = []
         node: Any = self
-        while node.parent is not None:
-            children = node.parent.children
-            if node is not children[0]:
-                return iter(children[:children.index(node)])
+        while node.parent is not None and not before:
+            before = node.parent.children[:node.parent.children.index(node)]
             node = node.parent
-        return iter(())
+        return before
 
-    def on_running(self) -> Result:
-        outcome = self.round.go_on() if self.round is not None else None
-        if outcome is None or self.round is None:
-            return RUNNING
-        self.course.ended(self, self.round.cause if outcome == GIVEN_UP else None)
+    def recover(self) -> Steps:
+        """Do one thing after the other about the newest failure."""
+        course, before, self.failed = self.course, self._before(), None
+        first = before[0].uid if before else self.uid
+        failures = [failed for uid, failed in course.failures.items()
+                    if first <= uid < self.uid and failed.number > self._last]
+        self._last = course.newest
+        if not failures:
+            raise Fails(Cause.MISSING_DATA)
+        self._take_up(max(failures))
+        outcome = yield from self._repair()
+        if self._patience is not None:
+            self._patience.cancel()
+        if not outcome:
+            outcome = SKIPPED if self._may_skip(before) else GIVEN_UP
+        if outcome == GIVEN_UP and self.failed.number != course.given_up:
+            course.given_up = self.failed.number
+            queries = [self.ask(request) for request in SAFE_STATE]
+            while any(query.result is None for query in queries):
+                yield
+            course.reports.due.append(SAFE)
+        rule = "give up" if self._rule.then == "giveUp" else "skip"
+        self._decided(ENDED.format(outcome, self._retries, rule))
         if outcome == GIVEN_UP:
-            self.course.unrecovered.append((self.round.cause, self.round.resource))
-        return FAILURE if outcome == GIVEN_UP else SUCCESS
+            course.unrecovered.append((self._cause, self.failed.resource))
+            raise Fails(self._cause)
 
-    def on_halted(self) -> None:
-        if self.round is not None:
-            self.round.drop()
-        self.course.halted(self)
+    def _take_up(self, failed: Failed) -> None:
+        course, policy, now = self.course, self.course.policy, self.clock.now()
+        self.failed, self._cause, self._retries = failed, failed.cause, 0
+        self._work: Any = None  # the node that is attempted
+        self._patience: Optional[Timer] = None
+        self._rule = policy.rule(failed.node, failed.cause)
+        course.recoveries = [at for at in course.recoveries if at > now - policy.seconds] + [now]
+        if len(course.recoveries) > policy.most:
+            self._rule = self._rule._replace(retries=0, then="giveUp")
+            course.is_spent = True
 
-    def leave_out(self) -> bool:
+    def _decided(self, step: str) -> None:
+        self.course.reports.decided(self.failed.node, step, self._cause, self.uid)
+
+    def _repair(self) -> Generator[None, None, str]:
+        """Try the step again, then its substitute; return the outcome, empty: neither helped."""
+        step = self.failed.node
+        while step.parent is self.parent and isinstance(step, Asking):
+            if self._retries < self._rule.retries:
+                self._work = step
+                self._decided(RETRY.format(self._retries + 1, self._rule.retries))
+                yield from self._wait()
+            elif self._rule.then in ("skip", "giveUp") or self._work not in (None, step):
+                break
+            else:
+                self._work = self._substitute(self._rule.then)
+                self._decided(INSTEAD.format(self._rule.then))
+            cause = yield from self._work.attempt()
+            if self._work is step:
+                self._retries += 1
+            if cause is None:
+                return DONE if self._work is step else SUBSTITUTED
+            self.course.reports.decided(self._work, FAILED_AGAIN.format(self._retries), cause)
+            if self._work is step:
+                self._cause, self._rule = cause, self.course.policy.rule(step, cause)
+        return ""
+
+    def _wait(self) -> Steps:
+        """Wait for the pause before a retry, and for a service to return that the tour needs."""
+        seconds = self._rule.back_off * 2**self._retries
+        due = self.clock.now() + seconds
+        yield from self.pause(seconds)
+        while self._rule.then == "giveUp" and self.failed.resource in self.course.gone:
+            self._patience = self._patience or self.timer(RETURN_WAIT)
+            if self._patience.callback is None:
+                break
+            yield
+        if self._patience is None:
+            self.course.retried(self.failed.node, self.clock.now() - due)
+
+    def _substitute(self, node_id: str) -> Duty:
+        # the policy was checked when the mission was loaded
+        spec = self.course.registry.find(node_id)
+        node: Any = spec.factory(node_id)
+        node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
+        for name in ("uid", "full_path", "blackboard", "services", "course"):
+            setattr(node, name, getattr(self, name))
+        return node
+
+    def _may_skip(self, before: Sequence[Any]) -> bool:
+        """Note that the mission goes on without the step; return whether it does."""
+        below = (node for step in before for node in step.iterate())
+        if any(node.registration_id in OF_A_VISIT for node in below):
+            with suppress(PortError):
+                if not self._leave_out():
+                    self._rule = self._rule._replace(then="giveUp")
+        return self._rule.then != "giveUp"
+
+    def _leave_out(self) -> bool:
         """Note that the exhibit under way is left out; return whether the tour still shows one.
 
         If it does not, the exhibit goes back to the list, once.
@@ -660,406 +692,217 @@ class Recovering(Duty, ActionLeaf):
         return False
 
 
-class Round:
-    """One recovery under way."""
-
-    def __init__(self, handler: Recovering, failed: Failed, before: Sequence[Any]):
-        self._handler, self._failed, self._before = handler, failed, before
-        self._course = course = handler.course
-        self.cause, self.resource = failed.cause, failed.resource
-        self.retries = 0
-        now, policy = handler.clock.now(), course.policy
-        recent = [began for began in course.recoveries if began > now - policy.seconds]
-        course.recoveries = recent + [now]
-        self._rule = policy.rule(failed.node, failed.cause)
-        if len(course.recoveries) > policy.most:
-            self._rule = self._rule._replace(retries=0, then="giveUp")
-            course.is_spent = True
-        self._can_redo = failed.node.parent is handler.parent and isinstance(failed.node, Asking)
-        self._work: Optional[Asking] = None  # what is attempted
-        self._attempt: Optional[Attempt] = None
-        self._pause: Optional[Timer] = None
-        self._patience: Optional[Timer] = None
-        self._safe_state: List[Reply] = []
-        self._outcome = ""
-        self._choose()
-
-    def __str__(self) -> str:
-        is_other = self._work not in (None, self._failed.node)
-        return "{} failed: {}; {} of {} retries made{}".format(
-            self._failed.node.registration_id, self.cause.value, self.retries, self._rule.retries,
-            ", " + INSTEAD.format(self._work.registration_id) if self._work and is_other else "")
-
-    def _decided(self, step: str, *values: Any, work: Optional[Duty] = None,
-                 cause: Optional[Cause] = None) -> None:
-        node = work or self._failed.node
-        self._course.reports.decided(Decision(
-            node.registration_id, node.full_path, (cause or self.cause).value,
-            step.format(*values), 0 if work else self._handler.uid))
-
-    def _choose(self) -> None:
-        """Decide what comes after a failure."""
-        rule, handler = self._rule, self._handler
-        is_substitute = rule.then not in ("skip", "giveUp")
-        if self._can_redo and self.retries < rule.retries:
-            self._work = self._failed.node  # type: ignore[assignment]
-            self._pause = handler.clock.call_after(rule.back_off * 2**self.retries, handler.wake)
-            self._decided(RETRY, self.retries + 1, rule.retries)
-        elif self._can_redo and is_substitute and self._work in (None, self._failed.node):
-            self._work = self._substitute(rule.then)
-            self._decided(INSTEAD, rule.then)
-        else:
-            may_skip = self._may_skip()
-            if not may_skip:
-                self._rule = rule._replace(then="giveUp")
-            self._end(not self.gives_up)
-
-    @property
-    def gives_up(self) -> bool:
-        """Whether the rule is to give up."""
-        return self._rule.then == "giveUp"
-
-    def _may_skip(self) -> bool:
-        below = (node for step in self._before for node in step.iterate())
-        if not any(node.registration_id in OF_A_VISIT for node in below):
-            return True
-        try:
-            return self._handler.leave_out()
-        except PortError:
-            return True
-
-    def _end(self, is_skipped: bool) -> None:
-        self._outcome = SKIPPED if is_skipped else GIVEN_UP
-        if not is_skipped and self._failed.number != self._course.given_up:
-            self._course.given_up = self._failed.number
-            self._safe_state = [self._course.ask(self._handler, request) for request in SAFE_STATE]
-
-    def _substitute(self, node_id: str) -> Asking:
-        # the policy was checked when the mission was loaded
-        handler, spec = self._handler, self._course.registry.find(node_id)
-        node: Any = spec.factory(node_id)
-        node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
-        node.uid, node.full_path = handler.uid, handler.full_path
-        node.blackboard, node.services, node.course = (handler.blackboard, handler.services,
-                                                       handler.course)
-        return node
-
-    def go_on(self) -> Optional[str]:
-        """Return the outcome, or None while there is something to wait for."""
-        while not self._outcome:
-            if self._attempt is None and self._waits():
-                return None
-            assert self._work is not None
-            if self._attempt is None:
-                self._note_delay()
-                self._attempt = Attempt(self._work)
-            ended = self._attempt.poll()
-            if ended is None:
-                return None
-            self._attempt = None
-            self._judge(ended.cause)
-        self.cancel()
-        if any(reply.result is None for reply in self._safe_state):
-            return None
-        if self._safe_state:
-            self._course.reports.decided(SAFE)
-        self._decided(ENDED, self._outcome, self.retries, "give up" if self.gives_up else "skip")
-        return self._outcome
-
-    def _note_delay(self) -> None:
-        if self._work is self._failed.node and self._pause is not None and self._patience is None:
-            self._course.retried(self._failed.node, self._handler.clock.now() - self._pause.due)
-
-    def cancel(self) -> None:
-        """Stop the timers."""
-        for timer in (self._pause, self._patience):
-            if timer is not None:
-                timer.cancel()
-
-    def drop(self) -> None:
-        """Wait no more."""
-        self.cancel()
-        if self._attempt is not None:
-            self._attempt.drop()
-        for reply in self._safe_state:
-            self._course.drop(reply)
-
-    def _judge(self, cause: Optional[Cause]) -> None:
-        is_retry = self._work is self._failed.node
-        self.retries += is_retry
-        if cause is None:
-            self._outcome = DONE if is_retry else SUBSTITUTED
-            return
-        self._decided(FAILED_AGAIN, self.retries, work=self._work, cause=cause)
-        if is_retry:
-            self.cause = cause
-            self._rule = self._course.policy.rule(self._failed.node, cause)
-        self._choose()
-
-    def _waits(self) -> bool:
-        """Return whether a retry waits: for its pause, or for a service to return that the tour
-        needs."""
-        if self._work is not self._failed.node or self._pause is None:
-            return False
-        if self._pause.callback is not None:
-            return True
-        if self._rule.then != "giveUp" or self._failed.resource not in self._course.gone:
-            return False
-        if self._patience is None:
-            self._patience = self._handler.clock.call_after(RETURN_WAIT, self._handler.wake)
-        return self._patience.callback is not None
-
-
-SAFE_STATE = (SetAttention("disabled"), SetAnimation("disabled"))
-"""The requests that leave the robot safe."""
-
-HANDLERS = {"", "HandleFallBack", "HandleFallback"}
-"""What asks for the safe state: the nodes that recover, and at the end no node."""
-
-
 # ----------------------------------------------------------------------------------------- services
 
-
-def _on_axes(name: str, place: Sequence[float], last: str = "z") -> Dict[str, Any]:
-    return dict(zip((name + "x", name + "y", name + last), place))
-
-
-def _spoken(request: Say, is_release: bool) -> Dict[str, Any]:
-    language = {"language": request.language} if is_release else {}
-    return dict(message=request.text, **language)
-
-
-FIELDS: Dict[type, Callable[[Any, bool], Dict[str, Any]]] = {
-    SetAnimation: lambda request, _: {"state": request.state},
-    PerformGesture: lambda request, _: dict(
-        gesture_type=request.type, gesture_id=request.id, gesture_duration=request.duration_ms,
-        bow_nod_angle=request.bow_nod_angle_deg, **_on_axes("location_", request.target)),
-    QueryKnowledge: lambda request, _: {"parameters": request.what},
-    SetAttention: lambda request, _: dict(state=request.state,
-                                          **_on_axes("location_", request.target)),
-    GoTo: lambda request, _: _on_axes("goal_", request.goal, "theta"),
-    Prompt: lambda request, is_release: {
-        "message": "|".join("'{}'".format(option) if is_release else option
-                            for option in request.options)},
-    Say: _spoken,
-    SetPose: lambda request, _: _on_axes("", request.pose, "theta"),
-    SetRecognition: lambda request, _: {"status": "true" if request.is_enabled else "false"},
-    SetRecognitionLanguage: lambda request, _: {"language": request.language}
+SENT: Dict[type, Callable[[Any, bool], Tuple[Any, ...]]] = {
+    SetAnimation: lambda request, _: (request.state,),
+    PerformGesture: lambda request, _: (request.type, request.id, request.duration_ms,
+                                        request.bow_nod_angle_deg, *request.target),
+    QueryKnowledge: lambda request, _: (request.what,),
+    SetAttention: lambda request, _: (request.state, *request.target),
+    GoTo: lambda request, _: request.goal,
+    Prompt: lambda request, is_release: (
+        "|".join(f"'{option}'" if is_release else option for option in request.options),),
+    Say: lambda request, is_release: (request.text, request.language)[:1 + is_release],
+    SetPose: lambda request, _: request.pose,
+    SetRecognition: lambda request, _: ("true" if request.is_enabled else "false",),
+    SetRecognitionLanguage: lambda request, _: (request.language,)
 }
-"""Table 3: the fields of a request on the wire, on the document's robot or on release 1.0's."""
+"""Table 3: the values of a request's fields on the wire, on the document's robot or on release
+1.0's."""
 
 
 # -------------------------------------------------------------------------------------------- rules
 
 
-def _begin(node: Duty) -> None:
+def _begin(node: Any) -> None:
     node.course.begin_visit(node.blackboard.root(), node.clock.now())
 
 
-def _false_unless(holds: Callable[[Any], bool]) -> Callable[[Any], Optional[Cause]]:
-    return lambda node: None if holds(node) else Cause.CONDITION_FALSE
-
-
-def tell_stop(node: Duty, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
+def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    node.course.reports.decided(Decision(node.registration_id, node.full_path, "", STOP.format(
-        index + 1, len(exhibits), exhibits[index].name, state)))
+    step = STOP.format(index + 1, len(exhibits), exhibits[index].name, state)
+    node.course.reports.decided(node, step)
 
 
-def _has_next(node: Duty) -> Optional[Cause]:
+def _has_next(node: Any) -> bool:
     index, exhibits = node.entry("nextExhibit", 0), node.entry("exhibits", ())
     if 0 < index <= len(exhibits):
         tell_stop(node, exhibits, index - 1, OVER)
-    return None if index < len(exhibits) else Cause.CONDITION_FALSE
+    return index < len(exhibits)
 
 
-def _select(node: Duty) -> Optional[Cause]:
+def _select(node: Any) -> None:
     exhibits, index = node.get_input("exhibits"), node.entry("nextExhibit", 0)
     if index >= len(exhibits):
-        return Cause.MISSING_DATA
+        raise Fails(Cause.MISSING_DATA)
     exhibit = exhibits[index]
     node.write(nextExhibit=index + 1, currentExhibit=exhibit.name, targetLocation=exhibit.location,
                gestureTarget=exhibit.gesture, description1=exhibit.description1,
                description2=exhibit.description2)
     tell_stop(node, exhibits, index, BEGUN)
-    return None
 
 
-def _keep_list(node: Duty, answer: Answer) -> Optional[Cause]:
+def _keep_list(node: Any, answer: Answer) -> None:
     if not answer.exhibits:
-        return Cause.MISSING_DATA
+        raise Fails(Cause.MISSING_DATA)
     node.write(exhibits=list(answer.exhibits), nextExhibit=0, leftOutExhibits=[])
-    return None
 
 
-def _keep_place(node: Duty, answer: Answer, has_gesture: bool) -> Optional[Cause]:
+def _keep_place(node: Any, answer: Answer, has_gesture: bool) -> None:
     if len(answer.exhibits) != 1:
-        return Cause.UNUSABLE_ANSWER
+        raise Fails(Cause.UNUSABLE_ANSWER)
     node.write(targetLocation=answer.exhibits[0].location)
     if has_gesture:
         node.write(gestureTarget=answer.exhibits[0].gesture)
     else:
         node.clear_output("gestureTarget")
         node.course.entries.stored(node, "gestureTarget")
-    return None
 
 
-def _keep_pressed(node: Duty, answer: Answer) -> Optional[Cause]:
-    if not node.course.interface.tells_pressed:
-        if node.course.settings.tablet_success_is == "yes":
-            node.write(visitorResponse="yes")
-        return None
-    pressed = answer.response.strip().lower()
-    yes, no = (label.lower() for label in node.course.phrases.tablet_options)
-    if pressed not in ("1", yes, "2", no):
-        return Cause.MISSING_DATA if pressed in ("", "0") else Cause.UNUSABLE_ANSWER
-    node.write(visitorResponse="yes" if pressed in ("1", yes) else "no")
-    return None
+def _keep_pressed(node: Any, answer: Answer) -> None:
+    course, pressed = node.course, answer.response.strip().lower()
+    yes, no = (label.lower() for label in course.phrases.tablet_options)
+    meaning = {"2": "no", no: "no", "1": "yes", yes: "yes"}.get(pressed)
+    if not course.interface.tells_pressed:  # release 1.0's tablet says only that it is done
+        meaning = course.settings.tablet_success_is
+    elif meaning is None:
+        raise Fails(Cause.MISSING_DATA if pressed in ("", "0") else Cause.UNUSABLE_ANSWER)
+    if meaning in ("yes", "no"):
+        node.write(visitorResponse=meaning)
 
 
-def _keep_time(node: Duty, answer: Answer) -> None:
+def _keep_time(node: Any, _answer: Answer) -> None:
     node.write(attentionSetAt=node.clock.now())
 
 
-def _say(node: Duty, speech: str) -> Request:
-    return Say(node.course.phrases.speeches[speech], node.course.language)
-
-
-UTILITY = {
-    1: "PressYesNoSpeech", 2: "FollowMeSpeech", 3: "MaybeAnotherTimeSpeech", 4: "WelcomeSpeech",
-    5: "QueryTourSpeech", 6: "HereIsTheDoorSpeech", 7: "SayGoodByeSpeech"
-}
+UTILITY = dict(enumerate((
+    "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech",
+    "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"), start=1))
 """Which of the document's speeches says the same as a utility phrase of release 1.0."""
 
 
-def _say_utility(node: Duty) -> Union[Request, Cause]:
-    number, course = int(node.word), node.course
+def _say_utility(node: Any) -> Request:
+    number, course = int(argument(node.name)), node.course
     if course.known is None:
         text = course.phrases.speeches.get(UTILITY.get(number, ""))
     else:
         text = course.known.phrases.get(number)
-    return Cause.MISSING_DATA if text is None else Say(text, course.language)
+    if text is None:
+        raise Fails(Cause.MISSING_DATA)
+    return Say(text, course.language)
 
 
-def _describe(node: Duty, part: str = "") -> Union[Request, Cause, None]:
+def _describe(node: Any, part: str = "") -> Optional[Request]:
     node.get_input("currentExhibit")
-    if not part:
-        part = node.get_input("part") if "part" in node.attributes else node.name
-        if "part" in node.attributes and part not in ("1", "2", "both"):
-            return Cause.MISSING_DATA
+    if not part and "part" in node.attributes:
+        part = node.get_input("part")
+        if part not in ("1", "2", "both"):
+            raise Fails(Cause.MISSING_DATA)
+    part = part or node.name
     ports = ["description" + part] if part in ("1", "2") else ["description1", "description2"]
     text = " ".join(filter(None, (node.entry(port, "") for port in ports)))
     return Say(text, node.course.language) if text else None
 
 
-def _iconic(node: Duty, which: str) -> Request:
+def _iconic(node: Any, which: str) -> Request:
     settings = node.course.settings
     number = {"welcome": settings.welcome_gesture_id, "goodbye": settings.goodbye_gesture_id}[which]
     return PerformGesture("iconic", number, settings.gesture_duration)
 
 
-def _deictic(node: Duty) -> Optional[Request]:
+def _deictic(node: Any) -> Optional[Request]:
     target, settings = node.get_input("target"), node.course.settings
-    return None if target == NOWHERE else PerformGesture("deictic", settings.deictic_gesture_id,
-                                                         settings.gesture_duration, target)
+    return None if target == NOWHERE else PerformGesture(
+        "deictic", settings.deictic_gesture_id, settings.gesture_duration, target)
 
 
-def _attend(node: Duty, mode: str) -> Optional[Request]:
-    if mode != "location":
-        return SetAttention(mode)
-    target = node.get_input("target")
-    return None if target == NOWHERE else SetAttention(mode, target)
+def _attend(node: Any, mode: str) -> Optional[Request]:
+    target = node.get_input("target") if mode == "location" else NOWHERE
+    return None if (mode, target) == ("location", NOWHERE) else SetAttention(mode, target)
 
 
-def _pose(node: Duty) -> Union[Request, Cause]:
+def _pose(node: Any) -> Request:
     exhibits = node.entry("exhibits", ())
-    return SetPose(exhibits[0].location) if exhibits else Cause.MISSING_DATA
+    if not exhibits:
+        raise Fails(Cause.MISSING_DATA)
+    return SetPose(exhibits[0].location)
 
 
-def _language(node: Duty) -> Optional[Request]:
-    return SetRecognitionLanguage(
-        node.course.language) if node.course.settings.asr_enabled else None
-
-
-class Starting(Asking):
-    """StartOfTree: a pass begins, once, even if setting the language is retried."""
-
-    def on_start(self) -> Result:
-        _begin(self)
-        return super().on_start()
+def _language(node: Any) -> Optional[Request]:
+    course = node.course
+    return SetRecognitionLanguage(course.language) if course.settings.asr_enabled else None
 
 
 # -------------------------------------------------------------------------------------------- table
 
 
-def _row(node_id: str, leaf: type, rule: Optional[Callable[[Any], Any]] = None, ports: str = "",
-         more: Tuple[Port, ...] = (), **facts: Any) -> NodeSpec:
-    """Return the node type of a row; ``facts`` are attributes of its leaf."""
-    def make(name: str) -> Any:
-        node = leaf(name)
-        for key, value in dict(facts, **({"rule": rule} if rule is not None else {})).items():
-            setattr(node, key, value)
-        return node
-
-    is_condition = issubclass(leaf, Sign) or node_id.startswith(("Is", "Has"))
-    kind = Kind.CONDITION if is_condition else Kind.ACTION
-    return NodeSpec(node_id, kind, make, _ports(ports) + more, is_recovery=leaf is Recovering)
+def _row(node_id: str, node: Callable[[str], Any], ports: str,
+         steps: Callable[[Any], Optional[Steps]], *more: Port) -> Row:
+    """Return a row: a node type, the class of its nodes, the entries that they read and write, and
+    their steps."""
+    kind = Kind.CONDITION if node_id.startswith(("Is", "Has")) else Kind.ACTION
+    return Row(node_id, kind, node, (*_ports(ports), *more), is_recovery=node is Recovering,
+               steps=steps)
 
 
-def _asks(node_id: str, request: type, rule: Callable[[Any], Any], ports: str = "",
-          **facts: Any) -> NodeSpec:
-    return _row(node_id, facts.pop("leaf", Asking), rule, ports, asks=request, **facts)
+def _asks(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "", *more: Port,
+          node: Callable[[str], Any] = Asking, **facts: Any) -> Row:
+    return _row(node_id, node, ports, partial(ask, kind=kind, rule=rule, **facts), *more)
 
 
-def _optional(node_id: str, request: type, rule: Callable[[Any], Any], ports: str = "",
-              **facts: Any) -> NodeSpec:
-    """Return a row whose node succeeds without a request on a robot that lacks the service."""
-    return _asks(node_id, request, lambda node: rule(node)
-                 if node.course.interface.serves(request) else None, ports, **facts)
+def _is_so(node_id: str, condition: Callable[[Any], Any], ports: str = "") -> Row:
+    return _row(node_id, Check, ports, partial(_require, condition=condition))
 
 
-def speech(node_id: str, says: str, is_question: bool = False) -> NodeSpec:
+def _sees(node_id: str, sense: Sense, ports: str = "", **facts: Any) -> Row:
+    return _row(node_id, Sign, ports, partial(_see, sense=sense, **facts))
+
+
+def speech(node_id: str, phrase: str, is_question: bool = False) -> Row:
     """Return the row of a node that says a phrase of the language's file."""
-    return _asks(node_id, Say, partial(_say, speech=says),
-                 ">questionAskedAt" if is_question else "", marks_end=is_question)
+    return _asks(node_id, Say, lambda node: Say(node.course.phrases.speeches[phrase],
+                                                node.course.language),
+                 ">questionAskedAt" if is_question else "", is_question=is_question)
 
 
-def _mode(node_id: str, mode: str) -> NodeSpec:
+def _mode(node_id: str, mode: str) -> Row:
     return _asks(node_id, SetAttention, partial(_attend, mode=mode),
                  ">attentionSetAt" + (" <target:gestureTarget" if mode == "location" else ""),
                  keep=_keep_time)
 
 
-def _look_up(node_id: str, place: str, has_gesture: bool) -> NodeSpec:
+def _look_up(node_id: str, place: str, has_gesture: bool) -> Row:
     return _asks(node_id, QueryKnowledge, lambda node: QueryKnowledge(place),
-                 ">targetLocation >gestureTarget", keep=partial(_keep_place,
-                                                                has_gesture=has_gesture))
+                 ">targetLocation >gestureTarget",
+                 keep=partial(_keep_place, has_gesture=has_gesture))
 
 
-LEFT_OUT = "<exhibits <targetLocation =nextExhibit =leftOutExhibits"
-_PART = (Port("part", TEXT, is_optional=True),)
-
+MODES = {"Disabled": "disabled", "Scanning": "scanning", "Social": "social", "Seek": "seeking",
+         "Seeking": "seeking", "Location": "location"}
 SPEECHES = ("EndTourSpeech", "FollowMeSpeech", "HereIsTheDoorSpeech", "MaybeAnotherTimeSpeech",
             "SayGoodByeSpeech", "WelcomeSpeech")
 QUESTIONS = ("PressYesNoSpeech", "QueryTourSpeech", "SayYesNoSpeech")
 
-ROWS: Tuple[NodeSpec, ...] = (
+ROWS: Tuple[Row, ...] = (
     # D5.4.3, table 4
     *(speech(name, name) for name in SPEECHES), *(speech(name, name, True) for name in QUESTIONS),
+    *(_mode(name + "OvertAttentionMode", mode) for name, mode in MODES.items()),
+    *(_row(name, Recovering, "<exhibits <targetLocation =nextExhibit =leftOutExhibits",
+           Recovering.recover) for name in HANDLERS),
     _asks("DescribeExhibitSpeech", Say, _describe, "<currentExhibit <description1 <description2",
-          more=_PART),
+          Port("part", TEXT, is_optional=True)),
     _asks("DisableAnimateBehavior", SetAnimation, lambda node: SetAnimation("disabled")),
-    _mode("DisabledOvertAttentionMode", "disabled"),
     _asks("EnableAnimateBehavior", SetAnimation, lambda node: SetAnimation("enabled")),
     _asks("GoodbyeGesture", PerformGesture, partial(_iconic, which="goodbye")),
-    _row("HandleFallBack", Recovering, None, LEFT_OUT),
-    _row("IsASREnabled", Instant, _false_unless(lambda node: node.course.settings.asr_enabled)),
-    _row("IsListWithExhibit", Instant, _has_next, "<exhibits <nextExhibit"),
-    _row("IsMutualGazeDiscovered", Sign, None, "<attentionSetAt", sense=Sense.GAZE),
-    _row("IsVisitorDiscovered", Sign, sense=Sense.VISITOR),
-    _row("IsVisitorResponseYes", Instant,
-         _false_unless(lambda node: node.entry("visitorResponse") == "yes"), "<visitorResponse"),
-    _row("IsYesNoUttered", YesNo, None, ">visitorResponse =questionAskedAt"),
+    _is_so("IsASREnabled", lambda node: node.course.settings.asr_enabled),
+    _is_so("IsListWithExhibit", _has_next, "<exhibits <nextExhibit"),
+    _sees("IsMutualGazeDiscovered", Sense.GAZE, "<attentionSetAt", since="attentionSetAt"),
+    _sees("IsVisitorDiscovered", Sense.VISITOR),
+    _is_so("IsVisitorResponseYes", lambda node: node.entry("visitorResponse") == "yes",
+           "<visitorResponse"),
+    _sees("IsYesNoUttered", Sense.UTTERANCE, ">visitorResponse =questionAskedAt",
+          since="questionAskedAt", keep=_keep_utterance),
     _look_up("LookUpEntrance", "entrance", True),
     _look_up("LookUpHome", "home", False),
     _asks("Navigate", GoTo, lambda node: GoTo(node.get_input("target")), "<target:targetLocation"),
@@ -1068,39 +911,32 @@ ROWS: Tuple[NodeSpec, ...] = (
           ">visitorResponse", keep=_keep_pressed),
     _asks("RetrieveListOfExhibits", QueryKnowledge, lambda node: QueryKnowledge("exhibits"),
           ">exhibits >nextExhibit >leftOutExhibits", keep=_keep_list),
-    _mode("ScanningOvertAttentionMode", "scanning"),
-    _row(
-        "SelectExhibit", Instant, _select,
-        "<exhibits =nextExhibit >currentExhibit >targetLocation >gestureTarget "
-        ">description1 >description2", (Port("stop", TEXT, is_optional=True),)),
-    _mode("SocialOvertAttentionMode", "social"),
-    _row("START_OF_TREE", Instant, _begin),
+    _row("SelectExhibit", Check,
+         "<exhibits =nextExhibit >currentExhibit >targetLocation >gestureTarget >description1 "
+         ">description2", _select, Port("stop", TEXT, is_optional=True)),
+    _row("START_OF_TREE", Check, "", _begin),
     _asks("WelcomeGesture", PerformGesture, partial(_iconic, which="welcome")),
     # other names and extensions
-    _row("HandleFallback", Recovering, None, LEFT_OUT),
     speech("SayGoodBye", "SayGoodByeSpeech"),
     _asks("DescribeExhibitSpeech_1", Say, partial(_describe, part="1"),
           "<currentExhibit <description1"),
     _asks("DescribeExhibitSpeech_2", Say, partial(_describe, part="2"),
           "<currentExhibit <description2"),
-    _mode("SeekOvertAttentionMode", "seeking"),
-    _mode("SeekingOvertAttentionMode", "seeking"),
-    _mode("LocationOvertAttentionMode", "location"),
     # release 1.0: the argument is the node's name
-    _optional("StartOfTree", SetRecognitionLanguage, _language, leaf=Starting),
-    _asks("SayText", Say, _say_utility, ">questionAskedAt", marks_end=True),
-    _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, node.word),
+    _asks("StartOfTree", SetRecognitionLanguage, _language, node=Starting),
+    _asks("SayText", Say, _say_utility, ">questionAskedAt", is_question=True),
+    _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, argument(node.name)),
           ">attentionSetAt <target:gestureTarget", keep=_keep_time),
-    _asks("SetAnimateBehavior", SetAnimation, lambda node: SetAnimation(node.word)),
-    _optional("SetSpeechEvent", SetRecognition, lambda node: SetRecognition(node.word in
-                                                                            ("true", "enabled"))),
-    _asks("PerformIconicGesture", PerformGesture, lambda node: _iconic(node, node.word)),
-    _optional("SetRobotPose", SetPose, _pose, "<exhibits"),
-    _optional("ResetRobotPose", SetPose, _pose, "<exhibits"),
+    _asks("SetAnimateBehavior", SetAnimation, lambda node: SetAnimation(argument(node.name))),
+    _asks("SetSpeechEvent", SetRecognition,
+              lambda node: SetRecognition(argument(node.name) in ("true", "enabled"))),
+    _asks("PerformIconicGesture", PerformGesture, lambda node: _iconic(node, argument(node.name))),
+    _asks("SetRobotPose", SetPose, _pose, "<exhibits"),
+    _asks("ResetRobotPose", SetPose, _pose, "<exhibits"),
     _look_up("RetrieveInitialLocation", "home", False),
-    _row("GetVisitorResponse", Listening, None, ">visitorResponse"),
-    _row("HasVisitorResponded", Instant,
-         _false_unless(lambda node: bool(node.entry("visitorResponse"))), "<visitorResponse"),
-    _row("IsVisitorPresent", Sign, sense=Sense.PRESENCE),
+    _row("GetVisitorResponse", Task, ">visitorResponse", _listen),
+    _is_so("HasVisitorResponded", lambda node: node.entry("visitorResponse"), "<visitorResponse"),
+    _sees("IsVisitorPresent", Sense.PRESENCE),
 )
-"""The table: a node type, its way of being done, its rule, and the entries it reads and writes."""
+"""The table: a node type, what it asks or goes by, its rule, and the entries it reads and writes.
+"""

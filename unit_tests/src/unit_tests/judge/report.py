@@ -31,10 +31,8 @@ SHOWN_IF_SET = ("missionRuns", "faultKinds", "plannedFaults", "recogniseBy", "ab
 """Keys of the test that it shows if they differ from the default. The others do not change the
 test."""
 
-NOT_SHOWN = {
-    "scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port",
-    "groot2Address", "monitorPort", "monitorAddress", "recordDirectory"
-}
+NOT_SHOWN = {"scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port",
+             "groot2Address", "monitorPort", "monitorAddress", "recordDirectory"}
 """Keys of the controller that the title has already, or that do not change the test. It shows the
 others if set."""
 
@@ -52,7 +50,7 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     shown += [(name, given[name]) for name, usual in settings.defaults().values.items()
              if name not in NOT_SHOWN and given.get(name, usual) != usual]
     shown += [("use_real_" + node, True) for node in sorted(facts.real)]
-    chosen_keys = "; ".join("{} {}".format(name, to_text(value)) for name, value in shown)
+    chosen_keys = "; ".join(f"{name} {to_text(value)}" for name, value in shown)
     return clean("{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission,
                                              chosen_keys))
 
@@ -67,10 +65,8 @@ def failure_lines(case: Case) -> List[str]:
         if query is not None and line is not None and query.is_for_safety and line.fault:
             failures.append((line.time, query.node or "-", query.path or "-", line.resource,
                              CAUSE_OF[line.fault].value, IN_SAFE_STATE))
-    return [
-        "\t".join([_clock(failure[0])] + [clean(cell) for cell in failure[1:]])
-        for failure in sorted(failures)
-    ]
+    return ["\t".join([_clock(failure[0])] + [clean(cell) for cell in failure[1:]])
+            for failure in sorted(failures)]
 
 
 def _failures(facts: Facts) -> Iterator[LeafFailure]:
@@ -89,26 +85,23 @@ def summary_lines(facts: Facts) -> List[str]:
         ran[event.node] += 1
         failed[event.node] += event.status == "FAILURE"
     lines = ["{:<28} {:>6} {:>8}".format("mission node", "ran", "failed")]
-    lines += ["{:<28} {:>6} {:>8}".format(node, ran[node], failed[node]) for node in sorted(ran)]
+    lines += [f"{node:<28} {ran[node]:>6} {failed[node]:>8}" for node in sorted(ran)]
     lines += ["", "{:<28} {:>6} {:>8}".format("simulated node", "calls", "injected")]
     for node in servers(facts.world.settings.interface):
         calls = [line for line in facts.journal if line.node == node and line.call]
-        lines.append("{:<28} {:>6} {:>8}".format(node, len(calls),
-                                                 sum(line.fault is not None for line in calls)))
+        failures = sum(line.fault is not None for line in calls)
+        lines.append(f"{node:<28} {len(calls):>6} {failures:>8}")
     ended = Counter(event.outcome for _, event in of(facts.run.lines, Recovered))
-    outcomes = ["{} {}".format(number, outcome) for outcome, number in sorted(ended.items())]
+    outcomes = [f"{number} {outcome}" for outcome, number in sorted(ended.items())]
     lines += ["", "recoveries: " + "; ".join([str(sum(ended.values())), *outcomes])]
     return lines + coverage_lines(facts)
 
 
 def decision_lines(facts: Facts) -> List[str]:
     """Return a line for each decision of the recovery."""
-    return [
-        "  {}: {}; policy: {}; {}: {}".format(event.path, event.failure.cause.value, event.policy,
-                                              count(event.attempts, "attempt", "attempts"),
-                                              event.outcome)
-        for _, event in of(facts.run.lines, Recovered)
-    ]
+    return [f"  {event.path}: {event.failure.cause.value}; policy: {event.policy}; "
+            f"{count(event.attempts, 'attempt', 'attempts')}: {event.outcome}"
+            for _, event in of(facts.run.lines, Recovered)]
 
 
 def coverage_lines(facts: Facts) -> List[str]:
@@ -117,13 +110,12 @@ def coverage_lines(facts: Facts) -> List[str]:
     if begun is None:
         return []
     ran, leaves = reached(facts), {path for path, _ in begun.leaves}
-    lines = ["coverage: {} of {} leaves of the mission ran".format(len(ran & leaves), len(leaves))]
+    lines = [f"coverage: {len(ran & leaves)} of {len(leaves)} leaves of the mission ran"]
     if facts.rehearsal is not None:
         wanted, ways = facts.rehearsal.reached, facts.rehearsal.branches
-        lines.append("          {} of {} that this visitor should bring about".format(
-            len(ran & wanted), len(wanted)))
-        lines.append("          {} of {} branches".format(sum(bool(paths & ran) for paths in ways),
-                                                          len(ways)))
+        taken = sum(bool(paths & ran) for paths in ways)
+        both = f"{len(ran & wanted)} of {len(wanted)} that this visitor should bring about"
+        lines += ["          " + both, f"          {taken} of {len(ways)} branches"]
     return lines
 
 
@@ -155,20 +147,18 @@ class Report(NamedTuple):
         """
         shown = table(self.rows[:MOST_SHOWN], self.began, width)
         if len(self.rows) > MOST_SHOWN:
-            shown.append("and {} more in the report".format(len(self.rows) - MOST_SHOWN))
+            shown.append(f"and {len(self.rows) - MOST_SHOWN} more in the report")
         verdict = str(self.verdict).split("\n")
         if len(verdict) > MOST_OBJECTIONS:
-            verdict[MOST_OBJECTIONS:] = [
-                "        and {} more in the report".format(len(verdict) - MOST_OBJECTIONS)
-            ]
+            more = len(verdict) - MOST_OBJECTIONS
+            verdict[MOST_OBJECTIONS:] = [f"        and {more} more in the report"]
         last = ["the report as a page: file://" + page] if page else []
-        return "\n".join(
-            self._top(shown) + list(self.counts) + ["", *files, ""] + verdict + last)
+        return "\n".join(self._top(shown) + [*self.counts, "", *files, "", *verdict, *last])
 
     def _top(self, shown: List[str]) -> List[str]:
         objections = self.verdict.objections[1:]
         number = count(len(objections), "objection", "objections")
-        more = " (and {}: see the end)".format(number) if objections else ""
+        more = f" (and {number}: see the end)" if objections else ""
         first = str(self.verdict).split("\n")[0] + more
         lines = ["# " + self.title, first, *self.visitors, ""]
         return lines + shown + [""] if self.rows else lines
@@ -213,12 +203,12 @@ def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:
     under_way = [last] if last is not None and not last.outcome else []
     for visit in facts.run.visits + under_way:
         mine = [row for row in rows if row.visitor == visit.number]
-        sentence = sentences.get(visit.number, "pass {}: did not end".format(visit.number))
+        sentence = sentences.get(visit.number, f"pass {visit.number}: did not end")
         reasons = dict.fromkeys(
             event.reason for time, event in of(facts.run.lines, Recovered)
             if visit.began <= time <= (visit.ended or math.inf) and event.reason not in sentence)
         faults = count(sum(row.is_injected for row in mine), "fault", "faults")
-        lost = "{}, {:.1f} s lost".format(faults, sum(row.lost for row in mine))
+        lost = f"{faults}, {sum(row.lost for row in mine):.1f} s lost"
         conditions = count(false[visit.number], "condition", "conditions") + " false for a while"
         yield "; ".join([sentence] + list(reasons) + [lost, conditions])
 
@@ -230,10 +220,9 @@ def _sentences(facts: Facts) -> Iterator[Tuple[int, str]]:
     for line in facts.run.lines:
         added, event, visit = story.take(line.time, line.event), line.event, story.state.visit
         if added and isinstance(event, PassFinished) and visit is not None:
-            yield event.number, "; ".join([added[-1].text] + [
-                "{} {}: {}".format(stop.name, stop.state, why(stop.why))
-                for stop in visit.stops if stop.state == LEFT_OUT
-            ])
+            left_out = [f"{stop.name} {stop.state}: {why(stop.why)}" for stop in visit.stops
+                        if stop.state == LEFT_OUT]
+            yield event.number, "; ".join([added[-1].text] + left_out)
 
 
 def _clock(seconds: float) -> str:

@@ -62,11 +62,6 @@ class Signs:
         """Note that the robot still hears something."""
         self._heard.append(topic)
 
-    def begin_traversal(self) -> None:
-        """Count reads from the first one on."""
-        self._reads.clear()
-        self._sought.clear()
-
     def messages(self, topic: Topic) -> Sequence[Sample]:
         """Return the messages of a topic that the node may read now, oldest first."""
         self._reads[topic] = self._reads.get(topic, 0) + 1
@@ -106,6 +101,8 @@ class Signs:
             else:
                 self.waiting[search.node.uid] = search
         self.searches += [search._replace(until=self._clock.now()) for search in before.values()]
+        self._reads.clear()
+        self._sought.clear()
 
 
 def _waits(node: Any) -> bool:

@@ -21,10 +21,8 @@ from unit_tests.judge.witness import Witness
 from unit_tests.rehearsal.play import TIMED_OUT
 from unit_tests.robot.visitor import DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR
 
-DOES = {
-    ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
-    LEAVES: "leaves", NO_GAZE: "never looks back"
-}
+DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
+        LEAVES: "leaves", NO_GAZE: "never looks back"}
 
 
 class Verdict(NamedTuple):
@@ -47,7 +45,7 @@ class Verdict(NamedTuple):
     def __str__(self) -> str:
         """Return the verdict as lines of text."""
         if self.passed:
-            return "PASSED: {}".format(self.praise)
+            return f"PASSED: {self.praise}"
         return "FAILED: {}".format("\n        ".join(self.objections))
 
 
@@ -62,6 +60,7 @@ class Case:
             self.executions = execute(facts)
         except CannotRepeat as error:
             self.unrepeatable = str(error)
+        self.last = self.executions[-1] if self.executions else None
         self.witness = Witness(facts, self.executions)
 
     @property
@@ -70,21 +69,19 @@ class Case:
 
         A visitor comes after ``LONG_WAIT`` at the latest: a test that ends earlier is too short.
         """
-        last = self.executions[-1] if self.executions else None
-        if last is None or last.offset is None:
+        last = self.last
+        if last is None or last.offset is None or self.overdue:
             return ""
         end = self.witness.end - last.offset
-        if self.overdue:
-            return ""
-        long = [search.node.registration_id for search in last.signs.waiting.values()
-                if end - search.at > LONG_WAIT]
-        return long[0] if long else ""
+        return next((search.node.registration_id for search in last.signs.waiting.values()
+                     if end - search.at > LONG_WAIT), "")
 
     @property
     def overdue(self) -> str:
         """What was due long before the end of a test that was cut off; empty: nothing."""
-        last = self.executions[-1] if self.executions and self.facts.cut_off else None
-        return last.overdue(self.witness.end) if last is not None else ""
+        if self.last is None or not self.facts.cut_off:
+            return ""
+        return self.last.overdue(self.witness.end)
 
     @property
     def has_timed_out(self) -> bool:
@@ -94,8 +91,8 @@ class Case:
     @property
     def is_out_of_time(self) -> bool:
         """Whether the test was cut off while the mission had to wait."""
-        is_paused = bool(self.executions) and self.executions[-1].is_paused and not self.overdue
-        return self.has_timed_out and bool(self.waiting_for or is_paused)
+        is_paused = self.last is not None and self.last.is_paused and not self.overdue
+        return self.has_timed_out and (is_paused or bool(self.waiting_for))
 
 
 def judge(of_test: Union[Facts, Case]) -> Verdict:
@@ -124,28 +121,27 @@ def _start(case: Case) -> Iterator[str]:
         yield from facts.errors
     yield from _not_as_given(facts)
     for event in facts.run.errors:
-        yield "the controller reports an error: {}".format(event.text)
+        yield f"the controller reports an error: {event.text}"
 
 
 def _not_as_given(facts: Facts) -> Iterator[str]:
     """Object to settings and files that are not those which the controller was given."""
-    begun, mission = of(facts.run.lines, RunStarted)[:1], facts.mission
-    for _, event in begun if mission is not None else ():
-        assert mission is not None
-        for name, value in mission.settings.values.items():
-            if name not in OF_THE_TEST and event.settings.get(name) != value:
-                yield "the controller has {} {}; it was given {}".format(
-                    name, event.settings.get(name), value)
-        known = mission.knowledge.sources if mission.knowledge is not None else ()
-        files = event.sources
-        for what, its, given in (
-                ("mission", files.documents, mission.tree.sources),
-                ("phrases", [files.phrases], [mission.phrases.source]),
-                ("recovery policy", [files.policy], [mission.policy.source]),
-                ("knowledge", files.knowledge, known)):
-            if [source.text for source in its] != [source.text for source in given]:
-                yield "the controller has another {} than it was given: {}".format(
-                    what, ", ".join(source.file for source in its))
+    begun, mission = of(facts.run.lines, RunStarted), facts.mission
+    if mission is None or not begun:
+        return
+    has, files = begun[0][1].settings, begun[0][1].sources
+    for name, value in mission.settings.values.items():
+        if name not in OF_THE_TEST and has.get(name) != value:
+            yield f"the controller has {name} {has.get(name)}; it was given {value}"
+    known = mission.knowledge.sources if mission.knowledge is not None else ()
+    for what, its, given in (
+            ("mission", files.documents, mission.tree.sources),
+            ("phrases", [files.phrases], [mission.phrases.source]),
+            ("recovery policy", [files.policy], [mission.policy.source]),
+            ("knowledge", files.knowledge, known)):
+        if [source.text for source in its] != [source.text for source in given]:
+            names = ", ".join(source.file for source in its)
+            yield f"the controller has another {what} than it was given: {names}"
 
 
 OF_THE_TEST = {"missionRuns", "recordDirectory", "startupTimeout", "verboseMode"}
@@ -155,26 +151,22 @@ OF_THE_TEST = {"missionRuns", "recordDirectory", "startupTimeout", "verboseMode"
 def _end(case: Case) -> Iterator[str]:
     """Object to a controller that did not end as it should."""
     facts = case.facts
-    finished = facts.run.state.finished
+    finished, ending = facts.run.state.finished, "the controller " + _ending(facts.exit_code)
     outcomes = [event.outcome for _, event in of(facts.run.lines, PassFinished)]
     if case.has_timed_out and not case.is_out_of_time:
-        last = case.executions[-1].under_way() if case.executions else ""
-        yield facts.cut_off + ("; {} goes on".format(last) if last else "")
+        yield facts.cut_off + (f"; {case.last.under_way()} goes on" if case.last else "")
     elif facts.cut_off or facts.run.state.started is None:
         return
     elif finished is None:
-        yield "the controller {} in the middle of its mission, in pass {}".format(
-            _ending(facts.exit_code), len(outcomes) + 1)
+        yield f"{ending} in the middle of its mission, in pass {len(outcomes) + 1}"
     elif facts.exit_code != finished.exit_code:
-        yield "the controller {}, but announced exit code {}".format(_ending(facts.exit_code),
-                                                                     finished.exit_code)
+        yield f"{ending}, but announced exit code {finished.exit_code}"
     elif len(outcomes) != facts.test.mission_runs:
-        yield "the controller made {} instead of {}".format(count(len(outcomes), "pass", "passes"),
-                                                            facts.test.mission_runs)
-    elif facts.exit_code != (exit_codes.SUCCESS
-                             if outcomes[-1] == "SUCCESS" else exit_codes.FAILURE):
-        yield "the last pass ended with {}, and the controller {}".format(
-            outcomes[-1], _ending(facts.exit_code))
+        passes = count(len(outcomes), "pass", "passes")
+        yield f"the controller made {passes} instead of {facts.test.mission_runs}"
+    elif facts.exit_code != (exit_codes.SUCCESS if outcomes[-1] == "SUCCESS"
+                             else exit_codes.FAILURE):
+        yield f"the last pass ended with {outcomes[-1]}, and {ending}"
 
 
 WHY = {exit_codes.WRONG_INPUT: " (a fault of its files or arguments)",
@@ -184,8 +176,8 @@ WHY = {exit_codes.WRONG_INPUT: " (a fault of its files or arguments)",
 
 def _ending(exit_code: Optional[int]) -> str:
     if exit_code is not None and exit_code < 0:
-        return "was ended by signal {}".format(-exit_code)
-    return "ended with exit code {}".format(exit_code)
+        return f"was ended by signal {-exit_code}"
+    return f"ended with exit code {exit_code}"
 
 
 def _mission(case: Case) -> Iterator[str]:
@@ -200,8 +192,8 @@ def _mission(case: Case) -> Iterator[str]:
         yield case.overdue
     lost = sum(event.lines for _, event in of(case.facts.run.lines, Lost))
     if lost:
-        yield "the record lacks {}, so the mission cannot be done again".format(
-            count(lost, "line", "lines"))
+        lines = count(lost, "line", "lines")
+        yield f"the record lacks {lines}, so the mission cannot be done again"
 
 
 QUESTIONS: Tuple[Tuple[str, Callable[[Case], Iterable[str]]], ...] = (
@@ -224,24 +216,24 @@ def _praise(case: Case) -> Iterator[str]:
     ended = [event for _, event in of(facts.run.lines, PassFinished)]
     whole = sum(event.outcome == "SUCCESS" for event in ended)
     if whole:
-        yield "{} as a visitor who {} should".format(
-            count(whole, "pass ended", "passes ended"), DOES[facts.test.visitor_behaviour])
+        passes = count(whole, "pass ended", "passes ended")
+        yield f"{passes} as a visitor who {DOES[facts.test.visitor_behaviour]} should"
     elif not ended:
         yield "no pass ended"
     reasons = {visit.number: why(visit.why) for visit in facts.run.visits}
     for event in ended:
         if event.outcome != "SUCCESS":
-            yield "pass {} ended early, as it had to: {}".format(
-                event.number, reasons.get(event.number, "-"))
-    yield "{} of {} calls were made to fail, and all of these are on record".format(
-        sum(line.fault is not None for line in calls), len(calls))
+            reason = reasons.get(event.number, "-")
+            yield f"pass {event.number} ended early, as it had to: {reason}"
+    failed = sum(line.fault is not None for line in calls)
+    yield f"{failed} of {len(calls)} calls were made to fail, and all of these are on record"
     if any("budget" in event.reason for _, event in of(facts.run.lines, Recovered)):
         yield "the budget of recoveries was spent, which calls that take no time do in seconds"
     if case.is_out_of_time:
         reason = "it waited for the end of a cause that persists"
         if case.waiting_for:
             reason = case.waiting_for + " waited for a sign of the visitor that never came"
-        yield "at last {}: {}".format(reason, facts.cut_off)
+        yield f"at last {reason}: {facts.cut_off}"
     if facts.real:
         yield "not simulated, so that the record is the only witness: " + ", ".join(
             sorted(facts.real))

@@ -12,14 +12,14 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tu
 from behavior_controller.execution.events import HealthChanged
 from behavior_controller.execution.health import GONE
 from behavior_controller.robot.declarations import Action, Service
-from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, Prompt
 
 from unit_tests.judge import messages
-from unit_tests.judge.calls import Query, described
+from unit_tests.judge.calls import Query
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
-from unit_tests.judge.reference import FIELDS, SAFE_STATE
+from unit_tests.judge.reference import SAFE_STATE, SENT
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import SERVICES
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
@@ -118,28 +118,29 @@ class Witness:
             assert query is not None
             yield from self._unheard(query, service)
         elif query is None:
-            yield "after {}, {} was asked {}, and no such request is on record".format(
-                asker, line.resource, line.content)
+            yield (f"after {asker}, {line.resource} was asked {line.content}, and no such request "
+                   "is on record")
         else:
             sent = self._fields(query, line, service)
             if sent != line.content:
-                yield "{}: {} was asked {} instead of {}".format(asker, line.resource, line.content,
-                                                                 sent)
+                yield f"{asker}: {line.resource} was asked {line.content} instead of {sent}"
             if line.objection is not None:
-                yield "{}: {} received a request that makes no sense: {}".format(
-                    asker, line.resource, line.objection)
+                yield (f"{asker}: {line.resource} received a request that makes no sense: "
+                       f"{line.objection}")
             yield from self._of_result(query, line, service)
 
     def _fields(self, query: Query, line: journal.JournalEntry, service: Service) -> Dict[str, Any]:
         """Return the fields of a request as they have to be sent."""
-        encode = FIELDS.get(type(query.request))
-        if encode is None:  # of another package
-            return dict(zip(line.content, service.fields(query.request)))
-        return encode(query.request, not self._interface.tells_pressed)
+        sent = SENT.get(type(query.request))
+        if sent is None:  # of another package
+            values = service.fields(query.request)
+        else:
+            values = sent(query.request, not self._interface.tells_pressed)
+        return dict(zip(line.content, values))
 
     def _unheard(self, query: Query, service: Service) -> Iterator[str]:
         """Object to a request that reached no node, unless the node was away."""
-        cause = query.result.cause if isinstance(query.result, Failure) else None
+        cause = query.cause
         if service.name in self._facts.test.absent_services:
             is_well = cause is Cause.NOT_ADVERTISED if service.fails_without else cause is None
         elif query.result is None:  # it may have been dropped on its way
@@ -148,8 +149,8 @@ class Witness:
         else:
             is_well = cause in AWAY and self._is_away(service.node, query.asked)
         if not is_well:
-            yield "{}: {} never got the request {}, and on record is {}".format(
-                query.asker, service.name, described(query.request), query.outcome)
+            yield (f"{query.asker}: {service.name} never got the request {query}, and on record is "
+                   f"{query.outcome}")
 
     def _until(self, query: Query) -> float:
         """Return until when an answer was awaited."""
@@ -169,37 +170,34 @@ class Witness:
         """Object to a result that is not that of the node."""
         name, result, fault = query.asker, query.result, line.fault
         if line.time > query.asked + self._late:
-            yield "{}: {} got the request {:.1f} s late".format(name, service.name,
-                                                                line.time - query.asked)
+            yield f"{name}: {service.name} got the request {line.time - query.asked:.1f} s late"
         until, deadline = self._until(query), query.asked + self._executions[
             0].settings.deadlines[service.deadline_key]
         due = deadline if fault == UNANSWERED else min(line.time + line.seconds, deadline)
         # of the safe state all results are read when the last one is there
         latest = query.asked + self._safe_limit if query.is_for_safety else due
         if until > latest + self._late or result is not None and until < due - EARLY:
-            yield "{}: {} was waited for {:.1f} s; it was due after {:.1f} s, its deadline is " \
-                "{:g} s".format(name, service.name, until - query.asked, due - query.asked,
-                                deadline - query.asked)
-        cause = result.cause if isinstance(result, Failure) else None
-        is_too_late = cause is Cause.NO_ANSWER and due > deadline - self._late
+            yield (f"{name}: {service.name} was waited for {until - query.asked:.1f} s; it was due "
+                   f"after {due - query.asked:.1f} s, its deadline is {deadline - query.asked:g} s")
+        is_too_late = query.cause is Cause.NO_ANSWER and due > deadline - self._late
         if result is None or is_too_late or line.objection is not None and fault is None:
             return
         if not (self._fits(query, line, result) if fault in (None, WRONG)
-                else cause is _cause(fault, service)):
+                else query.cause is _cause(fault, service)):
             yield "call {} of {} for {} was {}; on record is {}".format(
                 line.call, line.resource, name, "carried out" if fault is None
-                else "made to fail ({})".format(fault), query.outcome)
+                else f"made to fail ({fault})", query.outcome)
 
     def _fits(self, query: Query, line: journal.JournalEntry, result: Any) -> bool:
         """Return whether a result is what the node has to say."""
-        is_prompt, is_answer = isinstance(query.request, Prompt), isinstance(result, Answer)
+        is_prompt = isinstance(query.request, Prompt)
         if line.fault == WRONG and not is_prompt:
-            return not is_answer and result.cause is Cause.UNUSABLE_ANSWER
+            return query.cause is Cause.UNUSABLE_ANSWER
         if (line.node, line.call) not in self._answers:
-            return is_answer  # of another package
+            return isinstance(result, Answer)  # of another package
         due = self._answers[line.node, line.call]
         if is_prompt and not self._interface.tells_pressed:
-            return is_answer is (due is not None) and (is_answer or result.cause is Cause.REFUSED)
+            return query.cause is (Cause.REFUSED if due is None else None)
         return bool(result == due)
 
     def _answers_of_nodes(self) -> Dict[Tuple[str, int], Optional[Answer]]:
@@ -229,24 +227,23 @@ class Witness:
         for time, event in changes:
             is_known = event.node in self._facts.real or event.name in test.absent_services
             if not is_known and not self._is_away(event.node, time):
-                yield "{} was taken for gone, and /{} was running".format(event.name, event.node)
-        for _, query, _ in self.pairs:
-            result, at = (query.result, query.answered) if query is not None else (None, None)
-            if not isinstance(result, Failure) or result.cause not in AWAY:
-                continue
-            if query is None or at is None or at > self._facts.run.lines[-1].time - self._late:
+                yield f"{event.name} was taken for gone, and /{event.node} was running"
+        for query in (pair.query for pair in self.pairs if pair.query is not None):
+            at = query.answered
+            if at is None or at > self._facts.run.lines[-1].time - self._late:
                 continue
             is_noticed = any(event.name == query.service and at - RETURN < time < at + self._late
                              for time, event in changes)
-            if query.service not in test.absent_services and not is_noticed:
-                yield "{}: {} was gone, and that was not noticed".format(query.node, query.service)
+            is_there = query.cause not in AWAY or query.service in test.absent_services
+            if not is_there and not is_noticed:
+                yield f"{query.node}: {query.service} was gone, and that was not noticed"
 
 
 def _reaches(query: Query, line: journal.JournalEntry) -> bool:
     """Return whether a request with that result can have reached its node, as that line."""
-    cause = query.result.cause if isinstance(query.result, Failure) else None
-    return cause is not Cause.TYPE_MISMATCH and cause not in AWAY or (
-        cause is Cause.CONNECTION_LOST and line.fault == CRASH)
+    if query.cause is Cause.CONNECTION_LOST:
+        return line.fault == CRASH
+    return query.cause is not Cause.TYPE_MISMATCH and query.cause not in AWAY
 
 
 def _cause(fault: str, service: Service) -> Cause:

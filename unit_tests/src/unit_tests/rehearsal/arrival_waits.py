@@ -69,12 +69,10 @@ class Wait(NamedTuple):
 def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
     """Return a line for each condition whose messages often come too late at ``rate``, and from
     which rate on none does."""
-    worst: Dict[str, Wait] = {}
-    for wait in waits:
-        if wait.missed(rate) > max(1 - ENOUGH,
-                                   worst[wait.node].missed(rate) if wait.node in worst else 0.0):
-            worst[wait.node] = wait
-    return [wait.warning(rate) for wait in worst.values()] + ([sufficient(waits)] if worst else [])
+    late = [wait for wait in waits if wait.missed(rate) > 1 - ENOUGH]
+    worst = [max((wait for wait in late if wait.node == node), key=lambda wait: wait.missed(rate))
+             for node in dict.fromkeys(wait.node for wait in late)]
+    return [wait.warning(rate) for wait in worst] + ([sufficient(waits)] if worst else [])
 
 
 def sufficient(waits: Sequence[Wait]) -> str:

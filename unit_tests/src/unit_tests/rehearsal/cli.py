@@ -3,6 +3,7 @@ reports what it finds."""
 import argparse
 import json
 import os
+import re
 import signal
 import sys
 import textwrap
@@ -21,14 +22,14 @@ from unit_tests.rehearsal import html_report, plays
 from unit_tests.rehearsal.play import Stage
 from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
 from unit_tests.rehearsal.search import Search
-from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey, planned
+from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey
 from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.faults import KINDS, PlannedFault
 from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES
 from unit_tests.robot.options import CONTROLLER, load_controller
 
-NONE, SINGLE, PAIRS = "none", "single", "pairs"
-FAULTS = (NONE, SINGLE, PAIRS)
+NONE, PAIRS = "none", "pairs"
+FAULTS = (NONE, "single", PAIRS)
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 """The default failure rates."""
@@ -49,7 +50,6 @@ class Plan(NamedTuple):
     """The plays of a rehearsal. ``is_complete``: each visitor and each fault, so that something can
     be said of a node that is not reached."""
 
-    arguments: Tuple[Any, ...]  # of a Theatre
     theatre: Theatre
     options: argparse.Namespace
     calm: List[Scene]
@@ -63,11 +63,15 @@ class Plan(NamedTuple):
         return self.theatre.stage(self.calm[0].by_voice)
 
     @property
+    def topics(self) -> List[Topic]:
+        """The topics that have messages."""
+        return rehearsed_topics(self.stage.settings.interface)
+
+    @property
     def silent(self) -> List[str]:
         """The topics that the mission uses and that nothing simulates."""
-        published = rehearsed_topics(self.stage.settings.interface)
         return [offer.name for offer in self.stage.mission.offers
-                if isinstance(offer, Topic) and offer not in published]
+                if isinstance(offer, Topic) and offer not in self.topics]
 
     def rounds(self, outcomes: List[Outcome], search: Search) -> Iterator[List[Scene]]:
         """Yield the scenes of one round after the other; the ``outcomes`` of each are known before
@@ -77,26 +81,20 @@ class Plan(NamedTuple):
             yield plays.random(self.calm, options.runs, options.failureRate or RATES,
                                options.seed or 1, self.kinds)
         elif options.planned or options.silent:
-            given = options.planned or ()
-            planned = tuple(fault for fault, is_lasting in given if not is_lasting)
-            lasting = tuple(fault for fault, is_lasting in given if is_lasting)
-            yield [scene._replace(is_traced=True, silent=tuple(options.silent or ()),
-                                  planned=planned, lasting=lasting) for scene in self.calm]
+            yield [scene._replace(is_traced=True, silent=tuple(options.silent),
+                                  planned=tuple(options.planned)) for scene in self.calm]
         else:
             yield self.calm
             if options.faults != NONE:
-                yield from self._faulty(list(outcomes), outcomes)
+                topics = [topic.name for topic in self.topics]
+                is_pairs = options.faults == PAIRS
+                yield list(plays.single(list(outcomes), self.kinds, topics, is_pairs))
+                if is_pairs:
+                    yield list(plays.pairs(outcomes, self.kinds))
             # what comes after a pass that does not end is not known
             calm = [outcome for outcome in outcomes if outcome.scene.is_calm]
             if self.is_complete and all(outcome.outcome for outcome in calm):
                 yield from search.rounds()
-
-    def _faulty(self, calm: List[Outcome], outcomes: List[Outcome]) -> Iterator[List[Scene]]:
-        is_pairs = self.options.faults == PAIRS
-        silent = [topic.name for topic in rehearsed_topics(self.stage.settings.interface)]
-        yield list(plays.single(calm, self.kinds, silent, is_pairs))
-        if is_pairs:
-            yield list(plays.pairs(outcomes, self.kinds))
 
 
 # ---------------------------------------------------------------------------------------- arguments
@@ -105,9 +103,8 @@ class Plan(NamedTuple):
 def _one_of(*words: str) -> Callable[[str], str]:
     def read(text: str) -> str:
         if text not in words:
-            raise argparse.ArgumentTypeError("there is no {} ({})".format(
-                text or "empty word",
-                did_you_mean(text, words) or "allowed: {}".format(", ".join(words))))
+            hint = did_you_mean(text, words) or f"allowed: {', '.join(words)}"
+            raise argparse.ArgumentTypeError(f"there is no {text or 'empty word'} ({hint})")
         return text
     return read
 
@@ -133,16 +130,14 @@ def _number(least: float, most: float, kind: Callable[[str], Any] = float) -> Ca
     return read
 
 
-def _planned(text: str) -> Tuple[PlannedFault, bool]:
+def _planned(text: str) -> PlannedFault:
     """Parse ``node:call:kind``, or ``node:call+:kind`` for a fault that lasts; whether the robot
     has the node is checked later."""
-    node, _, rest = text.partition(":")
-    call, _, kind = rest.partition(":")
-    is_lasting = call.endswith("+")
-    number = call[:-1] if is_lasting else call
-    if not node or not number.isdigit() or int(number) < 1:
+    form = re.fullmatch(r"([^:]+):0*([1-9][0-9]*)(\+?)(?::(.*))?", text)
+    if form is None:
         raise argparse.ArgumentTypeError(f"{text} is not of the form node:call:kind")
-    return PlannedFault(node, int(number), _one_of(*KINDS)(kind or KINDS[0])), is_lasting
+    node, call, plus, kind = form.groups()
+    return PlannedFault(node, int(call), _one_of(*KINDS)(kind or KINDS[0]), bool(plus))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -156,34 +151,32 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "settings", nargs="*", default=[], metavar="KEY:=VALUE",
         help="a key of the controller's configuration, such as robotInterface:=release-1.0")
-    parser.add_argument("--faults", type=_one_of(*FAULTS), metavar="|".join(FAULTS),
-                        help="each single fault (every call in every way, every service for good, "
-                        "every topic silent; the default), also each two of them, or none")
-    parser.add_argument("--visitors", type=_list_of(_visitor), metavar="NAMES",
-                        help=f"some of {', '.join(BEHAVIOURS)}, with commas between them; "
-                        f"all if not given, with --runs {ENGAGES}")
-    parser.add_argument("--kinds", type=_list_of(_one_of(*KINDS)), metavar="NAMES",
-                        help=f"in which ways calls go wrong: some of {', '.join(KINDS)}")
-    parser.add_argument(
-        "--planned", type=_list_of(_planned), metavar="NODE:CALL:KIND",
-        help="calls that go wrong, with commas between them, instead of --faults; with a "
-        "plus after the call, each later call too")
-    parser.add_argument("--silent", type=_list_of(str), metavar="TOPICS",
-                        help="topics that are silent, as --planned")
-    parser.add_argument(
-        "--runs", type=_number(1, 1e6, int), metavar="N",
-        help="play N passes for each failure rate, with random faults, instead of --faults")
+
+    def option(name: str, read: Callable[[str], Any], metavar: str, meaning: str) -> None:
+        parser.add_argument("--" + name, type=read, metavar=metavar, help=meaning)
+
+    option("faults", _one_of(*FAULTS), "|".join(FAULTS),
+           "each single fault (every call in every way, every service for good, every topic "
+           "silent; the default), also each two of them, or none")
+    option("visitors", _list_of(_visitor), "NAMES",
+           f"some of {', '.join(BEHAVIOURS)}, with commas between them; all if not given, with "
+           f"--runs {ENGAGES}")
+    option("kinds", _list_of(_one_of(*KINDS)), "NAMES",
+           f"in which ways calls go wrong: some of {', '.join(KINDS)}")
+    option("planned", _list_of(_planned), "NODE:CALL:KIND",
+           "calls that go wrong, with commas between them, instead of --faults; with a plus "
+           "after the call, each later call too")
+    option("silent", _list_of(str), "TOPICS", "topics that are silent, as --planned")
+    option("runs", _number(1, 1e6, int), "N",
+           "play N passes for each failure rate, with random faults, instead of --faults")
     rates = ", ".join(f"{rate:g}" for rate in RATES)
-    parser.add_argument(
-        "--failureRate", type=_list_of(_number(0, 1)), metavar="P",
-        help=f"failure rates for --runs, with commas between them; {rates} if not given")
-    parser.add_argument("--seed", type=_number(1, 1e9, int), metavar="N",
-                        help="the first seed for --runs; 1 if not given")
-    parser.add_argument(
-        "--limit", type=_number(1, 1e6), default=LIMIT, metavar="SECONDS",
-        help=f"of the mission's time, after which a pass does not end; {LIMIT:g} if not given")
-    parser.add_argument("--jobs", type=_number(1, 1024, int), default=len(os.sched_getaffinity(0)),
-                        metavar="N", help="processes; one for each core if not given")
+    option("failureRate", _list_of(_number(0, 1)), "P",
+           f"failure rates for --runs, with commas between them; {rates} if not given")
+    option("seed", _number(1, 1e9, int), "N", "the first seed for --runs; 1 if not given")
+    option("limit", _number(1, 1e6), "SECONDS",
+           f"of the mission's time, after which a pass does not end; {LIMIT:g} if not given")
+    option("jobs", _number(1, 1024, int), "N", "processes; one for each core if not given")
+    parser.set_defaults(planned=[], silent=[], limit=LIMIT, jobs=len(os.sched_getaffinity(0)))
     parser.add_argument("--json", action="store_true", help="print all as JSON")
     parser.add_argument("--html", metavar="FILE", help="write all as a web page, too")
     return parser
@@ -212,20 +205,19 @@ def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
 def plan(options: argparse.Namespace) -> Plan:
     """Return the plays that the options ask for. Raises FaultsFound."""
     given = _settings(options.settings)
-    path = options.mission if os.path.exists(options.mission) or options.mission.endswith(".xml") \
-        else find(options.mission)
+    is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
+    path = options.mission if is_file else find(options.mission)
     controller = load_controller(given)
-    made = dict(controller.values), path, options.limit
-    theatre = Theatre(*made)
+    theatre = Theatre(controller.values, path, options.limit)
     ways = [controller.asr_enabled] if ASR in given else [True, False]
     visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
     _check_robot(theatre.stage(ways[0]).settings.interface, options)
-    is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and options.limit >= LIMIT \
-        and options.faults in (None, SINGLE, PAIRS) \
-        and not (options.runs or options.planned or options.silent or options.kinds)
+    is_restricted = options.faults == NONE or options.runs or options.planned or options.silent \
+        or options.kinds or options.limit < LIMIT
+    is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and not is_restricted
     others = [word for word in options.settings if not word.startswith(ASR + ":=")]
-    return Plan(made, theatre, options, plays.calm(visitors, ways), options.kinds or KINDS,
-                is_complete, [options.mission, *others])
+    return Plan(theatre, options, plays.calm(visitors, ways), options.kinds or KINDS, is_complete,
+                [options.mission, *others])
 
 
 def _settings(words: Sequence[str]) -> Dict[str, str]:
@@ -247,16 +239,16 @@ def _settings(words: Sequence[str]) -> Dict[str, str]:
 
 def _check_robot(interface: Any, options: argparse.Namespace) -> None:
     """Raise ConfigurationError with every node and topic that the robot does not have."""
-    nodes = {service.node for service in interface.services}
-    heard = {topic.name for topic in rehearsed_topics(interface)}
-    faults = [Fault("argument --planned", 0, 0,
-                    f"the robot {interface.name} has no node {clean(fault.node)}",
-                    did_you_mean(fault.node, nodes) or f"there are: {', '.join(sorted(nodes))}")
-              for fault, _ in options.planned or () if fault.node not in nodes]
-    faults += [Fault("argument --silent", 0, 0,
-                     f"the robot {interface.name} has no topic {clean(name)}",
-                     did_you_mean(name, heard) or f"there are: {', '.join(sorted(heard))}")
-               for name in options.silent or () if name not in heard]
+    faults = []
+    for option, kind, given, known in (
+            ("planned", "node", [fault.node for fault in options.planned],
+             {service.node for service in interface.services}),
+            ("silent", "topic", options.silent,
+             {topic.name for topic in rehearsed_topics(interface)})):
+        hint = f"there are: {', '.join(sorted(known))}"
+        faults += [Fault(f"argument --{option}", 0, 0,
+                         f"the robot {interface.name} has no {kind} {clean(name)}",
+                         did_you_mean(name, known) or hint) for name in given if name not in known]
     if faults:
         raise ConfigurationError(faults)
 
@@ -297,15 +289,13 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
     scenes: List[Scene] = []
     planned = 0
     try:
-        with plays.players(todo.theatre, todo.arguments, jobs) as play_all:
+        with plays.players(todo.theatre, jobs) as play_all:
             for scenes in todo.rounds(outcomes, search):
                 planned += len(scenes)
-                progress = PlayProgress(len(scenes))
-                for outcome in play_all(scenes):
+                for outcome in with_progress(play_all(scenes), len(scenes)):
                     survey.take(outcome)
                     if outcome.calls or outcome.scene.is_calm:
                         outcomes.append(outcome)
-                    progress.show()
     except KeyboardInterrupt:
         pass
     finally:
@@ -321,25 +311,20 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
 def _unmet(todo: Plan, outcomes: Iterable[Outcome]) -> Tuple[PlannedFault, ...]:
     """Return the planned faults whose calls no play has made."""
     made = {(call.node, call.number) for outcome in outcomes for call in outcome.calls}
-    return tuple(fault for fault, _ in todo.options.planned or ()
+    return tuple(fault for fault in todo.options.planned
                  if (fault.node, fault.call) not in made)
 
 
-class PlayProgress:
-    """A line on the terminal that shows how many plays of a round are done, and the time left."""
-
-    def __init__(self, of: int):
-        self._of, self._done, self._began = of, 0, time.monotonic()
-
-    def show(self) -> None:
-        """Count a further play, and show it if this is a terminal."""
-        self._done += 1
+def with_progress(outcomes: Iterable[Outcome], of: int) -> Iterator[Outcome]:
+    """Yield the outcomes of a round; a line on the terminal shows how many are done, and the time
+    left."""
+    began = time.monotonic()
+    for done, outcome in enumerate(outcomes, 1):
+        yield outcome
         if sys.stderr.isatty():
-            bar = ("#" * (BAR * self._done // self._of)).ljust(BAR, ".")
-            passed = time.monotonic() - self._began
-            left = html_report.duration(passed / self._done * (self._of - self._done))
-            sys.stderr.write(
-                f"\r[{bar}] {self._done} of {self._of} simulated runs, {left} left\x1b[K")
+            bar = ("#" * (BAR * done // of)).ljust(BAR, ".")
+            left = html_report.duration((time.monotonic() - began) / done * (of - done))
+            sys.stderr.write(f"\r[{bar}] {done} of {of} simulated runs, {left} left\x1b[K")
             sys.stderr.flush()
 
 
@@ -363,8 +348,8 @@ class Result(NamedTuple):
 def heading(result: Result) -> str:
     """Return a line with the numbers of plays and their time."""
     others = result.planned - result.plays
-    stopped = ", stopped before the other {}".format(others) if others else ""
-    mission = clean(os.path.basename(result.plan.arguments[1]))
+    stopped = f", stopped before the other {others}" if others else ""
+    mission = clean(os.path.basename(result.plan.theatre.mission))
     robot = result.plan.stage.settings.interface.name
     runs = count(result.plays, "simulated run", "simulated runs")
     return f"{mission}, robot {robot}: {runs} in {result.seconds:.1f} s{stopped}"
@@ -376,12 +361,8 @@ def as_text(result: Result) -> str:
         f"silent: {name}, since its declaration does not say what it publishes in a rehearsal "
         "(rehearsed)" for name in result.plan.silent] + [
             f"planned in vain: {fault}, since no play makes that call" for fault in result.unmet]
-    if result.rows:
-        lines += [""] + _columns(html_report.ROW_HEAD,
-                                 [html_report.row_cells(row) for row in result.rows])
-    if result.shares:
-        lines += [""] + _columns(html_report.SHARE_HEAD,
-                                 [html_report.share_cells(share) for share in result.shares])
+    for table in html_report.tables(result.rows, result.shares).values():
+        lines += ["", *_columns(table)]
     if result.story and not result.findings:
         lines += [""] + list(result.story)
     explained = ""  # the kind of the finding before
@@ -420,23 +401,23 @@ def _story_lines(story: Sequence[Any]) -> List[str]:
 
 def words(scene: Scene) -> str:
     """Return how a scene differs from the others, in one line."""
-    wrong = planned(scene) + [f"{name} silent" for name in scene.silent]
+    wrong = [*map(str, scene.planned), *(f"{name} silent" for name in scene.silent)]
     wrong += [f"failure rate {scene.rate:g}, seed {scene.seed}"] if scene.seed else []
     way = "voice" if scene.by_voice else "tablet"
     return f"visitor {scene.visitor}, by {way}, {', '.join(wrong) or 'no fault'}"
 
 
-def _columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> List[str]:
-    widths = [max(len(row[column]) for row in [head, *rows]) for column in range(len(head))]
+def _columns(table: html_report.Table) -> List[str]:
+    widths = [max(map(len, column)) for column in zip(*table)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
-            for row in [head, *rows]]
+            for row in table]
 
 
 def as_json(result: Result) -> Dict[str, Any]:
     """Return the result as data for JSON."""
     return {
-        "mission": result.plan.arguments[1], "plays": result.plays, "planned_plays": result.planned,
-        "silent_topics": result.plan.silent,
+        "mission": result.plan.theatre.mission, "plays": result.plays,
+        "planned_plays": result.planned, "silent_topics": result.plan.silent,
         "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],
         "shares": [dict(share._asdict(), share=share.share, interval=list(share.interval))
                    for share in result.shares],
@@ -446,6 +427,7 @@ def as_json(result: Result) -> Dict[str, Any]:
 def _finding_as_json(finding: FindingSummary) -> Dict[str, Any]:
     scene = finding.scene
     return dict(finding._asdict(), kind=finding.kind.name, means=finding.kind.means,
-                scene=None if scene is None else {**scene._asdict(), "planned": planned(scene)},
+                scene=None if scene is None else dict(
+                    scene._asdict(), planned=list(map(str, scene.planned))),
                 story=[sentence._asdict() for sentence in finding.story],
                 consequences=list(map(_finding_as_json, finding.consequences)))

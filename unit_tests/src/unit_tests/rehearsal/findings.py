@@ -1,17 +1,16 @@
 """The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
 detected in a play."""
-import bisect
 import re
 from functools import lru_cache
 from typing import (
-    Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple)
+    Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple)
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.bt.registry import Direction, Kind
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
-from behavior_controller.execution.state import Exchange, NodeResult
+from behavior_controller.execution.state import Exchange, LeafFailure, NodeResult
 from behavior_controller.leaves import data
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.robot.declarations import Sense, Topic
@@ -21,6 +20,7 @@ from behavior_controller.robot.requests import (
 from behavior_controller.text import clean, count
 
 from unit_tests.rehearsal.play import BUSY, Played, START, Stage
+from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.visitor import DECLINES, ENGAGES
 
 LAST_SHARE = 0.2
@@ -89,23 +89,23 @@ class Play:
         self.visited = [place for place in stage.knowledge.exhibits
                         if place.location[:2] in goals]
         self.leaves = [result for result in self.run.results
-                       if isinstance(self.nodes[result.uid - 1], MissionLeaf)]
-        self.succeeded = frozenset(result.uid for result in self.leaves if result.letter == "S")
+                       if isinstance(self.node(result.uid), MissionLeaf)]
+        self.done = [result for result in self.leaves if result.letter == "S"]
+        self.succeeded = frozenset(result.uid for result in self.done)
 
     def spec(self, uid: int) -> MissionSpec:
         """Return the node type of a mission leaf."""
-        spec = self.nodes[uid - 1].spec
+        spec = self.node(uid).spec
         assert isinstance(spec, MissionSpec)
         return spec
 
-    def hears(self, uid: int) -> bool:
-        """Return whether a mission leaf listens to an answer."""
-        spec = self.spec(uid)
-        return spec.writes(data.VISITOR_RESPONSE.name) or Sense.UTTERANCE in spec.listens
-
     def name(self, uid: int) -> str:
         """Return the type of a node."""
-        return clean(self.nodes[(uid or ROOT) - 1].registration_id)
+        return clean(self.node(uid).registration_id)
+
+    def node(self, uid: int) -> Node:
+        """Return a node; for 0, which is none, the root."""
+        return self.nodes[(uid or ROOT) - 1]
 
     @property
     def is_cut_off(self) -> bool:
@@ -123,7 +123,7 @@ class Play:
     def goodbyes(self) -> List[NodeResult]:
         """How the nodes ended that say goodbye."""
         return [result for result in self.leaves
-                if self.spec(result.uid).says_goodbye(self.nodes[result.uid - 1].name)]
+                if self.spec(result.uid).says_goodbye(self.node(result.uid).name)]
 
     @property
     def stops(self) -> Dict[str, int]:
@@ -132,44 +132,64 @@ class Play:
                                         if goal(drive)[:2] == place.location[:2])
                 for place in self.visited}
 
+    def presence(self, at: float) -> Tuple[float, bool]:
+        """Return whether a visitor was present at that time, and before that, since when."""
+        changes = (change for change in reversed(self.played.presence) if change[0] <= at)
+        return next(changes, (START, False))
+
     def is_visitor_here(self, at: float) -> bool:
         """Return whether a visitor was present at that time."""
-        return next((is_here for since, is_here in reversed(self.played.presence) if since <= at),
-                    False)
+        return self.presence(at)[1]
 
     @property
     def shown(self) -> Iterator[Tuple[NodeResult, NodeResult]]:
         """Yield how each leaf ended that has described a stop or pointed at it, and the leaf that
         chose the stop."""
-        for show in self.leaves:
-            read = entries(self.nodes[show.uid - 1], False) & SHOWN_AT_THE_PLACE
-            if show.letter != "S" or not {Say, PerformGesture} & set(self.spec(show.uid).calls):
+        for show in self.done:
+            read = entries(self.node(show.uid), False) & SHOWN_AT_THE_PLACE
+            if not {Say, PerformGesture} & set(self.spec(show.uid).calls):
                 continue
-            choices = [result for result in self.leaves
-                       if result.letter == "S" and result.ended <= show.began
-                       and entries(self.nodes[result.uid - 1], True) & read]
+            choices = [result for result in self.done if result.ended <= show.began
+                       and entries(self.node(result.uid), True) & read]
             if choices and self.spec(choices[-1].uid).writes(data.CURRENT_EXHIBIT.name):
                 yield show, choices[-1]
+
+    @property
+    def switched(self) -> Dict[Request, int]:
+        """The requests of the kinds that the safe state sends, each with its last leaf."""
+        kinds = {type(request) for request in self.stage.settings.interface.safe_state}
+        return {exchange.request: exchange.uid for exchange in self.exchanges
+                if type(exchange.request) in kinds}
+
+    def writers(self, entry: data.Datum) -> List[NodeResult]:
+        """Return the results of the leaves that wrote an entry."""
+        return [result for result in self.done if self.spec(result.uid).writes(entry.name)]
 
     def faulty(self) -> FrozenSet[str]:
         """Return the services of which a call went wrong on purpose."""
         return frozenset(line.resource for line in self.played.journal if line.fault is not None)
 
+    def faulty_leaves(self) -> List[LeafFailure]:
+        """Return the failures of leaves, not of their retries, at those services."""
+        faulty = self.faulty()
+        return [failed for failed in self.run.failures
+                if failed.failure.resource in faulty and not failed.attempt]
+
+    def handled(self) -> Set[str]:
+        """Return the paths of the nodes from whose failures there was a recovery."""
+        return {recovery.path for recovery in self.run.recoveries}
+
+    def caller(self, line: JournalEntry) -> int:
+        """Return the leaf that made a call in the journal."""
+        return next((exchange.uid for exchange in reversed(self.exchanges)
+                     if exchange.service == line.resource and exchange.asked <= line.time), ROOT)
+
     def calls(self) -> List[RobotCall]:
         """Return the mission's calls that reached a node."""
-        by_service: Dict[str, List[Exchange]] = {}
-        for exchange in self.exchanges:
-            by_service.setdefault(exchange.service, []).append(exchange)
-        times = {service: [exchange.asked for exchange in exchanges]
-                 for service, exchanges in by_service.items()}
-        calls = []
-        for line in self.played.journal:
-            if line.call and line.time <= self.played.ended:
-                index = bisect.bisect(times[line.resource], line.time) - 1
-                calls.append(RobotCall(line.node, line.call, by_service[line.resource][index].uid,
-                                  str(sorted(line.content.items())), line.done,
-                                  self.played.situations.get((line.node, line.call), b"")))
-        return calls
+        return [RobotCall(line.node, line.call, self.caller(line),
+                          str(sorted(line.content.items())), line.done,
+                          self.played.situations.get((line.node, line.call), b""))
+                for line in self.played.journal if line.call and line.time <= self.played.ended]
 
 
 def goal(drive: Exchange) -> Tuple[float, ...]:
@@ -187,15 +207,26 @@ class FindingKind(NamedTuple):
     detect: Callable[[Play], Iterator[Place]] = lambda play: iter(())
 
 
+def _kind(detect: Callable[[Play], Iterator[Place]]) -> FindingKind:
+    """Return the kind that a function detects: its name is the function's, its meaning the first
+    paragraph of the docstring."""
+    meaning = (detect.__doc__ or "").partition("\n\n")[0]
+    return FindingKind(detect.__name__[1:].replace("_", "-"), " ".join(meaning.split()), detect)
+
+
 # ------------------------------------------------------------------------------------------- no end
 
 
-def _busy(play: Play) -> Iterator[Place]:
+def _busy_loop(play: Play) -> Iterator[Place]:
+    """The mission never waits: it takes a whole core, and nothing else of the robot gets a turn.
+    Put a Sleep or a Delay into the loop."""
     if play.played.cut_off == BUSY:
         yield _waiting(play), "it is ticked again and again and waits for nothing"
 
 
 def _retries_for_ever(play: Play) -> Iterator[Place]:
+    """A service fails for good, and the mission makes the same request again without a limit: the
+    pass never ends. Give the loop a number of attempts, and each attempt a pause."""
     if not play.is_cut_off or play.calm is None or not play.calm.outcome:
         return
     failed = [exchange for exchange in play.late if isinstance(exchange.result, Failure)]
@@ -207,11 +238,13 @@ def _retries_for_ever(play: Play) -> Iterator[Place]:
 
 
 def _endless(play: Play) -> Iterator[Place]:
+    """The pass never ends: a loop without a bound repeats the same requests."""
     if play.is_cut_off and play.late and not any(_retries_for_ever(play)):
         yield play.late[-1].uid, f"after {play.played.seconds:.0f} s it still repeats itself"
 
 
-def _waits(play: Play) -> Iterator[Place]:
+def _waits_for_ever(play: Play) -> Iterator[Place]:
+    """The pass never ends: what the robot waits for does not come, and no limit ends the wait."""
     if play.is_cut_off and not play.late and not waits_for_a_visitor(play):
         yield _waiting(play), f"after {play.played.seconds:.0f} s it still waits here"
 
@@ -236,7 +269,9 @@ def _waiting(play: Play) -> int:
 # ---------------------------------------------------------------------------------- what goes wrong
 
 
-def _exceptions(play: Play) -> Iterator[Place]:
+def _exception(play: Play) -> Iterator[Place]:
+    """A node raises an exception, which ends the pass at once, or a declaration does not fit its
+    messages."""
     for text in filter(None, [play.played.error, *(error.text for error in play.run.errors)]):
         named = [node.uid for node in play.nodes if f"'{node.full_path}'" in text]
         yield _script_at(play, text) or (named[0] if named else ROOT), text
@@ -259,6 +294,7 @@ def _script_at(play: Play, text: str) -> int:
 
 
 def _missing_data(play: Play) -> Iterator[Place]:
+    """A node reads an entry or an answer that is not there."""
     for failed in play.run.failures:
         # pressing nothing is the visitor's answer, and a substitute is the policy's
         if failed.failure.cause is Cause.MISSING_DATA and not failed.attempt and failed.uid \
@@ -270,19 +306,22 @@ def _missing_data(play: Play) -> Iterator[Place]:
             yield recovery.uid, recovery.recovered.failure.message
 
 
-def _senseless(play: Play) -> Iterator[Place]:
+def _senseless_request(play: Play) -> Iterator[Place]:
+    """A node of the robot is asked for something that it does not know."""
     for line in play.played.journal:
         if line.objection is not None:
-            asked = [exchange.uid for exchange in play.exchanges
-                     if exchange.service == line.resource and exchange.asked <= line.time]
-            yield asked[-1] if asked else ROOT, f"{line.resource} refuses it: {line.objection}"
+            yield play.caller(line), f"{line.resource} refuses it: {line.objection}"
 
 
 def _shares_a_body(play: Play) -> Iterator[Place]:
-    """Find a request that is made while another leaf's to the same service is under way."""
+    """Two branches use one service of the robot at the same time: it has one body. Let one branch
+    wait for the other.
+
+    Find a request that is made while another leaf's to the same service is under way.
+    """
     under_way: Dict[str, Exchange] = {}
     for exchange in play.exchanges:
-        if not exchange.uid or play.nodes[exchange.uid - 1].spec.is_recovery:
+        if not exchange.uid or play.node(exchange.uid).spec.is_recovery:
             continue  # a recovery's safe state
         before = under_way.get(exchange.service)
         is_open = before is not None and before.answered is not None \
@@ -296,7 +335,10 @@ def _shares_a_body(play: Play) -> Iterator[Place]:
 
 
 def _cut_short(play: Play) -> Iterator[Place]:
-    """Find speech and gestures that are halted before they are over, with the visitor still there.
+    """Speech or a gesture is halted before it is over, and the robot goes on speaking or moving.
+    Give a Timeout more time than the robot needs.
+
+    Find speech and gestures that are halted before they are over, with the visitor still there.
     """
     steps = {step.call: step for step in play.run.steps}
     for exchange in play.run.exchanges:
@@ -308,9 +350,12 @@ def _cut_short(play: Play) -> Iterator[Place]:
             yield exchange.uid, f"it is halted after {seconds:.1f} s, before the robot is done"
 
 
-def _abandoned(play: Play) -> Iterator[Place]:
-    """Find a drive that was halted and not followed by another, or by one to another place although
-    nothing was wrong and the visitor is still there."""
+def _abandoned_drive(play: Play) -> Iterator[Place]:
+    """The mission stops waiting for a drive, and the robot drives on.
+
+    Find a drive that was halted and not followed by another, or by one to another place although
+    nothing was wrong and the visitor is still there.
+    """
     for drive, after in zip(play.drives, [*play.drives[1:], None]):
         is_excused = after is not None and (
             play.faults or goal(after) == goal(drive) or not play.is_visitor_here(drive.asked))
@@ -325,20 +370,19 @@ def _abandoned(play: Play) -> Iterator[Place]:
 def entries(node: Node, is_written: bool) -> FrozenSet[str]:
     """Return the entries that a node writes, or those that it reads; an entry of a SubTree with the
     path of that SubTree."""
-    names = set()
-    for port in node.spec.ports:
-        if port.direction is (Direction.IN if is_written else Direction.OUT):
-            continue
-        entry = reference(node.attributes.get(port.name, port.default or ""), port.name)
-        if entry is not None:
-            names.add(entry if entry.startswith("@") else
-                      node.full_path.rpartition("/")[0] + "/" + entry)
-    return frozenset(names)
+    other = Direction.IN if is_written else Direction.OUT
+    names = (reference(node.attributes.get(port.name, port.default or ""), port.name)
+             for port in node.spec.ports if port.direction is not other)
+    tree = node.full_path.rpartition("/")[0]
+    return frozenset(name if name.startswith("@") else f"{tree}/{name}" for name in names if name)
 
 
-def _swallowed(play: Play) -> Iterator[Place]:
-    """Find a request that builds on a step whose failure nothing has dealt with: it uses what an
-    earlier step has left on the blackboard, or shows what the robot has not driven to."""
+def _swallowed_failure(play: Play) -> Iterator[Place]:
+    """A step fails, the mission ignores that, and a later step goes on as if it had been done.
+
+    Find a request that builds on a step whose failure nothing has dealt with: it uses what an
+    earlier step has left on the blackboard, or shows what the robot has not driven to.
+    """
     failed: Dict[str, NodeResult] = {}  # by entry: the failure of its last writer
     steps = sorted(
         [(result.ended, 0, result) for result in play.leaves if result.letter in "SF"] +
@@ -350,7 +394,7 @@ def _swallowed(play: Play) -> Iterator[Place]:
         if isinstance(step, NodeResult):
             _note_result(play, step, failed)
         elif isinstance(step, Exchange):
-            node = play.nodes[step.uid - 1]
+            node = play.node(step.uid)
             if not isinstance(node, MissionLeaf) or node.spec.is_recovery:
                 continue
             read = entries(node, False)
@@ -366,14 +410,13 @@ def _swallowed(play: Play) -> Iterator[Place]:
                 yield last_drive.uid, (f"the drive fails, and {play.name(step.uid)} goes on as if "
                                        "the robot were there")
         elif step.has_helped:
-            for entry in [entry for entry, result in failed.items()
-                          if play.nodes[result.uid - 1].full_path == step.path]:
-                del failed[entry]
+            failed = {entry: result for entry, result in failed.items()
+                      if play.node(result.uid).full_path != step.path}
 
 
 def _note_result(play: Play, result: NodeResult, failed: Dict[str, NodeResult]) -> None:
     """Note for each entry that a leaf writes whether its last writer has failed to replace it."""
-    node = play.nodes[result.uid - 1]
+    node = play.node(result.uid)
     if Prompt in play.spec(result.uid).calls or node.spec.kind is Kind.CONDITION:
         return
     for entry in entries(node, True):
@@ -384,28 +427,26 @@ def _note_result(play: Play, result: NodeResult, failed: Dict[str, NodeResult]) 
 
 
 def _unrecovered(play: Play) -> Iterator[Place]:
-    """Find a service whose faults ended the pass without a HandleFallBack dealing with it."""
-    faulty, recoveries = play.faulty(), play.run.recoveries
+    """A service that fails ends the pass, because no HandleFallBack stands beside the node."""
     if play.outcome != "FAILURE" or play.calm is None or play.calm.outcome != "SUCCESS":
         return
-    if len(faulty) != 1 or any(recovery.outcome == GIVEN_UP for recovery in recoveries):
-        return
-    handled = {recovery.path for recovery in recoveries}
-    for failed in play.run.failures:
-        is_first = failed.failure.resource in faulty and not failed.attempt
-        if is_first and failed.path not in handled:
-            yield failed.uid, "its failure ends the pass, and no recovery handles it"
-            return
+    is_given_up = any(recovery.outcome == GIVEN_UP for recovery in play.run.recoveries)
+    unhandled = [failed for failed in play.faulty_leaves() if failed.path not in play.handled()]
+    if len(play.faulty()) == 1 and not is_given_up and unhandled:
+        yield unhandled[0].uid, "its failure ends the pass, and no recovery handles it"
 
 
-def _budget(play: Play) -> Iterator[Place]:
-    """Find a budget of recoveries that is spent, most of it on failures that no fault caused."""
+def _budget_spent(play: Play) -> Iterator[Place]:
+    """Recoveries use up the budget of the policy although hardly a call fails: what fails later
+    is given up at once.
+
+    Most of the budget was spent on failures that no fault caused.
+    """
     policy, faulty = play.stage.mission.policy, play.faulty()
-    rounds = sorted(
-        (recovery for recovery in play.run.recoveries if recovery.recovered is not None),
-        key=lambda recovery: recovery.decided)
-    own = sum(recovery.recovered is not None
-              and recovery.recovered.failure.resource not in faulty for recovery in rounds)
+    rounds = sorted((recovery for recovery in play.run.recoveries if recovery.recovered),
+                    key=lambda recovery: recovery.decided)
+    own = sum(recovery.recovered.failure.resource not in faulty
+              for recovery in rounds if recovery.recovered)
     for late, early in zip(rounds[policy.most:], rounds):
         if late.decided - early.decided < policy.seconds and 2 * own > policy.most:
             yield late.uid, (f"more than {policy.most} recoveries in {policy.seconds:g} s: "
@@ -417,6 +458,7 @@ def _budget(play: Play) -> Iterator[Place]:
 
 
 def _unwanted_drive(play: Play) -> Iterator[Place]:
+    """The robot drives to a stop although the visitor says no."""
     visit = play.run.state.visit
     is_declined = play.behaviour == DECLINES and visit is not None and visit.asked is not None
     if is_declined and not play.faults and play.visited:
@@ -426,7 +468,7 @@ def _unwanted_drive(play: Play) -> Iterator[Place]:
 
 
 def _left_out(play: Play) -> Iterator[Place]:
-    """Find a stop that the robot did not reach, without a recorded reason.
+    """The pass succeeds, and a stop is left out without a failure that explains it.
 
     A mission that does not take one stop after the other may be meant to show only some; so may
     one that asks the visitor meanwhile.
@@ -435,10 +477,10 @@ def _left_out(play: Play) -> Iterator[Place]:
         return
     if any(recovery.outcome in (SKIPPED, GIVEN_UP) for recovery in play.run.recoveries):
         return
-    taken = _done(play, data.CURRENT_EXHIBIT)
+    taken = play.writers(data.CURRENT_EXHIBIT)
     if len(taken) == len({result.uid for result in taken}):
         return
-    if any(result.began > taken[0].began for result in _done(play, data.VISITOR_RESPONSE)):
+    if any(result.began > taken[0].began for result in play.writers(data.VISITOR_RESPONSE)):
         return
     missed = [clean(place.name) for place in play.stage.knowledge.exhibits
               if place not in play.visited]
@@ -447,13 +489,8 @@ def _left_out(play: Play) -> Iterator[Place]:
         yield taken[-1].uid, f"the visitor says yes, and the robot does not drive to {stops}"
 
 
-def _done(play: Play, entry: data.Datum) -> List[NodeResult]:
-    """Return the results of the leaves that wrote an entry."""
-    return [result for result in play.leaves
-            if result.letter == "S" and play.spec(result.uid).writes(entry.name)]
-
-
 def _drives_twice(play: Play) -> Iterator[Place]:
+    """The robot is sent to the place where it stands."""
     for before, drive in zip(play.drives, play.drives[1:]):
         is_there = before.answered is not None and before.answered < drive.asked \
             and isinstance(before.result, Answer)
@@ -462,11 +499,14 @@ def _drives_twice(play: Play) -> Iterator[Place]:
 
 
 def _shown_away(play: Play) -> Iterator[Place]:
-    """Find a stop that is described or pointed at while the robot drives, or just before it does.
+    """A stop is described or pointed at while the robot is still driving, or before it drives
+    there.
+
+    Find a stop that is described or pointed at while the robot drives, or just before it does.
     """
     if play.faults or play.behaviour != ENGAGES:
         return
-    taken = _done(play, data.CURRENT_EXHIBIT)
+    taken = play.writers(data.CURRENT_EXHIBIT)
     places = {place.location[:2] for place in play.visited}
     by_stop: Dict[int, List[NodeResult]] = {}
     for show, chosen in play.shown:
@@ -483,19 +523,24 @@ def _shown_away(play: Play) -> Iterator[Place]:
 
 
 def _answer_mixed_up(play: Play) -> Iterator[Place]:
-    """Find a question to which nothing listens, and an answer that is used after another question,
-    or that is replaced unused."""
+    """The visitor's answer to one question is taken for that to another, or is lost.
+
+    Find a question to which nothing listens, and an answer that is used after another question,
+    or that is replaced unused.
+    """
     if play.faults:
         return
-    questions = play.stage.manners(play.behaviour).questions
+    questions = play.stage.world.visitor.manners.questions
     asked = [exchange for exchange in play.exchanges if isinstance(exchange.request, Say)
              and (exchange.request.text in questions or exchange.request.text.endswith("?"))]
-    heard = [result.ended for result in play.leaves if play.hears(result.uid)]
+    heard = [result.ended for result in play.leaves
+             if play.spec(result.uid).writes(data.VISITOR_RESPONSE.name)
+             or Sense.UTTERANCE in play.spec(result.uid).listens]
     prompted = [exchange.asked for exchange in play.exchanges
                 if isinstance(exchange.request, Prompt)]
     heard_at = max(heard + prompted, default=START)
     for question in asked if play.outcome else ():
-        node = play.nodes[(question.uid or ROOT) - 1]
+        node = play.node(question.uid)
         if isinstance(node, MissionLeaf) and node.spec.writes(data.QUESTION_ASKED_AT.name) \
                 and question.asked > heard_at:
             yield question.uid, "nothing listens to the answer"
@@ -511,7 +556,7 @@ def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place
     known: Optional[NodeResult] = None  # the answer that counts
     is_used, listened = False, START
     for result in play.leaves:
-        node = play.nodes[result.uid - 1]
+        node = play.node(result.uid)
         name = play.name(known.uid) if known is not None else ""
         if known is not None and answer in entries(node, False):
             is_used = True
@@ -530,19 +575,22 @@ def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place
 # ------------------------------------------------------------------------------------------ the end
 
 
-def _goodbye(play: Play) -> Iterator[Place]:
+def _goodbye_to_nobody(play: Play) -> Iterator[Place]:
+    """The robot says goodbye although the visitor has left."""
     for result in play.goodbyes:
-        if result.letter == "S" and not play.is_visitor_here(result.began):
-            seconds = result.began - _left(play, result.began)
-            yield result.uid, f"the visitor had left {seconds:.0f} s before"
+        since, is_here = play.presence(result.began)
+        if result.letter == "S" and not is_here:
+            yield result.uid, f"the visitor had left {result.began - since:.0f} s before"
 
 
 def _early_goodbye(play: Play) -> Iterator[Place]:
-    """Find words of goodbye after which the same visitor is shown another stop, or that are said
-    again."""
+    """The robot says goodbye, and then goes on with the same visitor.
+
+    That is, the same visitor is shown another stop, or hears the same words of goodbye again.
+    """
     said: Dict[Request, Exchange] = {}
     for exchange in play.exchanges if not play.faults else ():
-        node = play.nodes[(exchange.uid or ROOT) - 1]
+        node = play.node(exchange.uid)
         if exchange.request == SetAttention("scanning"):  # for the next visitor
             said.clear()
         if not isinstance(exchange.request, Say) or not isinstance(node, MissionLeaf) \
@@ -558,16 +606,13 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
                 yield bye.uid, f"{play.name(show.uid)} goes on after it"
 
 
-def _left(play: Play, at: float) -> float:
-    return max((since for since, is_here in play.played.presence if not is_here and since <= at),
-               default=START)
-
-
 def _no_goodbye(play: Play) -> Iterator[Place]:
-    """Find a visitor who gets no goodbye: after several stops, or since another step
-    failed that no recovery has handled."""
-    said = {result.uid for result in play.goodbyes if result.letter == "S"}
-    if not play.outcome or said or play.behaviour != ENGAGES:
+    """A visitor who has followed the robot is told no goodbye.
+
+    That is, after several stops, or since another step failed that no recovery has handled.
+    """
+    is_said = any(result.letter == "S" for result in play.goodbyes)
+    if not play.outcome or is_said or play.behaviour != ENGAGES:
         return
     if not play.faults and play.outcome == "SUCCESS" and len(play.visited) > 1:
         yield play.drives[-1].uid, "the last drive ends here, and the visitor is told no goodbye"
@@ -575,36 +620,29 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
         return
     tried = {result.uid for result in play.goodbyes}
     omitted = [result.uid for result in play.calm.goodbyes if result.uid not in tried]
-    failed = next((failure for failure in play.run.failures
-                   if not failure.attempt and failure.failure.resource in play.faulty()), None)
-    handled = {recovery.path for recovery in play.run.recoveries}
-    if omitted and failed is not None and failed.path not in handled:
-        yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
+    for failed in play.faulty_leaves()[:1] if omitted else ():
+        if failed.path not in play.handled():
+            yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
 
 
 def _left_on(play: Play) -> Iterator[Place]:
-    """Find what a pass leaves switched on; a request to switch it off counts even if it was
-    refused."""
+    """Attention or lifelike movement is on after the drives of a pass.
+
+    A request to switch it off counts even if it was refused.
+    """
     if not play.outcome or not play.drives:
         return
     for safe in play.stage.settings.interface.safe_state:
         asked = [exchange for exchange in play.exchanges
                  if type(exchange.request) is type(safe)]
-        if asked and asked[-1].request != safe:
-            last = doing(asked[-1].request)
+        words = asked[-1].request.words if asked and asked[-1].request != safe else None
+        if words is not None:
+            last = f"{words.doing} {words.what}".strip()
             yield asked[-1].uid, f"{safe.switches} is left on: the last request is {last}"
 
 
-def doing(request: Request) -> str:
-    """Return in words what a request makes the robot do."""
-    words = request.words
-    if words is None:
-        return type(request).__name__
-    return " ".join(filter(None, (words.doing, words.what)))
-
-
 def _not_home(play: Play) -> Iterator[Place]:
-    """Find a pass whose last drive does not lead home.
+    """The last drive of a pass does not lead home.
 
     It may end elsewhere if the way home cannot be looked up, or if a recovery gives up for a
     service: the robot is then in the safe state, and the operator is told what to repair.
@@ -615,11 +653,10 @@ def _not_home(play: Play) -> Iterator[Place]:
     last = play.drives[-1]
     is_unknown = any(exchange.request == QueryKnowledge("home") and exchange.asked > last.asked
                      for exchange in play.exchanges)
-    given_up = [recovery for recovery in play.run.recoveries
-                if recovery.outcome == GIVEN_UP and recovery.decided > last.asked]
     is_reported = any(
-        recovery.recovered is not None and not recovery.is_idle
-        and recovery.recovered.failure.cause is not Cause.CONDITION_FALSE for recovery in given_up)
+        recovery.recovered is not None and recovery.outcome == GIVEN_UP and not recovery.is_idle
+        and recovery.recovered.failure.cause is not Cause.CONDITION_FALSE
+        for recovery in play.run.recoveries if recovery.decided > last.asked)
     if not (is_unknown or is_reported):
         yield last.uid, "the last drive leads to {:g}, {:g} and not home".format(*goal(last)[:2])
 
@@ -635,71 +672,16 @@ NEVER_OFF = FindingKind(
 UNREACHED = FindingKind("unreached", "No play brings the mission to this node.")
 
 KINDS = (
-    FindingKind(
-        "busy-loop", "The mission never waits: it takes a whole core, and nothing else of the "
-        "robot gets a turn. Put a Sleep or a Delay into the loop.", _busy),
-    FindingKind("exception", "A node raises an exception, which ends the pass at once, or "
-                "a declaration does not fit its messages.",
-                _exceptions),
-    FindingKind("missing-data", "A node reads an entry or an answer that is not there.",
-                _missing_data),
-    FindingKind(
-        "senseless-request", "A node of the robot is asked for something that it does not know.",
-        _senseless),
-    FindingKind("endless", "The pass never ends: a loop without a bound repeats the same requests.",
-                _endless),
-    FindingKind(
-        "retries-for-ever", "A service fails for good, and the mission makes the same request "
-        "again without a limit: the pass never ends. Give the loop a number of attempts, and each "
-        "attempt a pause.", _retries_for_ever),
-    FindingKind(
-        "waits-for-ever", "The pass never ends: what the robot waits for does not come, and no "
-        "limit ends the wait.", _waits),
-    FindingKind(
-        "swallowed-failure", "A step fails, the mission ignores that, and a later step goes on as "
-        "if it had been done.", _swallowed),
-    FindingKind(
-        "unrecovered", "A service that fails ends the pass, because no HandleFallBack stands "
-        "beside the node.", _unrecovered),
-    FindingKind(
-        "shares-a-body", "Two branches use one service of the robot at the same time: it has one "
-        "body. Let one branch wait for the other.", _shares_a_body),
-    FindingKind(
-        "cut-short", "Speech or a gesture is halted before it is over, and the robot goes on "
-        "speaking or moving. Give a Timeout more time than the robot needs.", _cut_short),
-    FindingKind(
-        "abandoned-drive", "The mission stops waiting for a drive, and the robot drives on.",
-        _abandoned),
-    FindingKind(
-        "shown-away", "A stop is described or pointed at while the robot is still driving, or "
-        "before it drives there.", _shown_away),
-    FindingKind(
-        "answer-mixed-up", "The visitor's answer to one question is taken for that to another, "
-        "or is lost.", _answer_mixed_up),
-    FindingKind(
-        "early-goodbye", "The robot says goodbye, and then goes on with the same visitor.",
-        _early_goodbye),
-    NEVER_TRUE,
-    NEVER_SUCCEEDS,
-    ONE_WAY,
-    FindingKind(
-        "budget-spent", "Recoveries use up the budget of the policy although hardly a call fails: "
-        "what fails later is given up at once.", _budget),
-    FindingKind("unwanted-drive", "The robot drives to a stop although the visitor says no.",
-                _unwanted_drive),
-    FindingKind("left-out",
-                "The pass succeeds, and a stop is left out without a failure that explains it.",
-                _left_out),
-    FindingKind("drives-twice", "The robot is sent to the place where it stands.", _drives_twice),
-    FindingKind("goodbye-to-nobody", "The robot says goodbye although the visitor has left.",
-                _goodbye),
-    FindingKind("no-goodbye", "A visitor who has followed the robot is told no goodbye.",
-                _no_goodbye),
-    FindingKind("left-on", "Attention or lifelike movement is on after the drives of a pass.",
-                _left_on),
-    FindingKind("not-home", "The last drive of a pass does not lead home.", _not_home),
-    NEVER_OFF,
-    UNREACHED)
+    *map(_kind, (
+        _busy_loop, _exception, _missing_data, _senseless_request, _endless,
+        _retries_for_ever, _waits_for_ever, _swallowed_failure, _unrecovered,
+        _shares_a_body, _cut_short, _abandoned_drive, _shown_away, _answer_mixed_up,
+        _early_goodbye)),
+    NEVER_TRUE, NEVER_SUCCEEDS, ONE_WAY,
+    *map(_kind, (
+        _budget_spent, _unwanted_drive, _left_out, _drives_twice, _goodbye_to_nobody,
+        _no_goodbye, _left_on, _not_home)),
+    NEVER_OFF, UNREACHED)
 """All kinds; a kind that follows from others stands after them."""
 
 CAUSES = frozenset(kind.name for kind in KINDS[:KINDS.index(NEVER_SUCCEEDS) + 1])

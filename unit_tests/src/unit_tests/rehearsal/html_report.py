@@ -1,7 +1,8 @@
 """A rehearsal as one self-contained web page, and the cells of its tables, which the terminal shows
 too."""
-import html
-from typing import Any, List, Sequence
+from typing import Dict, Sequence
+
+from tornado.template import Template
 
 from behavior_controller.monitoring.report_frame import encodable, framed
 from behavior_controller.text import count
@@ -11,14 +12,54 @@ from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share
 ROW_HEAD = ("visitor", "answers by", "outcome", "after", "stops", "with faults")
 SHARE_HEAD = ("failure rate", "runs", "successes", "share", "95 % interval", "pass takes")
 
+CONTENT = """{% for section, (head, *rows) in tables.items() %}\
+<section id="{{ section }}"><h2>{{ section }}</h2>
+{% if section == "Successes" %}{% raw plot(shares) %}{% end %}\
+<table class="cells"><tr>{% for cell in head %}<th scope="col">{{ cell }}</th>{% end %}</tr>
+{% for row in rows %}<tr>{% for cell in row %}<td>{{ cell }}</td>{% end %}</tr>
+{% end %}</table></section>
+{% end %}<section id="Findings"><h2>Findings</h2>
+{% for finding in findings %}<h3>{{ finding.kind.name }}: {{ text(finding.where) }}</h3>
+<p>{{ finding.kind.means }}</p>
+<p>{{ text(finding.what) }} (<code>{{ text(finding.place) }}</code>)</p>
+{% for other in finding.consequences %}\
+<p>As a consequence, {{ other.kind.name }} at {{ text(other.where) }} \
+(<code>{{ text(other.place) }}</code>): {{ text(other.what) }}</p>
+{% end %}{% if finding.scene is not None %}<details><summary>the shortest of \
+{{ count(finding.plays, "simulated run", "simulated runs") }}</summary><table>
+{% for sentence in finding.story %}<tr><td class="at">{{ "%.1f" % sentence.at }} s</td>\
+<td>{{ text(sentence.text) }}</td></tr>
+{% end %}</table></details>
+<p>Again: <code>{{ text(finding.command) }}</code></p>
+{% end %}{% end %}{% if not findings %}<p>Nothing was found.</p>{% end %}</section>"""
+
 PLOT = """<svg class="plot" role="img" aria-label="share of successes over the failure rate"
-width="590" height="260" viewBox="-50 -10 590 260">{0}<polyline points="{1}"/>{2}
-<text x="260" y="246" text-anchor="middle">failure rate</text></svg>"""
+width="590" height="260" viewBox="-50 -10 590 260">
+{% for at in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0) %}<path d="M0 {{ y(at) }}H520"/>
+<text x="-6" y="{{ y(at) }}" dy="4" text-anchor="end">{{ "%.0f" % (100 * at) }} %</text>
+<text x="{{ x(at) }}" y="238" text-anchor="middle">{{ "%g" % at }}</text>
+{% end %}<polyline points="{{ " ".join(points) }}"/>
+{% for share in shares %}{% set low, high = share.interval %}\
+<path class="share" d="M{{ x(share.rate) }} {{ y(low) }}V{{ y(high) }}"/>
+<circle cx="{{ x(share.rate) }}" cy="{{ y(share.share) }}" r="3.5">\
+<title>{{ "; ".join(share_cells(share)) }}</title></circle>
+{% end %}<text x="260" y="246" text-anchor="middle">failure rate</text></svg>"""
 """The plot's area is 520 pixels wide and 220 high, from the origin on; the axes' labels are outside
 of it."""
 
 
-def row_cells(row: VisitorRow) -> List[str]:
+Table = Sequence[Sequence[str]]
+"""The cells of a table, its head first."""
+
+
+def tables(rows: Sequence[VisitorRow], shares: Sequence[Share]) -> Dict[str, Table]:
+    """Return the tables that have rows, by their titles."""
+    all_tables = {"Visitors": [ROW_HEAD, *map(row_cells, rows)],
+                  "Successes": [SHARE_HEAD, *map(share_cells, shares)]}
+    return {title: table for title, table in all_tables.items() if len(table) > 1}
+
+
+def row_cells(row: VisitorRow) -> Sequence[str]:
     """Return the cells for a visitor."""
     faulty = ", ".join(f"{number} {outcome or 'without an end'}"
                        for outcome, number in row.with_faults)
@@ -26,7 +67,7 @@ def row_cells(row: VisitorRow) -> List[str]:
             duration(row.seconds), str(row.stops), faulty or "-"]
 
 
-def share_cells(share: Share) -> List[str]:
+def share_cells(share: Share) -> Sequence[str]:
     """Return the cells for the runs at one failure rate."""
     return [f"{share.rate:g}", str(share.runs), str(share.successes), f"{100 * share.share:.1f} %",
             "{:.1f} to {:.1f} %".format(*(100 * end for end in share.interval)),
@@ -42,65 +83,19 @@ def duration(seconds: float) -> str:
 def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
             findings: Sequence[FindingSummary]) -> str:
     """Return the page."""
-    sections = {}
-    if rows:
-        sections["Visitors"] = _table(ROW_HEAD, [row_cells(row) for row in rows])
-    if shares:
-        sections["Successes"] = plot(shares) + _table(
-            SHARE_HEAD, [share_cells(share) for share in shares])
-    sections["Findings"] = "\n".join(map(_finding, findings)) or "<p>Nothing was found.</p>"
-    content = "\n".join("<section id=\"{0}\"><h2>{0}</h2>{1}</section>".format(name, part)
-                        for name, part in sections.items())
-    return framed(title, [], {name: name for name in sections}, content)
-
-
-def _text(value: Any) -> str:
-    return html.escape(encodable(value))
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    heads = "".join("<th scope=\"col\">{}</th>".format(_text(cell)) for cell in head)
-    lines = ["<tr>{}</tr>".format(heads)] + [
-        "<tr>{}</tr>".format("".join("<td>{}</td>".format(_text(cell)) for cell in row))
-        for row in rows
-    ]
-    return "<table class=\"cells\">{}</table>".format("\n".join(lines))
-
-
-def _finding(finding: FindingSummary) -> str:
-    story = "".join(
-        f"<tr><td class=\"at\">{sentence.at:.1f} s</td><td>{_text(sentence.text)}</td></tr>"
-        for sentence in finding.story)
-    runs = count(finding.plays, "simulated run", "simulated runs")
-    shown = "" if finding.scene is None else (
-        f"<details><summary>the shortest of {runs}</summary><table>{story}</table></details>"
-        f"<p>Again: <code>{_text(finding.command)}</code></p>")
-    others = "".join(
-        f"<p>As a consequence, {_text(other.kind.name)} at {_text(other.where)} "
-        f"(<code>{_text(other.place)}</code>): {_text(other.what)}</p>"
-        for other in finding.consequences)
-    return (f"<h3>{_text(finding.kind.name)}: {_text(finding.where)}</h3>"
-            f"<p>{_text(finding.kind.means)}</p>"
-            f"<p>{_text(finding.what)} (<code>{_text(finding.place)}</code>)</p>{others}{shown}")
+    shown = tables(rows, shares)
+    content = Template(CONTENT).generate(tables=shown, shares=shares, findings=findings, plot=plot,
+                                         count=count, text=encodable)
+    sections = [*shown, "Findings"]
+    return framed(title, [], {name: name for name in sections}, content.decode())
 
 
 def plot(shares: Sequence[Share]) -> str:
     """Return the shares over the failure rate as SVG: points joined by lines, each with its
     interval."""
-    axes = [
-        "<path d=\"M0 {1}H520\"/>"
-        "<text x=\"-6\" y=\"{1}\" dy=\"4\" text-anchor=\"end\">{2:.0f} %</text>"
-        "<text x=\"{0}\" y=\"238\" text-anchor=\"middle\">{3:g}</text>".format(
-            _x(at), _y(at), 100 * at, at) for at in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-    ]
-    points = " ".join("{},{}".format(_x(share.rate), _y(share.share)) for share in shares)
-    marks = [
-        "<path class=\"share\" d=\"M{0} {1}V{2}\"/><circle cx=\"{0}\" cy=\"{3}\" r=\"3.5\">"
-        "<title>{4}</title></circle>".format(_x(share.rate), *map(_y, share.interval),
-                                             _y(share.share), _text("; ".join(share_cells(share))))
-        for share in shares
-    ]
-    return PLOT.format("".join(axes), points, "".join(marks))
+    points = [f"{_x(share.rate)},{_y(share.share)}" for share in shares]
+    svg = Template(PLOT).generate(shares=shares, points=points, share_cells=share_cells, x=_x, y=_y)
+    return svg.decode()
 
 
 def _x(rate: float) -> str:

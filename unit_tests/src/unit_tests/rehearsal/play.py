@@ -27,11 +27,11 @@ from behavior_controller.robot.requests import Request
 
 from unit_tests.rehearsal import blocked_leaf
 from unit_tests.rehearsal.situations import Situations
-from unit_tests.robot.behaviour import TOPICS, rehearsed_topics
+from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.building import Building
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.virtual_robot import SHORTEST_GAP, VirtualRobot
-from unit_tests.robot.visitor import Manners, Visitor
+from unit_tests.robot.visitor import Visitor
 from unit_tests.robot.world import World, world as read_world
 from unit_tests.robot import options
 from unit_tests.robot.options import Configuration
@@ -115,13 +115,10 @@ class Stage:
     def knowledge(self) -> Building:
         return self.world.knowledge
 
-    def manners(self, behaviour: str) -> Manners:
-        """Return the manners of a visitor with that behaviour."""
-        return self.world.visitor.manners._replace(behaviour=behaviour)
-
     def world_of(self, test: Configuration) -> World:
         """Return the world of a test, before the robot's first request."""
-        return self.world._replace(visitor=Visitor(self.manners(test.visitor_behaviour)))
+        manners = self.world.visitor.manners._replace(behaviour=test.visitor_behaviour)
+        return self.world._replace(visitor=Visitor(manners))
 
     def play(self, test: Configuration, silent: Collection[str] = (),
              shortest_gap: float = SHORTEST_GAP, has_situations: bool = False) -> Played:
@@ -143,7 +140,7 @@ class _VirtualRunner(Runner):
     """A runner that advances the clock to the next event instead of waiting for it."""
 
     deadline = math.inf
-    asked: Sequence[Tuple[float, Request]] = ()
+    robot: VirtualRobot
     _busy = 0
 
     def _tick(self) -> Result:
@@ -151,7 +148,7 @@ class _VirtualRunner(Runner):
         self._busy += self.tree.busy_loops
         if self._busy > MOST_BUSY:
             raise _TimeIsUp(BUSY)
-        if len(self.asked) > MOST_REQUESTS:
+        if len(self.robot.asked) > MOST_REQUESTS:
             raise _TimeIsUp(TOO_MANY)
         return result
 
@@ -185,16 +182,17 @@ class _Play:
         self._ended = math.inf
         self._reached: Set[int] = set()
         self._met: Dict[Tuple[str, int], bytes] = {}
-        self._has_met = not test.planned_faults  # whether the calls from now on are wanted
 
     def note_situations(self) -> None:
         """Note what each call meets, from the first fault on if one is planned."""
         situations = Situations(self._mission.tree, self._robot)
+        is_wanted = not self._test.planned_faults
 
         def note(entry: JournalEntry) -> None:
-            if self._has_met:
+            nonlocal is_wanted
+            if is_wanted:
                 self._met[entry.node, entry.call] = situations.now()
-            self._has_met |= entry.fault is not None
+            is_wanted = is_wanted or entry.fault is not None
 
         self._robot.called = note
 
@@ -206,17 +204,13 @@ class _Play:
         self._note(shown(tree))
         tree.follow(self._follow)
         for topic in rehearsed_topics(self._mission.settings.interface):
-            if topic.name in silent:
-                continue
-            if topic.name in TOPICS:
-                robot.node(topic.node).publish()
-            else:
-                robot.topics.rehearse(topic)
+            if topic.name not in silent:
+                robot.publish(topic)
         context = self._mission.context(robot.gateway, robot.topics, events, robot.health)
         running = Running(tree, context, self._mission.file, self._test.mission_runs)
         runner = _VirtualRunner(running, lambda: False)
         runner.deadline = START + self._test.test_timeout
-        runner.asked = robot.asked
+        runner.robot = robot
         return self._played(*_ended(runner))
 
     def _played(self, exit_code: Optional[int], cut_off: str, error: str) -> Played:

@@ -2,9 +2,9 @@
 evaluated."""
 import dataclasses
 import multiprocessing
-import multiprocessing.pool
 import signal
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from multiprocessing.pool import Pool
 from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
                     Optional, Sequence, Set, Tuple)
 
@@ -17,7 +17,7 @@ from unit_tests.rehearsal import findings
 from unit_tests.rehearsal.findings import RobotCall, Finding, Play
 from unit_tests.robot.faults import KINDS, PlannedFault
 from unit_tests.robot.options import REAL
-from unit_tests.rehearsal.play import CALM, MOST_REQUESTS, Stage
+from unit_tests.rehearsal.play import CALM, Stage
 
 MESSAGES = 1.0
 """Seconds between two messages of a topic, or half of ``topicMaxAge`` if less: in a rehearsal no
@@ -38,11 +38,7 @@ BROKEN = "exception"
 
 class Scene(NamedTuple):
     """One play: a visitor, how the visitor answers, and the faults: planned, or random with
-    ``rate`` and ``seed``.
-
-    The faults in ``lasting`` happen at that call of the node and at each later one. Seed 0: no
-    random faults.
-    """
+    ``rate`` and ``seed`` (0: no random faults)."""
 
     visitor: str
     by_voice: bool = True
@@ -51,13 +47,12 @@ class Scene(NamedTuple):
     rate: float = 0.0
     seed: int = 0
     kinds: Tuple[str, ...] = KINDS
-    lasting: Tuple[PlannedFault, ...] = ()
     is_traced: bool = False  # its calls are wanted, however many faults it has
 
     @property
     def is_calm(self) -> bool:
         """Whether the scene has no faults."""
-        return not (self.planned or self.silent or self.seed or self.lasting)
+        return not (self.planned or self.silent or self.seed)
 
     @property
     def is_listed(self) -> bool:
@@ -70,8 +65,9 @@ class Scene(NamedTuple):
         return Scene(self.visitor, self.by_voice)
 
     def with_fault(self, fault: PlannedFault) -> "Scene":
-        """Return the scene with a further planned fault."""
-        return self._replace(planned=self.planned + (fault,))
+        """Return the scene with a further planned fault; those that last stand last."""
+        planned = sorted((*self.planned, fault), key=lambda planned: planned.is_lasting)
+        return self._replace(planned=tuple(planned))
 
 
 class Outcome(NamedTuple):
@@ -96,10 +92,9 @@ class Theatre:
     process has its own."""
 
     def __init__(self, chosen: Mapping[str, Any], mission: str, limit: float):
-        """``chosen`` are the values of the controller's keys; ``limit`` is in seconds of the
-        mission's time."""
-        self._chosen, self._mission = dict(chosen), mission
-        self._limit = limit
+        """``chosen`` are the values of the controller's keys, ``mission`` is a file; ``limit`` is
+        in seconds of the mission's time."""
+        self.chosen, self.mission, self.limit = dict(chosen), mission, limit
         self._stages: Dict[bool, Stage] = {}
         self._calm: Dict[Scene, Play] = {}
 
@@ -107,18 +102,15 @@ class Theatre:
         """Return the stage. Raises FaultsFound if the mission cannot be played."""
         if by_voice not in self._stages:
             self._stages[by_voice] = Stage.of_file(
-                defaults(**dict(self._chosen, asrEnabled=by_voice)), self._mission)
+                defaults(**dict(self.chosen, asrEnabled=by_voice)), self.mission)
         return self._stages[by_voice]
 
     def play(self, scene: Scene) -> Play:
         """Play a scene."""
-        lasting = (fault._replace(call=fault.call + later) for fault in scene.lasting
-                   for later in range(MOST_REQUESTS))
-        planned = (*scene.planned, *lasting)
-        test = dataclasses.replace(CALM, visitor_behaviour=scene.visitor, planned_faults=planned,
-                                   failure_rate=scene.rate, random_seed=scene.seed,
-                                   fault_kinds=scene.kinds, test_timeout=self._limit,
-                                   call_times=REAL)
+        test = dataclasses.replace(
+            CALM, visitor_behaviour=scene.visitor, planned_faults=scene.planned,
+            failure_rate=scene.rate, random_seed=scene.seed, fault_kinds=scene.kinds,
+            test_timeout=self.limit, call_times=REAL)
         stage = self.stage(scene.by_voice)
         gap = min(MESSAGES, stage.settings.topic_max_age / 2)
         played = stage.play(test, scene.silent + self._unheard(stage), gap, scene.is_listed)
@@ -142,17 +134,13 @@ class Theatre:
     def evaluate(self, scene: Scene) -> Outcome:
         """Play a scene and find what is wrong in it."""
         with garbage_collection_paused():
-            return self._evaluated(scene, self.play(scene))
-
-    def _evaluated(self, scene: Scene, play: Play) -> Outcome:
-        kinds = {type(request) for request in play.stage.settings.interface.safe_state}
-        switched = {exchange.request: exchange.uid for exchange in play.exchanges
-                    if type(exchange.request) in kinds}
-        outcome = play.outcome or (BROKEN if play.played.error else
-                                   NO_VISITOR if findings.waits_for_a_visitor(play) else "")
-        return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
-                       tuple(findings.findings(play)), play.played.reached, play.succeeded,
-                       tuple(switched.items()), tuple(play.calls()) if scene.is_listed else ())
+            play = self.play(scene)
+            outcome = play.outcome or (BROKEN if play.played.error else
+                                       NO_VISITOR if findings.waits_for_a_visitor(play) else "")
+            return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
+                           tuple(findings.findings(play)), play.played.reached, play.succeeded,
+                           tuple(play.switched.items()),
+                           tuple(play.calls()) if scene.is_listed else ())
 
 
 # ------------------------------------------------------------------------------------- which scenes
@@ -192,8 +180,8 @@ def single(outcomes: Sequence[Outcome], kinds: Sequence[str], topics: Sequence[s
                 yield outcome.scene.with_fault(PlannedFault(call.node, call.number, kind))
             if call.uid not in leaves:
                 leaves.add(call.uid)
-                yield outcome.scene._replace(
-                    lasting=(PlannedFault(call.node, call.number, kinds[0]),))
+                yield outcome.scene.with_fault(
+                    PlannedFault(call.node, call.number, kinds[0], is_lasting=True))
         for topic in topics:
             yield outcome.scene._replace(silent=(topic,))
 
@@ -209,10 +197,10 @@ def pairs(outcomes: Sequence[Outcome], kinds: Sequence[str]) -> Iterator[Scene]:
     met = {(outcome.scene, call.node, call.fields, call.situation)
            for outcome in outcomes if outcome.scene.is_calm for call in outcome.calls}
     for outcome in outcomes:
-        if len(outcome.scene.planned) != 1 or not outcome.outcome:
+        single = [fault for fault in outcome.scene.planned if not fault.is_lasting]
+        if not single or not outcome.outcome:
             continue
-        fault, = outcome.scene.planned
-        first = [call[:2] for call in outcome.calls].index((fault.node, fault.call))
+        first = [call[:2] for call in outcome.calls].index(single[0][:2])
         for call in outcome.calls[first + 1:]:
             key = outcome.scene.calm, call.node, call.fields, call.situation
             if key not in met:
@@ -249,29 +237,26 @@ def _evaluate(scene: Scene) -> Outcome:
 
 
 @contextmanager
-def players(theatre: Theatre, arguments: Tuple[Any, ...], jobs: int) -> Iterator[PlayAll]:
-    """Give a function that yields the result of each scene as soon as it is known. ``arguments``
-    make another Theatre of the same mission."""
-    pools: List[multiprocessing.pool.Pool] = []
+def players(theatre: Theatre, jobs: int) -> Iterator[PlayAll]:
+    """Give a function that yields the result of each scene as soon as it is known."""
+    with ExitStack() as processes:
+        pool: Optional[Pool] = None
 
-    def play_all(scenes: Sequence[Scene]) -> Iterator[Outcome]:
-        if jobs <= 1 or len(scenes) <= FEW:
-            return map(theatre.evaluate, scenes)
-        if not pools:
-            pools.append(_pool(jobs, arguments))
-        return pools[0].imap_unordered(_evaluate, scenes, CHUNK)
+        def play_all(scenes: Sequence[Scene]) -> Iterator[Outcome]:
+            nonlocal pool
+            if jobs <= 1 or len(scenes) <= FEW:
+                return map(theatre.evaluate, scenes)
+            pool = pool or processes.enter_context(_pool(theatre, jobs))
+            return pool.imap_unordered(_evaluate, scenes, CHUNK)
 
-    try:
         yield play_all
-    finally:
-        for pool in pools:
-            pool.terminate()
 
 
-def _pool(jobs: int, arguments: Tuple[Any, ...]) -> multiprocessing.pool.Pool:
+def _pool(theatre: Theatre, jobs: int) -> Pool:
     # Ctrl-C is for this process; the others inherit that they ignore it, else each would print a
     # traceback
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    arguments = theatre.chosen, theatre.mission, theatre.limit
     try:
         return multiprocessing.get_context("spawn").Pool(jobs, _open, arguments)
     finally:

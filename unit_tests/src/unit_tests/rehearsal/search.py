@@ -1,4 +1,5 @@
 """Plans faults towards nodes that no play has reached."""
+import itertools
 from typing import Any, Dict, Iterable, Iterator, List, Set, Tuple
 
 from behavior_controller.bt.engine.node import Node
@@ -56,16 +57,11 @@ class Search:
             yield scenes
 
     def _new(self, scenes: Iterable[Scene]) -> List[Scene]:
-        chosen = []
-        for scene in scenes:
-            if scene in self._tried:
-                continue
-            if self.plays >= MOST_PLAYS:
-                self.is_cut = True
-                break
-            self._tried.add(scene)
-            self.plays += 1
-            chosen.append(scene)
+        new = [scene for scene in dict.fromkeys(scenes) if scene not in self._tried]
+        chosen = new[:MOST_PLAYS - self.plays]
+        self.is_cut = self.is_cut or len(chosen) < len(new)
+        self._tried.update(chosen)
+        self.plays += len(chosen)
         return chosen
 
     def _extended(self, node: Node) -> Iterator[Scene]:
@@ -84,7 +80,7 @@ class Search:
                 if call.uid in below and call.is_done:
                     fault = PlannedFault(call.node, call.number, self._kind)
                     yield scene.with_fault(fault)
-                    yield scene._replace(lasting=scene.lasting + (fault,))
+                    yield scene.with_fault(fault._replace(is_lasting=True))
 
     def _bursts(self) -> Iterator[Scene]:
         """Yield, for a visitor who engages, several faults in a row from each leaf's first call on,
@@ -100,13 +96,10 @@ class Search:
                 for length in BURSTS:
                     burst = (fault._replace(call=fault.call + later) for later in range(length))
                     yield scene._replace(planned=tuple(burst))
-            nodes: Dict[str, PlannedFault] = {}
-            for fault in first.values():
-                nodes.setdefault(fault.node, fault)
-            for one in nodes.values():
-                for other in nodes.values():
-                    if one.node < other.node:
-                        yield scene._replace(lasting=(one, other))
+            nodes = {fault.node: fault for fault in reversed(list(first.values()))}  # their first
+            lasting = (fault._replace(is_lasting=True) for fault in nodes.values())
+            for pair in itertools.combinations(sorted(lasting), 2):
+                yield scene._replace(planned=pair)
 
 
 def _below(node: Any) -> Set[int]:
@@ -115,15 +108,14 @@ def _below(node: Any) -> Set[int]:
 
 def _distance(outcome: Outcome) -> Tuple[int, int, bool]:
     scene = outcome.scene
-    faults = len(scene.planned) + len(scene.lasting) + len(scene.silent)
-    return faults, BEHAVIOURS.index(scene.visitor), not scene.by_voice
+    return len(scene.planned + scene.silent), BEHAVIOURS.index(scene.visitor), not scene.by_voice
 
 
 def verdict(search: Search, plays: int) -> str:
     """Return in words how sure it is that no play reaches a node, after so many plays."""
+    runs = count(plays, "simulated run", "simulated runs")
     if search.is_cut:
-        return "not reached by {}".format(count(plays, "simulated run", "simulated runs"))
-    return "no visitor and no fault brings the mission here, in {}".format(
-        count(plays, "simulated run", "simulated runs"))
+        return f"not reached by {runs}"
+    return f"no visitor and no fault brings the mission here, in {runs}"
 
 

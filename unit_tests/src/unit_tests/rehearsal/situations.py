@@ -12,7 +12,7 @@ from behavior_controller.leaves import data
 from unit_tests.robot.virtual_robot import VirtualRobot
 
 _OF_ALL_NODES = vars(Node).keys() | vars(Node("")) | {
-    "element", "mission", "decorated", "interception", "started_at", "attempt", "summary",
+    "element", "mission", "decorated", "interception", "started_at", "summary",
     "_last_failure"}
 """What a node has, apart from its status, that does not say what it does next."""
 

@@ -102,7 +102,8 @@ class Survey:
         self._outcomes.append(
             outcome._replace(findings=(), calls=(), reached=_NONE, succeeded=_NONE))
         self.reached |= outcome.reached
-        self._calmly |= outcome.reached if outcome.scene.is_calm else _NONE
+        if outcome.scene.is_calm:
+            self._calmly |= outcome.reached
         self._succeeded |= outcome.succeeded
         self._switched.update(outcome.switched)
         for finding in outcome.findings:
@@ -162,32 +163,24 @@ class Survey:
 
     def findings(self, search: Optional[Search] = None) -> List[FindingSummary]:
         """Return the findings, those of one kind together, each with its consequences."""
-        of_plays = {key: self._of_play(key) for key in self._shortest}
-        whole: Dict[Key, FindingSummary] = {}
+        every = {key: self._of_play(key) for key in self._shortest}
+        places = {place for _, place in every}
         for finding in self.whole(search):
             key = finding.kind, self.place(finding.uid)
-            if not any(place == key[1] for _, place in of_plays) or finding.uid == findings.ROOT:
-                kind, where = findings.BY_NAME[finding.kind], self._path(finding.uid)
-                whole.setdefault(key, FindingSummary(kind, where, key[1], finding.what))
-        every = {**of_plays, **whole}
+            if key[1] not in places or finding.uid == findings.ROOT:
+                every.setdefault(key, self._summary(finding))
         order = list(findings.BY_NAME)
         keys = sorted(every, key=lambda key: (order.index(key[0]), every[key].seconds,
                                               every[key].where))
-        below: Dict[Key, List[FindingSummary]] = {key: [] for key in keys}
+        below: Dict[Key, List[FindingSummary]] = {}
         for key in keys:
-            cause = self._cause(key, keys)
-            if cause is not None:
+            cause = next((other for other in below
+                          if other[0] in findings.CAUSES and self._follows(key, other)), None)
+            if cause is None:
+                below[key] = []
+            else:
                 below[cause].append(every[key])
-                del below[key]
         return [every[key]._replace(consequences=tuple(others)) for key, others in below.items()]
-
-    def _cause(self, key: Key, keys: Sequence[Key]) -> Optional[Key]:
-        """Return the finding, earlier in ``keys``, of which this one is a consequence, or None."""
-        for other in keys[:keys.index(key)]:
-            if other[0] in findings.CAUSES and self._follows(key, other) \
-                    and self._cause(other, keys) is None:
-                return other
-        return None
 
     def _follows(self, key: Key, other: Key) -> bool:
         """Return whether a finding may be there because of another one: it is at the same place, or
@@ -198,20 +191,21 @@ class Survey:
             return key[0] != other[0]
         engaged = {number for number, outcome in enumerate(self._outcomes)
                    if outcome.scene.is_calm and outcome.scene.visitor == ENGAGES}
-        plays = self._plays_of.get(key, engaged)
+        plays, others = self._plays_of.get(key, engaged), self._plays_of[other]
         if key[0] == findings.ONE_WAY.name:  # of the plays of one way
-            return not plays.isdisjoint(self._plays_of.get(other, set()))
-        return bool(plays) and plays <= self._plays_of.get(other, set())
+            return not plays.isdisjoint(others)
+        return bool(plays) and plays <= others
 
     def _of_play(self, key: Key) -> FindingSummary:
         outcome, finding = self._shortest[key]
-        return FindingSummary(
-            findings.BY_NAME[finding.kind], self._path(finding.uid), key[1], finding.what,
-            len(self._plays_of[key]), outcome.scene, outcome.seconds,
-            shortened(self.story(outcome.scene)), self.command(outcome.scene))
+        return self._summary(finding)._replace(
+            plays=len(self._plays_of[key]), scene=outcome.scene, seconds=outcome.seconds,
+            story=shortened(self.story(outcome.scene)), command=self.command(outcome.scene))
 
-    def _path(self, uid: int) -> str:
-        return clean(self._nodes[uid - 1].full_path)
+    def _summary(self, finding: Finding) -> FindingSummary:
+        where = clean(self._nodes[finding.uid - 1].full_path)
+        return FindingSummary(findings.BY_NAME[finding.kind], where, self.place(finding.uid),
+                              finding.what)
 
     def place(self, uid: int) -> str:
         """Return file, line and column of a node."""
@@ -234,8 +228,8 @@ class Survey:
             words += ["--kinds", ",".join(scene.kinds)] if scene.kinds != KINDS else []
         elif scene.is_calm:
             words += ["--faults", "none"]
-        if scene.planned or scene.lasting:
-            words += ["--planned", ",".join(planned(scene))]
+        if scene.planned:
+            words += ["--planned", ",".join(map(str, scene.planned))]
         if scene.silent:
             words += ["--silent", ",".join(scene.silent)]
         words.append("asrEnabled:=" + ("true" if scene.by_voice else "false"))
@@ -259,11 +253,6 @@ class Survey:
                 for rate in rates]
 
 
-def planned(scene: Scene) -> List[str]:
-    """Return the planned faults as an option has them; a fault that lasts has a plus."""
-    return list(map(str, scene.planned)) + ["{}:{}+:{}".format(*fault) for fault in scene.lasting]
-
-
 def shortened(story: Sequence[Sentence]) -> Tuple[Sentence, ...]:
     """Return a story that a person reads: of a long one the beginning and the end."""
     left_out = len(story) - MOST_SENTENCES
@@ -278,10 +267,10 @@ def _length(outcome: Outcome) -> Tuple[Any, ...]:
     """Return the key by which the shortest play sorts first; of equals, the first declared visitor
     and kind of fault."""
     scene = outcome.scene
-    faults = len(scene.planned) + len(scene.lasting) + len(scene.silent) + 99 * bool(scene.rate)
-    return (faults, len(scene.lasting), round(outcome.seconds),
-            BEHAVIOURS.index(scene.visitor), not scene.by_voice,
-            [KINDS.index(fault.kind) for fault in scene.planned + scene.lasting], scene)
+    lasting = [fault for fault in scene.planned if fault.is_lasting]
+    return (scene.rate > 0, len(scene.planned + scene.silent), len(lasting),
+            round(outcome.seconds), BEHAVIOURS.index(scene.visitor), not scene.by_voice,
+            [KINDS.index(fault.kind) for fault in scene.planned], scene)
 
 
 def _share(rate: float, outcomes: Sequence[Outcome]) -> Share:

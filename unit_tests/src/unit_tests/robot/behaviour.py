@@ -185,29 +185,24 @@ class SimulatedTopic(NamedTuple):
 
 
 def _faces(world: World) -> Faces:
-    is_here = world.visitor.is_here
-    return Faces(("visitor",), (_meets_gaze(world),)) if is_here else Faces((), ())
+    visitor = world.visitor
+    if not visitor.is_here:
+        return Faces((), ())
+    return Faces(("visitor",), (visitor.attention == "seeking" and visitor.looks_back,))
 
 
 def _face_fields(faces: Faces) -> Fields:
     return {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}
 
 
-def _meets_gaze(world: World) -> bool:
-    return world.visitor.attention == "seeking" and world.visitor.looks_back
-
-
 def _attention(world: World) -> AttentionStatus:
     visitor, robot = world.visitor, world.settings.interface
     if visitor.attention == "seeking":
         return AttentionStatus("seeking", GAZE_VALUES[world.settings.gaze_value][visitor.gaze()])
-    if visitor.attention in ("scanning", "social") and _is_seen_by_attention(robot):
+    sees_visitors = robot.evidence(Sense.VISITOR).topic.value is AttentionStatus
+    if visitor.attention in ("scanning", "social") and sees_visitors:
         return AttentionStatus(visitor.attention, DETECTED if visitor.is_here else SEARCHING)
     return AttentionStatus(visitor.attention, 0)
-
-
-def _is_seen_by_attention(interface: Interface) -> bool:
-    return interface.evidence(Sense.VISITOR).topic.value is AttentionStatus
 
 
 def _utterance(world: World) -> Optional[str]:

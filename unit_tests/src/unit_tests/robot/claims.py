@@ -20,6 +20,7 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
 from behavior_controller.ros.tcpros import NO_ANSWER, Trouble, ask, ask_master
 
+from unit_tests.folders import note, noted
 from unit_tests.robot import behaviour
 from unit_tests.robot.simulated_node import offers_of
 from unit_tests.robot.options import Arguments, Options, USE_REAL
@@ -69,25 +70,23 @@ class Holder(NamedTuple):
             holds = "already has " + ", ".join(self.resources)
         hint = "stop it, or test under a master of its own (ROS_MASTER_URI)"
         if self.claim.node in behaviour.NODES:
-            hint = "{}:=true leaves the simulated one out; or stop it".format(
-                USE_REAL[self.claim.node])
-        return Fault("node " + self.name, 0, 0, "it {} {}".format(holds, self._place), hint)
+            hint = f"{USE_REAL[self.claim.node]}:=true leaves the simulated one out; or stop it"
+        return Fault("node " + self.name, 0, 0, f"it {holds} {self._place}", hint)
 
     @property
     def replacement(self) -> str:
         """A line for a verdict: how it came into a running test."""
         if self.name == self.claim.name:
-            return "node {} was replaced during the test by another one {}".format(
-                self.name, self._place)
-        return "during the test {} came from node {} {}, not from {} alone".format(
-            ", ".join(self.resources), self.name, self._place, self.claim.name)
+            return f"node {self.name} was replaced during the test by another one {self._place}"
+        return (f"during the test {', '.join(self.resources)} came from node {self.name} "
+                f"{self._place}, not from {self.claim.name} alone")
 
     @property
     def _place(self) -> str:
+        place = f"on machine {self.machine}, "
         if self.process == UNKNOWN:
-            return "on machine {}, and does not answer (rosnode cleanup if it is gone)".format(
-                self.machine)
-        return "on machine {}, process {}".format(self.machine, self.process)
+            return place + "and does not answer (rosnode cleanup if it is gone)"
+        return place + f"process {self.process}"
 
 
 class NoMaster(NodesMissing):
@@ -190,18 +189,16 @@ def note_replacement(node: str, options: Options) -> None:
         line = "".join(holder.replacement for holder in others[:1]) or line
     except NodesMissing:
         pass
-    with open(os.path.join(options.arguments.folder, REPLACED), "w") as file:
-        file.write(line)
+    note(options.arguments.folder, REPLACED, line)
 
 
-def replacement(claims: Sequence[Claim], arguments: Arguments) -> str:
-    """Return a line about a node that has, or had, the place of one of this launch; empty without
-    any."""
-    try:
-        with open(os.path.join(arguments.folder, REPLACED)) as file:
-            return file.read()
-    except OSError:
-        pass
+def replacement(options: Options) -> str:
+    """Return a line about a node that has, or had, the place of one of the report's launch; empty
+    without any."""
+    claims, arguments = of_process(REPORT, options), options.arguments
+    known = noted(arguments.folder, REPLACED)
+    if known:
+        return known
     try:
         # twice: a node of ours that ends between its answer and the check of its process looks like
         # another's
@@ -220,8 +217,8 @@ def find_others(claims: Sequence[Claim], arguments: Arguments) -> Tuple[List[Hol
     try:
         holders: List[Holder] = run_apart(lambda: _holders(claims), WakeUp(), lambda: False, LIMIT)
     except Late:
-        raise NodesMissing("the ROS master at {} did not answer all questions within {:g} s".format(
-            rosgraph.get_master_uri(), LIMIT))
+        raise NodesMissing(f"the ROS master at {rosgraph.get_master_uri()} did not answer all "
+                           f"questions within {LIMIT:g} s")
     others = [holder for holder in holders if not _is_of_this_launch(holder, arguments)]
     return others, len(others) < len(holders)
 
@@ -268,8 +265,8 @@ def _ask_master(method: str, *values: str) -> Any:
         return ask_master(method, *values, seconds=ANSWER_LIMIT)
     except Trouble as trouble:
         if isinstance(trouble.__cause__, ConnectionRefusedError):
-            raise NoMaster("no ROS master at {}: start roscore, or use the launch file".format(
-                rosgraph.get_master_uri()))
+            uri = rosgraph.get_master_uri()
+            raise NoMaster(f"no ROS master at {uri}: start roscore, or use the launch file")
         raise NodesMissing(str(trouble))
 
 

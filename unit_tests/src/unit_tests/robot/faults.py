@@ -1,6 +1,6 @@
 """Which service calls of a simulated node go wrong, and how."""
 import random
-from typing import Dict, NamedTuple, Optional, Sequence
+from typing import NamedTuple, Optional, Sequence
 
 REFUSED = "refused"  # the answer says failure
 EXCEPTION = "exception"  # the server's handler raises
@@ -12,26 +12,29 @@ KINDS = (REFUSED, EXCEPTION, UNANSWERED, CRASH, WRONG)
 
 class PlannedFault(NamedTuple):
     """A fault of one particular call: ``textToSpeech:3`` or ``textToSpeech:3:unanswered``; calls
-    count from 1."""
+    count from 1. ``is_lasting``: of each later call too, as ``textToSpeech:3+``."""
 
     node: str
     call: int
     kind: str
+    is_lasting: bool = False
 
     def __str__(self) -> str:
         """Return it as a configuration has it."""
-        return ":".join(map(str, self))
+        return f"{self.node}:{self.call}{'+' if self.is_lasting else ''}:{self.kind}"
+
+    def hits(self, call: int) -> bool:
+        """Return whether that call of the node goes wrong."""
+        return call == self.call or self.is_lasting and call > self.call
 
 
 def parse_planned_fault(text: str, nodes: Sequence[str]) -> PlannedFault:
-    """Parse ``node:call[:kind]``. Raises ValueError that says what is allowed."""
+    """Parse ``node:call[:kind]``. Raises ValueError."""
     node, _, rest = text.partition(":")
     call, _, kind = rest.partition(":")
     kind = kind or REFUSED
     if node not in nodes or not call.isdigit() or int(call) < 1 or kind not in KINDS:
-        raise ValueError(
-            "node:call or node:call:kind, with node one of {}, call 1 or more and kind one of {}".
-            format(", ".join(nodes), ", ".join(KINDS)))
+        raise ValueError(text)
     return PlannedFault(node, int(call), kind)
 
 
@@ -42,9 +45,7 @@ class Faults:
                  planned: Sequence[PlannedFault] = ()):
         """``rate``: share of calls that go wrong, 0 to 1; ``planned``: faults of this node that
         happen in any case."""
-        self._rate = rate
-        self._kinds = kinds
-        self._planned: Dict[int, str] = {fault.call: fault.kind for fault in planned}
+        self._rate, self._kinds, self._planned = rate, kinds, planned
         self._random = random.Random(seed)
         self.calls = 0
 
@@ -54,4 +55,5 @@ class Faults:
         # both are drawn for every call, so that one decision does not shift the later ones
         fails = self._random.random() < self._rate
         kind = self._random.choice(self._kinds)
-        return self._planned.get(self.calls, kind if fails else None)
+        planned = [fault.kind for fault in self._planned if fault.hits(self.calls)]
+        return planned[-1] if planned else kind if fails else None

@@ -7,7 +7,6 @@ the answer is sent, and none is lost while connections come up.
 import json
 import math
 import os
-import time
 from typing import Any, Dict, List, NamedTuple, Optional
 
 FILE_NAME = "journal.jsonl"
@@ -21,7 +20,7 @@ class JournalEntry(NamedTuple):
     """One request that a node received (``call`` counts from 1), or, with call 0, a message of a
     topic: see ``RepeatFilter``."""
 
-    time: float  # unix seconds
+    time: float  # unix seconds, as in the controller's record
     node: str  # the simulated node, without the slash
     resource: str  # resolved name of the service or topic
     call: int
@@ -90,8 +89,3 @@ class Journal:
     def news(self) -> List[JournalEntry]:
         """Return the entries that were added since the last call."""
         return [JournalEntry(**json.loads(line)) for line in self._tail.news()]
-
-
-def now() -> float:
-    """Return the time that entries carry: unix seconds, which the controller's record uses too."""
-    return time.time()

@@ -95,8 +95,7 @@ class Configuration:
                              "`true`: a line for every request and every new message")
     visitor_behaviour: str = key(
         Reader(_BEHAVIOURS.allowed, lambda text: ALIASES.get(text) or _BEHAVIOURS(text)), ENGAGES,
-        "what the visitor does: {}, or `{}`: one of them at random".format(
-            _quoted(BEHAVIOURS), RANDOM))
+        f"what the visitor does: {_quoted(BEHAVIOURS)}, or `{RANDOM}`: one of them at random")
     mission_runs: int = key(integer(1, 10 ** 6), 1, "visitors until the test ends")
     random_seed: Optional[int] = key(
         Reader(_SEED.allowed + ", or nothing", lambda text: _SEED(text) if text else None), None,
@@ -116,8 +115,8 @@ class Configuration:
         "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`")
     absent_services: Tuple[str, ...] = key(
         Reader(_some_of(OPTIONAL), _several(one_of(*OPTIONAL))), (),
-        "what a robot of release 1.0 does not offer: {}, with commas between them".format(
-            _quoted(OPTIONAL)))
+        f"what a robot of release 1.0 does not offer: {_quoted(OPTIONAL)}, with commas between "
+        "them")
     call_times: str = key(
         one_of(AUTO, REAL, NONE), AUTO,
         "how long simulated calls take: `real` as on a robot, `none` no time at all, `auto` as "
@@ -355,14 +354,13 @@ def _chosen(values: Mapping[str, str], names: Collection[str]) -> Dict[str, str]
 
 def _drawn(test: Configuration, values: Mapping[str, str]) -> Configuration:
     """Return a configuration with a seed and a visitor for those that are to be random."""
-    if test.random_seed is None:
+    seed, behaviour = test.random_seed, test.visitor_behaviour
+    if seed is None:
         # a node that runs alone needs no common seed
         seed = int(values.get(DRAWN) or random.randrange(SEEDS))
-        test = dataclasses.replace(test, random_seed=seed)
-    if test.visitor_behaviour == RANDOM:
-        behaviour = random.Random("{}/behaviour".format(test.random_seed)).choice(BEHAVIOURS)
-        test = dataclasses.replace(test, visitor_behaviour=behaviour)
-    return test
+    if behaviour == RANDOM:
+        behaviour = random.Random("{}/behaviour".format(seed)).choice(BEHAVIOURS)
+    return dataclasses.replace(test, random_seed=seed, visitor_behaviour=behaviour)
 
 
 def _not_of_robot(test: Configuration, interface: Interface) -> List[Fault]:
@@ -421,7 +419,7 @@ def usage(remarks: Mapping[str, str]) -> str:
 def _help(declared: Key, value: object, remark: str) -> Tuple[str, str]:
     """Return two lines: name and current value; meaning, allowed values, and default."""
     default = "" if declared.default is REQUIRED else "default "
-    text = "      {} ({}; {}{})".format(declared.plain_meaning, declared.allowed, default,
-                                        declared.default_text)
+    allowed = f"{declared.allowed}; {default}{declared.default_text}"
+    text = f"      {declared.plain_meaning} ({allowed})"
     return ("  {:<26} {}".format(declared.name, config_file.to_text(value)).rstrip(),
             text + ("; " + remark if remark else ""))

@@ -19,9 +19,9 @@ from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent
 
 from unit_tests.robot import behaviour, claims, options
 from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields, NODES
+from unit_tests.robot.behaviour import Fields, NODES, TOPICS
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
-from unit_tests.robot.journal import Journal, JournalEntry, now
+from unit_tests.robot.journal import Journal, JournalEntry
 from unit_tests.robot.ros_messages import (
     fields_of, message, response, response_fields, serve_action, succeed)
 from unit_tests.robot.simulated_node import SimulatedNode
@@ -126,7 +126,7 @@ class RosNode:
         # for the journal and the visitor: each service connection is a thread
         self._lock = threading.Lock()
         self._stopped = threading.Event()
-        self._node = SimulatedNode(name, own.test, own.world, now, self._write)
+        self._node = SimulatedNode(name, own.test, own.world, time.time, self._write)
         self._published: Fields = {}
         self._read_journal()
         if not own.arguments.is_launched:  # else the report shows it
@@ -207,13 +207,15 @@ class RosNode:
 
     def _next_fields(self) -> Optional[Fields]:
         """Return the fields of the next message, which is in the journal; None without one."""
+        topic = self._node.offers.topic
         with self._lock:
             self._read_journal()
             name = rospy.resolve_name(self._node.offers.publisher)
-            produced = self._node.message(name, time.monotonic())
-        if produced is None:
+            value = self._node.message(name, time.monotonic())
+        if value is None or topic is None:
             return None
-        if produced.fields != self._published:
-            self._published = produced.fields
-            self._log("says", produced.fields)
-        return produced.fields
+        fields = TOPICS[topic.name].fields(value)
+        if fields != self._published:
+            self._published = fields
+            self._log("says", fields)
+        return fields

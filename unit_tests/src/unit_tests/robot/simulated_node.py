@@ -58,13 +58,6 @@ class Reply(NamedTuple):
         return "call {} of {} fails on purpose".format(self.entry.call, self.entry.node)
 
 
-class Published(NamedTuple):
-    """A message of a topic: its value, and the fields that carry it."""
-
-    value: Value
-    fields: Fields
-
-
 class SimulatedNode:
     """One node. Its journal entries reach the visitor of its ``world`` by those who ``write``
     them."""
@@ -121,8 +114,8 @@ class SimulatedNode:
             answer = service.rehearse(request)
         return Reply(entry, answer)
 
-    def message(self, resource: str, now: float) -> Optional[Published]:
-        """Return the next message, None if there is none, and write it to the journal.
+    def message(self, resource: str, now: float) -> Optional[Value]:
+        """Return the value of the next message, None if there is none, and write it to the journal.
 
         ``resource`` is the resolved name of topic or action, ``now`` a time in seconds that only
         grows.
@@ -137,4 +130,4 @@ class SimulatedNode:
         fields = simulated.fields(value)
         if self._repeats.is_due(fields, now):
             self._write(JournalEntry(self._stamp(), self.name, resource, 0, fields))
-        return Published(value, fields)
+        return value

@@ -24,7 +24,7 @@ from behavior_controller.robot.gateway import (Call, Cause, Failure, FakeTopics,
 from behavior_controller.robot.requests import Answer, Exhibit, Request
 
 from unit_tests.robot import behaviour
-from unit_tests.robot.behaviour import Fields, SERVICES
+from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.simulated_node import Reply, SimulatedNode
@@ -92,6 +92,14 @@ class VirtualRobot:
         if name not in self._nodes:
             self._nodes[name] = VirtualNode(self, name)
         return self._nodes[name]
+
+    def publish(self, topic: Topic) -> None:
+        """Have messages on a topic from now on: its node's, or those that another package's
+        declaration has for a rehearsal."""
+        if topic.name in TOPICS:
+            self.node(topic.node).publish()
+        else:
+            self.topics.rehearse(topic)
 
     def away(self) -> List[str]:
         """Return the names of the nodes that are not running."""
@@ -170,9 +178,9 @@ class VirtualNode:
         self._await_next()
         if offers.action is not None and robot.clock.now() > self._listens_until:
             return
-        message = self.model.message(offers.publisher, robot.clock.now())
-        if message is not None and offers.topic is not None:
-            robot.topics.publish(offers.topic, message.value)
+        value = self.model.message(offers.publisher, robot.clock.now())
+        if value is not None and offers.topic is not None:
+            robot.topics.publish(offers.topic, value)
 
 
 class VirtualTopics(FakeTopics):
@@ -237,12 +245,12 @@ class _VirtualCall:
         self._began = robot.clock.now()
         self._deadline = robot.mission.settings.deadline(service)
         self.call = Call(request, robot.wake, self._cancel)
-        after = robot.after
+        late = self._failure(Cause.NO_ANSWER, waited(self._deadline))
         self._timers = [
-            after(WAY, self._arrive),
-            after(self._deadline, self._expire),
-            after(self._deadline * SLOW_SHARE,
-                  lambda: robot.health.slow(service.name, self._deadline, service.kind))
+            robot.after(WAY, self._arrive),
+            robot.after(self._deadline, lambda: self._finish(late)),
+            robot.after(self._deadline * SLOW_SHARE,
+                        lambda: robot.health.slow(service.name, self._deadline, service.kind))
         ]
 
     def _cancel(self) -> None:
@@ -255,9 +263,6 @@ class _VirtualCall:
         self._robot.health.ended(self._service.name, seconds, self._deadline,
                                  isinstance(result, Failure), self._service.kind)
         self.call.finish(result)
-
-    def _expire(self) -> None:
-        self._finish(self._failure(Cause.NO_ANSWER, waited(self._deadline)))
 
     def _failure(self, cause: Cause, message: str) -> Failure:
         return Failure(cause, message, self._service.name)

@@ -112,26 +112,26 @@ class Visitor:
         if self._is_first_request:
             self._is_first_request = False
             self._come()
-        was_asked, self._is_asked = self._is_asked, self._is_asked and entry.node in UNNOTICED
+        is_speech_lost = entry.node == "textToSpeech" and not entry.done
+        self._is_asked = self._is_asked and (entry.node in UNNOTICED or is_speech_lost)
         reaction = self._REACTIONS.get(entry.node)
         if reaction is not None:
-            reaction(self, entry, was_asked)
+            reaction(self, entry)
 
-    def _notice_attention(self, entry: JournalEntry, _was_asked: bool) -> None:
+    def _notice_attention(self, entry: JournalEntry) -> None:
         if entry.content["state"] == "scanning":
             self._come()
         if entry.done:
             self.attention = entry.content["state"]
             self._gaze_attempts = 0
 
-    def _notice_movement(self, entry: JournalEntry, _was_asked: bool) -> None:
+    def _notice_movement(self, entry: JournalEntry) -> None:
         # the call for scanning may have been lost
         if entry.content["state"] == "enabled" and not self.is_here:
             self._come()
 
-    def _notice_speech(self, entry: JournalEntry, was_asked: bool) -> None:
+    def _notice_speech(self, entry: JournalEntry) -> None:
         if not entry.done:
-            self._is_asked = was_asked
             return
         words = entry.content["message"]
         self._named = next((place for place in self.manners.places if place.description1 == words),
@@ -141,20 +141,19 @@ class Visitor:
             self._questions += 1
             self._listens_until = entry.time + entry.seconds + REACTION * (entry.seconds > 0)
 
-    def _notice_drive(self, entry: JournalEntry, _was_asked: bool) -> None:
-        goal = (entry.content["goal_x"], entry.content["goal_y"])
+    def _notice_drive(self, entry: JournalEntry) -> None:
         if entry.done:
             self._drives += 1
-        if goal == self.manners.home:
-            self.is_here = False
-        elif self.manners.behaviour == LEAVES and (self._drives > WANTED or self._is_wanted):
+        has_seen = self._drives > WANTED or self._is_wanted
+        is_home = self.manners.home == (entry.content["goal_x"], entry.content["goal_y"])
+        if is_home or self.manners.behaviour == LEAVES and has_seen:
             self.is_here = False
 
-    def _notice_recognition(self, entry: JournalEntry, _was_asked: bool) -> None:
+    def _notice_recognition(self, entry: JournalEntry) -> None:
         if entry.done and "status" in entry.content:
             self.is_listened_to = entry.content["status"] == "true"
 
-    _REACTIONS: Dict[str, Callable[["Visitor", JournalEntry, bool], None]] = {
+    _REACTIONS: Dict[str, Callable[["Visitor", JournalEntry], None]] = {
         "overtAttention": _notice_attention, "animateBehavior": _notice_movement,
         "textToSpeech": _notice_speech, "robotNavigation": _notice_drive,
         "speechEvent": _notice_recognition

@@ -14,6 +14,7 @@ from behavior_controller.config.settings import split_arguments
 from behavior_controller.monitoring.record.recorder import FILE_NAME as RECORD
 from behavior_controller.ros_arguments import explain_node
 
+from unit_tests.folders import note, noted
 from unit_tests.robot import claims, options
 from unit_tests.robot.options import CONTROLLER, Configuration, Options, STARTUP_TIMEOUT
 
@@ -44,7 +45,7 @@ def main(command: List[str], check: Callable[[Options], None]) -> int:
         own = options.read(arguments)
         check(own)
     except ConfigurationError:
-        _note_exit_code(folder, 0)
+        note(folder, EXIT_CODE, "0\n")
         return 0  # the report names the fault and ends the launch
     for number in (signal.SIGINT, signal.SIGTERM):
         # the controller gets the signal too: wait for it to stop
@@ -52,7 +53,7 @@ def main(command: List[str], check: Callable[[Options], None]) -> int:
     process = subprocess.Popen(command_line(command, own.test, folder), stderr=subprocess.PIPE)
     _pass_on_errors(process, os.path.join(folder, ERRORS))
     code = process.wait()
-    _note_exit_code(folder, code)
+    note(folder, EXIT_CODE, "{}\n".format(code))
     _keep_record(folder, arguments.values.get("recordDirectory"))
     if code == exit_codes.FAILURE:
         return 0  # roslaunch would report a crash; the verdict judges the exit code
@@ -84,16 +85,7 @@ def _pass_on_errors(process: "subprocess.Popen[bytes]", path: str) -> None:
 
 def read_errors(folder: str) -> Tuple[str, ...]:
     """Return the errors that the controller has reported on its terminal."""
-    try:
-        with open(os.path.join(folder, ERRORS), encoding="utf-8") as file:
-            return tuple(file.read().splitlines())
-    except FileNotFoundError:
-        return ()
-
-
-def _note_exit_code(folder: str, code: int) -> None:
-    with open(os.path.join(folder, EXIT_CODE), "w") as file:
-        file.write("{}\n".format(code))
+    return tuple(noted(folder, ERRORS).splitlines())
 
 
 def _keep_record(folder: str, wanted: Optional[str]) -> None:
@@ -108,9 +100,5 @@ def _keep_record(folder: str, wanted: Optional[str]) -> None:
 
 def read_exit_code(folder: str) -> Optional[int]:
     """Return how the controller ended (negative: by that signal), or None if it has not."""
-    try:
-        with open(os.path.join(folder, EXIT_CODE)) as file:
-            text = file.read()
-    except FileNotFoundError:
-        return None
+    text = noted(folder, EXIT_CODE)
     return int(text) if text.endswith("\n") else None

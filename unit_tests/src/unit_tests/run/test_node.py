@@ -1,4 +1,5 @@
 """The node that waits for the end of the mission, writes the report and gives the verdict."""
+import contextlib
 import datetime
 import os
 import shutil
@@ -12,7 +13,7 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import LeafFinished, Line
+from behavior_controller.execution.events import LeafFinished
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.codec import Decoder
 from behavior_controller.monitoring.record.recorder import FILE_NAME as RECORD
@@ -27,7 +28,6 @@ from unit_tests.robot.journal import Journal, Tail
 from unit_tests.judge.junit import to_xml
 from unit_tests.rehearsal.faultless_play import rehearse
 from unit_tests.judge.report import title, to_page, write
-from unit_tests.robot.world import World
 from unit_tests.robot.options import Options, STARTUP_TIMEOUT
 from unit_tests.rehearsal.play import Stage, TIMED_OUT
 
@@ -107,15 +107,16 @@ def _test(own: Options) -> int:
     print("".join(line + "\n" for line in warnings), end="", flush=True)
     folder = own.arguments.folder
     began = time.monotonic()
-    claimed = claims.of_process(claims.REPORT, own)
     outcome = wait_for_end(folder, test.test_timeout, MissionProgress(folder).show,
-                           lambda: claims.replacement(claimed, own.arguments))
-    cut_off = outcome.cut_off or claims.replacement(claimed, own.arguments)
-    stage = _stage(world)
+                           lambda: claims.replacement(own))
+    cut_off = outcome.cut_off or claims.replacement(own)
     facts = Facts(outcome.run, Journal(folder).news(), outcome.exit_code, test, world,
-                  stage.mission if stage is not None else None, cut_off,
-                  rehearse(stage, test.visitor_behaviour) if stage is not None else None,
-                  own.real_nodes, read_errors(folder), outcome.stall)
+                  cut_off=cut_off, real=own.real_nodes, errors=read_errors(folder),
+                  stall=outcome.stall)
+    with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
+        stage = Stage(world.settings, world=world)
+        facts = facts._replace(mission=stage.mission,
+                               rehearsal=rehearse(stage, test.visitor_behaviour))
     if outcome.stall > WORTH_TELLING:
         warnings.append(STALLED.format(outcome.stall, facts.late))
     heading = title(facts, test, datetime.datetime.now())
@@ -129,18 +130,6 @@ def _test(own: Options) -> int:
     is_refused = outcome.run.state.started is None and outcome.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
     return finish(code, report.shown(columns, files, page))
-
-
-class RecordTail:
-    """Reads the controller's record while it is written."""
-
-    def __init__(self, path: str):
-        self._tail = Tail(path)
-        self._decoder = Decoder(path)
-
-    def news(self) -> List[Line]:
-        """Return the lines that were added since the last call. Raises MissionError."""
-        return [line for text in self._tail.news() for line in self._decoder.read(text)]
 
 
 class MissionProgress:
@@ -161,18 +150,9 @@ class MissionProgress:
             self._faults += line.fault is not None
         ran = next((line.event.node
                     for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
-        print(
-            "{:4.0f} s: pass {}, {} calls, {} of them made to fail; last: {}".format(
-                self._shown - self._began,
-                len(run.visits) + 1, self._calls, self._faults, ran or "not started"), flush=True)
-
-
-def _stage(world: World) -> Optional[Stage]:
-    """Return the mission as the controller was given it; None if it has a fault."""
-    try:
-        return Stage(world.settings, world=world)
-    except BehaviorControllerError:
-        return None
+        seconds, number = self._shown - self._began, len(run.visits) + 1
+        print(f"{seconds:4.0f} s: pass {number}, {self._calls} calls, {self._faults} of them made "
+              f"to fail; last: {ran or 'not started'}", flush=True)
 
 
 def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda run: None,
@@ -182,8 +162,12 @@ def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda
     ``show`` is called with the run so far at every read of the record. Every ``CHECK_INTERVAL``
     seconds ``disturbance`` returns why the test cannot go on, or an empty text.
     """
-    record = RecordTail(os.path.join(folder, RECORD))
-    run = Run()
+    path = os.path.join(folder, RECORD)
+    tail, decoder, run = Tail(path), Decoder(path), Run()
+
+    def read_record() -> None:
+        run.extend(line for text in tail.news() for line in decoder.read(text))
+
     began = checked = time.monotonic()
     cut_off, stall = "", 0.0
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
@@ -191,14 +175,14 @@ def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda
             cut_off, checked = disturbance(), time.monotonic()
         # the master may let a disturbance wait; the rest takes as long as the machine lets it
         polled = time.monotonic()
-        run.extend(record.news())
+        read_record()
         show(run)
         cut_off = cut_off or _overdue(run, time.monotonic() - began, limit)
         time.sleep(POLL_INTERVAL)
         stall = max(stall, time.monotonic() - polled - POLL_INTERVAL)
     if rospy.is_shutdown():
         cut_off = "the test was stopped before the mission had ended"
-    run.extend(record.news())
+    read_record()
     return WaitResult(run, read_exit_code(folder), cut_off, stall)
 
 
@@ -255,8 +239,7 @@ def finish(code: int, text: str) -> int:
     arguments = options.of_process()
     if arguments.is_launched:
         os.makedirs(arguments.folder, exist_ok=True)
-        with open(os.path.join(arguments.folder, VERDICT), "w", encoding="utf-8") as file:
-            file.write("{}\n{}\n".format(code, text))
+        folders.note(arguments.folder, VERDICT, "{}\n{}\n".format(code, text))
     if not options.is_by_run_test(parent_command()):
         print("\n" + text, flush=True)
     return code
@@ -265,12 +248,8 @@ def finish(code: int, text: str) -> int:
 def read_verdict(folder: str) -> Optional[Tuple[int, str]]:
     """Return the exit code of the test and the text that is shown at its end; None if there is
     none."""
-    try:
-        with open(os.path.join(folder, VERDICT), encoding="utf-8") as file:
-            code, text = file.read().split("\n", 1)
-    except (OSError, ValueError):
-        return None
-    return int(code), text.rstrip("\n")
+    code, is_whole, text = folders.noted(folder, VERDICT).partition("\n")
+    return (int(code), text.rstrip("\n")) if is_whole else None
 
 
 def _end_launch() -> None:
