@@ -1,9 +1,11 @@
 """What the robot says stays on the line that quotes it, and does nothing to a terminal."""
 import logging
+import types
 
 import pytest
 from msgspec.structs import replace
 
+from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.execution.events import (
     HealthChanged, LeafFinished, LeafSummary, Noticed, PassFinished, PassStarted, Paused, Recovered,
     Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources, StopChanged)
@@ -106,15 +108,47 @@ def test_the_terminal_tells_each_kind_of_visit_in_the_sentences_of_the_story(tol
     assert told[-1] == "behaviorController: robot: " + robot_line(state).text
 
 
-def test_what_a_person_has_to_do_is_said_when_it_changes(told, console):
-    gone = HealthChanged("service", "/nav", "robotNavigation", False, "gone", "it cannot drive",
-                         GONE)
-    for event in (gone, gone, Noticed("info", "so"), replace(gone, is_well=True, consequence="")):
-        console(event)
-    console.drain(5)
-    robot = [line for line in told if ": robot: " in line]
-    assert len(robot) == 2 and robot[0].endswith("Restart /robotNavigation")
+def gone(node):
+    return HealthChanged("service", "/{}/do".format(node), node, False, "gone", "", GONE)
+
+
+@pytest.fixture
+def told_at(told, console, monkeypatch):
+    """Have events told at given times, and return the robot's lines."""
+    def tell(*events):
+        for at, event in events:
+            monkeypatch.setattr(module, "time", types.SimpleNamespace(time=lambda: at))
+            console(event)
+        console.drain(5)
+        return [line for line in told if ": robot: " in line]
+    return tell
+
+
+def test_what_a_person_has_to_do_is_said_when_it_changes(told_at):
+    robot = told_at((0.0, gone("nav")), (9.0, gone("nav")), (9.0, Noticed("info", "so")),
+                    (9.0, replace(gone("nav"), is_well=True)))
+    assert len(robot) == 2 and robot[0].endswith("Restart /nav")
     assert "Restart" not in robot[1]
+
+
+def test_nodes_that_go_together_are_said_once_more_and_not_one_by_one(told_at):
+    robot = told_at(*((number / 5, gone("n{}".format(number))) for number in range(9)),
+                    (2.0, Noticed("info", "so")))
+    assert [line.count("/n") for line in robot] == [2, 9] and "9 services are gone" in robot[1]
+
+
+def test_a_heartbeat_brings_what_was_held_back(told_at, told, console):
+    clock = ManualClock()
+    told_at((0.0, gone("a")), (0.1, gone("b")))
+    console.start_heartbeat(clock)
+    clock.advance(10.0)
+    assert "Restart /a and /b" in told_at((10.0, Noticed("info", "so")))[-1]
+
+
+def test_the_robot_is_told_once_at_the_end(told_at):
+    failed = SafePart("attention", "/a", Failure(Cause.NO_ANSWER, "waited 1 s"))
+    robot = told_at((0.0, SafeStateReported((failed,), 0.1)), (0.1, RunFinished("stopped", 0)))
+    assert len(robot) == 1 and "switch attention off by hand" in robot[0].lower()
 
 
 def test_a_condition_that_stays_false_is_one_line_in_verbose_mode(told, console):

@@ -66,7 +66,7 @@ def test_a_recovery_is_a_warning_and_what_is_given_up_an_error():
     assert (levels["recovery"], levels["mission"]) == (WARN, WARN)
     assert found["recovery"].values["node"] == "Navigate"
     levels, found = after(DRIVES, FAILED, RETRIED, GIVEN_UP)
-    assert levels["recovery"] == ERROR and "busy" in found["recovery"].message
+    assert levels["recovery"] == ERROR and "3 times" in found["recovery"].message
     helped = replace(GIVEN_UP, success=True, outcome="done")
     assert after(DRIVES, FAILED, RETRIED, helped)[0]["recovery"] == OK
     assert after(DRIVES, FAILED, RETRIED, GIVEN_UP, PassStarted(2, 9.0))[0]["recovery"] == OK

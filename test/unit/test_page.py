@@ -15,6 +15,7 @@ import types
 import urllib.request
 
 import pytest
+from msgspec.structs import replace
 from tornado.iostream import IOStream
 
 from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
@@ -418,6 +419,23 @@ def test_the_timeline_has_an_axis_waits_and_recoveries(show, browser):
         ]
         assert told and browser.execute_script(DRAWN, MARKS[kind]) == len(told)
     assert "recoveries" in browser.execute_script("return byId('lanes').textContent")
+    cut, scrolled = browser.execute_script("""
+        const edge = timeline.axis.getBoundingClientRect().bottom;
+        const cut = timeline.lanes.map(lane => lane.row.getBoundingClientRect()).filter(
+            row => row.top < edge - 1 && row.bottom > edge + 1);
+        return [cut.length, byId("lanes").scrollTop]""")
+    assert scrolled > 0 and not cut
+
+
+def test_a_step_with_many_words_ends_with_an_ellipsis_and_has_the_height_of_others(show, browser):
+    said = "many words about this exhibit " * 9
+    shown = show(one_leaf("<Navigate/>", lambda request: None))
+    open_page(browser, shown)
+    heights = [browser.execute_script(
+        "showNow({robot: parts.now.robot, card: Object.assign({}, card, {what: arguments[0]})});"
+        "return [byId('now').offsetHeight, getComputedStyle(byId('now')).webkitLineClamp]", words)
+        for words in ("driving", said)]
+    assert heights[0] == heights[1] and heights[0][1] == "2"
 
 
 def labels(browser):
@@ -527,6 +545,9 @@ return {shown: shown.length, inside: shown.filter(one => inside(at(one), box)).l
   misplaced: shown.filter(one => parentItem(one) && (at(parentItem(one)).left >= at(one).left || at(parentItem(one)).top >= at(one).top)).length,
   letter_height: 13 * at(shown[0]).height / shown[0].firstChild.offsetHeight, tip: inside(at(document.querySelector(".tip")), box),
   has_map: byId("map").offsetHeight > 0}"""
+FOUND = """
+const row = document.querySelector(".match > .row").getBoundingClientRect(), box = byId("tree").getBoundingClientRect();
+return row.left >= box.left && row.right <= box.right && row.top >= box.top && row.bottom <= box.bottom"""
 FOCUSED = "return document.activeElement.querySelector('.name').innerText"
 
 
@@ -584,6 +605,10 @@ def test_a_graph_of_1000_nodes_is_there_at_once_and_stays_with_what_runs(show, b
     assert graph["tip"] and graph["has_map"] and graph["letter_height"] == 13
     print("a graph of 1,001 nodes: {:.0f} ms".format(took))
     assert took < 10000
+    browser.find_element("id", "whole").click()
+    assert browser.execute_script(GRAPH)["inside"] == 1001
+    press(browser, "/", "part 250")  # what is found can be read
+    assert browser.execute_script(FOUND) and browser.execute_script(GRAPH)["letter_height"] == 13
 
 
 def test_what_there_is_to_know_of_a_node_is_told_on_demand(show):
@@ -682,6 +707,39 @@ def test_a_phone_shows_first_what_the_robot_does_and_what_is_wrong(show, browser
     browser.execute_script("scrollTo(0, document.body.scrollHeight)")  # the alarm stays in view
     bottom = browser.execute_script("return byId('alarms').getBoundingClientRect().bottom")
     assert 0 < bottom < 400
+
+
+IS_CUT = """
+return [...document.querySelectorAll(arguments[0])].map(one => one.scrollWidth > one.clientWidth || one.scrollHeight > one.clientHeight)"""
+
+
+@pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
+def test_what_is_wrong_and_what_came_of_it_are_not_cut(show, browser, screen, width, height):
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
+    shown = show(rig)
+    rig.mission.health.report(GONE, replace(
+        DEAD, consequence="until it is back, the robot cannot drive"))
+    screen(width, height)
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    assert browser.execute_script(IS_CUT, "#alarms li") == [False]
+    summaries = browser.execute_script(IS_CUT, "#transcript summary")
+    assert summaries and not any(summaries)
+
+
+def test_a_stop_that_is_broken_off_begins_with_its_name_on_a_phone(show, browser, screen):
+    shown = show(Rig(answer=lambda request: refusal(request)
+                     if isinstance(request, GoTo) else NotImplemented))
+    screen(400, 800)
+    open_page(browser, shown)
+    shown.rig.run(visitor_who("yes"))
+    wait_until(lambda: "broken off" in text(browser, "#stops"))
+    inside = browser.execute_script("""
+        const box = byId("stops").getBoundingClientRect(), last = byId("stops").lastChild.getBoundingClientRect();
+        return last.top >= box.top && last.bottom <= box.bottom && last.left >= box.left - 1""")
+    assert inside and text(browser, "#stops").startswith("✘ 1 exhibit 1: broken off")
 
 
 def test_a_tree_of_many_levels_is_shown(show, browser):

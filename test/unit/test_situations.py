@@ -6,7 +6,7 @@ import types
 import urllib.request
 
 import pytest
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from behavior_controller.execution.events import (
     BreakpointChanged, HealthChanged, Line, PassStarted)
@@ -16,12 +16,12 @@ from behavior_controller.leaves.recovery import RETURN_LIMIT
 from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
 from behavior_controller.monitoring.moment import card, robot_line
-from behavior_controller.monitoring.parts import card_line
+from behavior_controller.monitoring.parts import RobotLine, card_line
 from behavior_controller.monitoring.record.recorder import (
     Entries, shown as tree_shown, traversed, written)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say, SetAttention
-from browser import reset_screen, set_screen
+from browser import SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
 from test_story import refusing, walks_off
@@ -155,6 +155,7 @@ def breakpoint_of_groot2():
     assert [event.is_held for event in rig.of(BreakpointChanged)] == [True]
     assert (played.card.kind, played.card.uid) == ("held", 3)
     assert "SayGoodByeSpeech" in played.card.what and played.card.since == 1000.0
+    assert "Groot2" in played.card.waits_for
     return played, ["nothing runs", "saying"]
 
 
@@ -183,7 +184,7 @@ def stopped():
     played.rig.run(visitor_who("yes"), is_stopped=lambda: isinstance(played.asked, GoTo))
     assert played.card.kind == "ended" and "last pass" in played.card.what
     robot, visit = played.robot, played.run.visits[-1]
-    assert robot.safe == "safe state reached"
+    assert robot.safe == "safe state reached" and robot.is_well
     assert (robot.attention, robot.movement) == ("off", "off")
     assert robot.instruction == "Take the robot home" and "on the way to exhibit 1" in robot.place
     assert (visit.outcome, visit.why.kind) == ("", "stopped")
@@ -230,7 +231,7 @@ def test_card_and_robot_line_say_what_is_so(situation, monkeypatch, browser):  #
         if now.kind in ("wait", "asleep", "paused"):
             assert abs(float(re.search(r"(\d+) s more", seen["elapsed"])[1]) - left) <= 2.0
         line = card_line(now, played.rig.clock.now())
-        assert now.kind in ("idle", "ended") or now.what in line
+        assert all(words in line for words in (now.where, now.what, now.waits_for, now.next))
         assert robot.instruction in robot.text
         assert browser.execute_script("return byId('visits-list').childElementCount") == len(
             played.run.visits)
@@ -328,6 +329,26 @@ def test_what_comes_next_is_said_if_it_is_certain(following, expected):
     assert played.card.next == expected
 
 
+@pytest.mark.parametrize("mission, what_follows", [
+    ("<Sequence><Script code='x := 1'/><Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>"
+     "</Sequence>", "the end of the visit"),
+    ("<Inverter><WelcomeSpeech/></Inverter>", "")])
+def test_after_the_last_step_the_visit_ends(mission, what_follows):
+    assert ticked(mission, 1, lambda request: None).card.next == what_follows
+
+
+def test_what_has_the_same_trouble_is_named_if_it_is_not_too_much():
+    played = ticked("<WelcomeSpeech/>", 1, lambda request: None)
+    for number, kind in enumerate(["service", "topic", "service", "service"]):
+        name = "/n{}/do".format(number)
+        played.report(FAILING, HealthChanged(kind, name, "", False, "failing", "", FAILING))
+        if number == 1:
+            assert played.robot.alive == "/n0/do and /n1/do are failing"
+    assert played.robot.alive == "3 services and 1 topic are failing"
+    assert played.robot.instruction == (
+        "Check /n0/do, /n1/do, /n2/do and /n3/do: they are failing")
+
+
 def test_a_robot_that_could_not_drive_home_is_to_be_fetched_until_it_drives():
     drives = []
 
@@ -400,7 +421,34 @@ new PerformanceObserver(list => { for (const entry of list.getEntries()) {
 } }).observe({type: "layout-shift", buffered: true});"""
 
 
-@pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
+HEADS = """
+const at = id => byId(id).getBoundingClientRect(), places = ids => ids.map(id => [at(id).left, at(id).top].map(Math.round));
+return arguments[0].map(robot => {
+  showRobot(robot);
+  return [document.querySelector("header").offsetHeight, places(["alive", "place", "attention", "movement", "instruction"]),
+          at("instruction").right <= innerWidth]})"""
+
+
+@pytest.mark.parametrize("width, height", SCREENS)
+def test_what_is_so_with_the_robot_moves_nothing(browser, width, height):  # noqa: F811
+    well = RobotLine(True, "all nodes in use answer", "off", "off", "at home")
+    lost = RobotLine(False, "/robotNavigation/set_goal is gone", "on (scanning)", "unknown",
+                     "last seen at Robot arm, on the way to Camera wall", "safe state reached",
+                     "Restart /robotNavigation; take the robot home")
+    unsafe = replace(lost, safe="safe state not reached: attention and lifelike movement may be on",
+                     alive="/animateBehaviour/set_activation and /overtAttention/set_mode are gone")
+    shown = Show(Rig())
+    set_screen(browser, width, height)
+    try:
+        open_page(browser, shown)
+        heads = browser.execute_script(HEADS, [asdict(robot) for robot in (well, lost, unsafe)])
+        assert heads[0] == heads[1] == heads[2] and heads[0][2]
+    finally:
+        reset_screen(browser)
+        shown.page.close()
+
+
+@pytest.mark.parametrize("width, height", [(400, 800), (800, 1180), (1280, 800)])
 def test_nothing_jumps_during_a_tour_with_failures(browser, width, height):  # noqa: F811
     rig = Rig(answer=refusing(PerformGesture))
     shown = Show(rig)

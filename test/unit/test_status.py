@@ -26,7 +26,7 @@ from behavior_controller.config.settings import KEYS
 from behavior_controller.monitoring import status_tool
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.view import PARTS
-from mission_rig import Rig, one_leaf, refusal, visitor_who
+from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
@@ -115,6 +115,35 @@ def test_a_failure_is_shown_with_what_came_of_it():
     told = [row["text"] for row in board.part("story")["sentences"] if row["incident"]]
     line = status_tool.lines(read(state_of(board)), False)[2]
     assert len(told) == 3 and line.endswith("  {}; {}".format(told[0], told[2]))
+
+
+def test_a_node_that_is_gone_is_told_once_and_what_is_done_again_is_marked():
+    rig = one_leaf("<Sequence><LookUpHome/><Fallback><Navigate/><HandleFallBack/></Fallback>"
+                   "</Sequence>",
+                   lambda request: refusal(request) if isinstance(request, GoTo)
+                   else NotImplemented)
+    board = board_of(rig)
+    rig.tick()
+    rig.mission.health.report(GONE, HealthChanged(
+        "service", service_of(GoTo), "nav", False, "gone: refused", "it cannot drive", GONE))
+    rig.mission.health.publish(rig.mission.events)
+    rest = status_tool.lines(read(state_of(board)), False)[2:]
+    rows = [line.strip() for line in rest]
+    assert len([line for line in rows if "gone: refused" in line]) == 1
+    assert [row for row in rows if "Navigate" in row and row[:1] in "✘▶↻"] == [
+        "↻ Navigate #4: done again after a failure"]
+    tree = [line for line in rest if line.lstrip()[0] in status_tool.SIGNS.values()]
+    assert [line for line in status_tool.fitted(tree, 60, 2) if "Navigate #4" in line]
+
+
+def test_how_the_run_ended_is_in_the_first_line():
+    rig = Rig(answer=lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    board = board_of(rig)
+    rig.run(visitor_who("yes"), is_stopped=lambda: bool(rig.requests) and isinstance(
+        rig.requests[-1], GoTo))
+    state = read(state_of(board))
+    assert state.now.card.kind == "ended"
+    assert state.now.card.what in status_tool.lines(state, False)[0]
 
 
 def test_how_long_it_takes_goes_on_while_no_message_comes():

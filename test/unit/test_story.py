@@ -24,9 +24,10 @@ from behavior_controller.execution.state import (
     BROKEN_OFF, LEFT, LEFT_OUT, COMPLETED, UNDER_WAY, Reason)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.monitoring.moment import card
-from behavior_controller.monitoring.parts import card_line
+from behavior_controller.monitoring.parts import ENDED, IDLE, card_line
 from behavior_controller.monitoring.story import (
-    KINDS, Story, stop_name, how_it_ended, ordinal, safe_state, why as in_words, why_failed)
+    KINDS, Story, counted, stop_name, how_it_ended, ordinal, safe_state, why as in_words,
+    why_failed)
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.replay import read_record, replay
@@ -37,7 +38,9 @@ HAS_LEFT = in_words(Reason(LEFT))
 
 
 def now_of(state, at):
-    return card_line(card(state), at)
+    """Return the card's line; if nothing is done, only where that is."""
+    now = card(state)
+    return card_line(now, at) if now.kind not in (IDLE, ENDED) else now.where
 
 
 class Teller:
@@ -150,9 +153,9 @@ RUNS = {
     ]),
     "given up": (visitor_who("yes"), unanswered_drive, True, 1, [
         "failure warning Navigate 180 /robotNavigation/set_goal", "recovery info Navigate 1 1",
-        "stop error Navigate 1 2 1 2 180 /robotNavigation/set_goal",
-        "recovery error Navigate 2 180 /robotNavigation/set_goal",
-        "visit warning 1 FAILURE 3.0 1 2 1 2 180 /robotNavigation/set_goal"
+        "stop error Navigate 1 2 1 2 /robotNavigation/set_goal",
+        "recovery error Navigate 2 /robotNavigation/set_goal",
+        "visit warning 1 FAILURE 3.0 1 2 1 2 /robotNavigation/set_goal"
     ]),
     "visitor left": (walks_off, None, True, 1, [
         "moved info Navigate 1", "stop warning IsVisitorDiscovered 1 2 1", "moved info Navigate",
@@ -239,7 +242,8 @@ NO_ANSWER = Failure(Cause.NO_ANSWER, "waited 180 s", "/robotNavigation/set_goal"
     (visitor_who("yes"), None, [COMPLETED, COMPLETED], ["", ""]),
     (looks_away, None, [LEFT_OUT, COMPLETED], [IsMutualGazeDiscovered.otherwise, ""]),
     (walks_off, None, [BROKEN_OFF], [HAS_LEFT]),
-    (visitor_who("yes"), unanswered_drive, [BROKEN_OFF], [why_failed("Navigate", NO_ANSWER, 2)])])
+    (visitor_who("yes"), unanswered_drive, [BROKEN_OFF],
+     [why_failed("Navigate", NO_ANSWER, 2, is_short=True)])])
 def test_how_it_stands_with_each_exhibit_and_why(visitor, answer, states, why):
     visit = Teller(
         Rig(answer=answer or (lambda request: NotImplemented))).run(visitor).story.state.visit
@@ -284,8 +288,8 @@ def test_the_step_under_way_with_its_time_and_its_limit():
     teller.run(visitor, is_stopped=lambda: len(teller.now) > 4)
     assert [DATA.findall(now) for now in teller.now[:3]] == [["0"], ["1", "0", "15"],
                                                              ["1", "0", "10"]]
-    # visitor, exhibit, seconds of at most so many
-    assert DATA.findall(teller.now[4]) == ["1", "1", "2", "1", "1", "4", "180"]
+    # visitor, exhibit, seconds of at most so many, and whose answer is waited for
+    assert DATA.findall(teller.now[4]) == ["1", "1", "2", "1", "1", "4", "180", service_of(GoTo)]
     visit = teller.story.state.visit
     shown = visit.stops[0]
     assert (visit.outcome, shown.why, shown.state) == ("", visit.why, BROKEN_OFF) and visit.why
@@ -304,8 +308,8 @@ def test_a_retry_is_told_as_it_goes_on_and_when_it_is_done():
         "failure warning Navigate /robotNavigation/set_goal", "recovery info Navigate 1 2",
         "recovery info Navigate 2 2 /robotNavigation/set_goal"]
     data = list(map(DATA.findall, teller.now))
-    # visitor, exhibit, where it drives, attempt, seconds
-    assert ["1", "1", "2", "1", "1", "3", "3", "0", "180"] in data
+    # visitor, exhibit, where it drives, attempt, seconds, service
+    assert ["1", "1", "2", "1", "1", "3", "3", "0", "180", service_of(GoTo)] in data
     assert data[-1][:7] == ["1", "1", "2", "1", "1", "3", "3"]
 
 
@@ -494,8 +498,8 @@ def test_a_leaf_without_words_is_told_by_its_name(monkeypatch):
         rig.gateway.calls[0].finish(Answer())
 
     gists = list(map(gist, teller.run(robot).sentences))
-    assert DATA.findall(teller.now[0]) == ["WelcomeSpeech", "0", "60"
-                                           ] and "notice info WelcomeSpeech WelcomeSpeech" in gists
+    assert DATA.findall(teller.now[0]) == ["WelcomeSpeech", "0", "60", service_of(Say)]
+    assert "notice info WelcomeSpeech WelcomeSpeech" in gists
 
 
 def test_the_robot_s_requests_have_words_for_leaves_of_any_package():
@@ -512,7 +516,7 @@ RUN = RunStarted("/missions/lab_tour.xml", [["a", "Say"], ["b", "Navigate"]], {}
                  Sources((), Source("", ""), Source("", ""), ""))
 START, BUSY = PassStarted(1, 0.0), Failure(Cause.REFUSED, "busy", "/go")
 HEAD, BODY = SafePart("attention", "/attend", None), SafePart("lifelike movement", "/animate", None)
-NOT_REACHED = why_failed("Navigate", BUSY)
+NOT_REACHED = why_failed("Navigate", BUSY, is_short=True)
 
 
 def leaf(mark="", kind="visit", text="", uid=1, at=0.0):
@@ -553,7 +557,7 @@ def story_of(*events):
 NO_FACE = Failure(Cause.CONDITION_FALSE, "no face; the newest message is 9 s old")
 ARRIVED, ENGAGED, LEFT, ASKED = leaf("arrived"), leaf("engaged"), leaf("left"), leaf(
     "asked", "asked")
-THREE_TIMES = why_failed("Navigate", BUSY, 3)
+THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
 
 
 @pytest.mark.parametrize(
@@ -712,17 +716,17 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
     ([begins(3)], recovering(0, "Say"), "info", "doing Say in place of Navigate", (3, "tour/go")),
     ([begins(3)], recovered("done"), "info", "Navigate is done at the 3rd try", (3, "tour/go")),
     ([begins(3)], recovered("skipped"), "warning",
-     "went on without Navigate, which failed 3 times: refused, busy (/go)", (3, "tour/go")),
+     "went on without Navigate, which failed 3 times: refused (/go)", (3, "tour/go")),
     ([begins(3), recovering(0, "Say")], recovered("substituted"), "warning",
      "did Say in place of Navigate: refused, busy (/go)", (3, "tour/go")),
     ([begins(3)], recovered("skipped", failure=replace(BUSY, message="a motor failed"), attempts=1),
-     "warning", "went on without Navigate, which failed 2 times: refused, a motor failed (/go)",
+     "warning", "went on without Navigate, which failed 2 times: refused (/go)",
      (3, "tour/go")),
     ([START, exhibit("begun"), exhibit("omitted", 2)], recovered("given up"), "error",
-     "gave up: Navigate failed 3 times: refused, busy (/go)", (0, "tour/go")),
+     "gave up: Navigate failed 3 times: refused (/go)", (0, "tour/go")),
     ([START, exhibit("begun"), exhibit("omitted"), recovered("given up"), exhibit("omitted")],
      recovered("given up", failure=replace(BUSY, message="stuck")), "error",
-     "gave up: Navigate failed 3 times: refused, stuck (/go)", (0, "tour/go")),
+     "gave up: Navigate failed 3 times: refused (/go)", (0, "tour/go")),
     ([begins(3)], recovered("given up", attempts=0), "error", "gave up: " + NOT_REACHED,
      (3, "tour/go")),
     ([begins(3), RUN], recovered("done", attempts=1), "info", "Navigate is done at the 2nd try",
@@ -762,7 +766,8 @@ def test_what_is_no_news_has_no_sentence(before, event):
     ([START, ARRIVED, PassFinished(1, "SUCCESS", 1.0)], ""), ([begins(), START], ""),
     ([begins(), RUN], ""),
     ([START, PassFinished(1, "FAILURE", 1.0), Paused(BUSY, "/go_node")],
-     "waiting for /go_node to return, 58 s; failed last: refused, busy (/go)"),
+     "waiting for /go_node to return, 58 s; failed last: refused, busy (/go) · "
+     "next: the next visit"),
     ([START, PassFinished(1, "FAILURE", 1.0), Paused(BUSY, "/go_node"), PassStarted(2, 1.0)], ""),
     ([begins(), RunFinished("stopped", 0)], ""),
     ([START, begins(), PassFinished(1, "SUCCESS", 1.0)], ""), ([begins(), leaf()], ""),
@@ -797,6 +802,7 @@ def asked(request):
 @pytest.mark.parametrize("events, text", [
     ([], "attention is off"), ([START], "attention is off"), ([RUN], "attention is off"),
     ([RunFinished("-", 0)], "attention is off"), ([asked(Say("Hello"))], "attention is off"),
+    ([asked(SetAttention("disabled"))], "attention is off"),
     ([asked(SetAttention("social"))], ""), ([asked(GoTo(Location(1.0, 2.0, 3.0)))], "")])
 def test_the_safe_state_is_known_until_the_robot_is_asked_for_what_ends_it(events, text):
     assert safe_state(story_of(SafeStateReported((HEAD, ), 0.1), *events).state) == text
@@ -936,7 +942,8 @@ DRIVES, TELLS = "<Navigate/>", "<DescribeExhibitSpeech name='1'/>"
 RECOVERED = within("Fallback", DRIVES + "<HandleFallBack/>")
 TWO_WAYS = within("Fallback", DRIVES + TELLS)
 REFUSED = Failure(Cause.REFUSED, "the server refused", "/robotNavigation/set_goal")
-LOST, LOST_AGAIN = why_failed("Navigate", REFUSED), why_failed("Navigate", REFUSED, 3)
+LOST = why_failed("Navigate", REFUSED, is_short=True)
+LOST_AGAIN = why_failed("Navigate", REFUSED, 3, is_short=True)
 
 
 @pytest.mark.parametrize("mission, state, why", [

@@ -20,7 +20,8 @@ from behavior_controller.execution.state import (
     SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,
     NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, GoTo, SetAnimation, SetAttention, SetPose
+from behavior_controller.robot.requests import (
+    Answer, GoTo, Request, SetAnimation, SetAttention, SetPose)
 from behavior_controller.text import clean
 
 KEPT = 50
@@ -82,6 +83,7 @@ def _run_finished(state: State, event: RunFinished) -> State:
         stopped, came = Reason(STOPPED), state.visit.arrived or state.visit.began
         state = _change_visit(_end_stop(state, stopped), why=stopped, ended=state.at,
                               seconds=state.at - came, waited=came - state.visit.began)
+        state = replace(state, outcomes={**state.outcomes, "": 1})
         state = _conclude(state, state.visits[-1])
     return replace(_end_steps(state), finished=event, held={})
 
@@ -415,9 +417,15 @@ def _asked(state: State, event: Asked) -> State:
         name = what[3:] if what.startswith("to ") else what
         state = _change_robot(state, goal=event.request.goal, goal_name=name, place=None,
                               is_lost=False)
-    if event.request.switches or isinstance(event.request, GoTo):
+    if _ends_safe_state(event.request):
         state = replace(state, safe_state=None)
     return replace(state, exchanges=state.exchanges + (exchange,))
+
+
+def _ends_safe_state(request: Request) -> bool:
+    if isinstance(request, (SetAttention, SetAnimation)):
+        return request.state != "disabled"
+    return isinstance(request, GoTo)
 
 
 def _answered(state: State, event: Answered) -> State:

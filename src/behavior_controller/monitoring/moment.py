@@ -42,10 +42,10 @@ def card(state: State) -> Card:
     if state.held:
         uid, since = list(state.held.items())[-1]
         return Card(HELD, f"held by a breakpoint of Groot2 at {_name(state, uid)}", where,
-                    since, uid=uid)
+                    since, waits_for="its release in Groot2", uid=uid)
     words, since = state.suspended
     if words:
-        return Card(PAUSED, words, where, since)
+        return Card(PAUSED, words, where, since, waits_for="the operator's call of start")
     if state.step is not None:
         return _of_step(state, state.step, where)
     return _of_tree(state, where)
@@ -114,13 +114,15 @@ def _name(state: State, uid: int) -> str:
 
 
 def next_node(state: State, uid: int) -> str:
-    """Return the name of the first leaf that follows when node ``uid`` succeeds; empty if the tree
-    leaves that open.
+    """Return the name of the first leaf that follows when node ``uid`` succeeds, or that the visit
+    ends; empty if the tree leaves that open.
     """
     nodes = state.nodes
     while 0 < uid <= len(nodes):
         parent = nodes[uid - 1].parent
-        kind = nodes[parent - 1].type if parent else ""
+        if not parent:
+            return "the end of the visit"
+        kind = nodes[parent - 1].type
         later = next(_children(nodes, parent, uid), None) if kind in IN_TURN else None
         if later is not None:
             return _first_leaf(state, later)
@@ -160,7 +162,7 @@ def _is_open(node: TreeNode) -> bool:
 def robot_line(state: State) -> RobotLine:
     """Return how the robot is."""
     robot, instruction = state.robot, _instruction(state)
-    return RobotLine(not robot.ill and not instruction, conditions(robot.ill) or _alive(state),
+    return RobotLine(not robot.ill, conditions(robot.ill) or _alive(state),
                      _attention(robot), _movement(robot), _place(robot), _safe(state), instruction)
 
 
@@ -237,10 +239,8 @@ def _repairs(state: State) -> Iterator[str]:
             yield "restart the robot's nodes as soon as it is free"
     for respect in (SILENT, FAILING):
         nodes = _nodes(ill, respect)
-        if len(nodes) == 1:
-            yield f"check {nodes[0]}: it is {respect}"
-        elif nodes:
-            yield "check what is " + respect
+        if nodes:
+            yield f"check {listed(nodes)}: {'it is' if len(nodes) == 1 else 'they are'} {respect}"
     step = state.step.cause if state.step is not None else None
     is_known = isinstance(step, Paused) and state.robot.trouble(step.failure.resource) is not None
     if isinstance(step, Paused) and not step.awaited and not is_known:

@@ -29,7 +29,7 @@ class Card(Struct, frozen=True):
 class RobotLine(Struct, frozen=True):
     """How the robot is, and what a person has to do, if anything."""
 
-    is_well: bool
+    is_well: bool  # all that is used answers
     alive: str
     attention: str
     movement: str
@@ -48,17 +48,17 @@ class RobotLine(Struct, frozen=True):
 
 def card_line(now: Card, at: float) -> str:
     """Return the card on one line, as of that time."""
-    if now.kind in (IDLE, ENDED):
-        return now.where
     parts = [now.what]
     if now.attempt > 1 and now.kind != RETRY:
         parts.append(f" (attempt {now.attempt} of {now.attempts})")
-    if now.since is not None:
+    if now.since is not None and now.kind != ENDED:
         limit = "" if now.until is None else f" of at most {now.until - now.since:g} s"
         parts.append(f", {max(0.0, at - now.since):.0f} s{limit}")
     if now.trouble:
         parts.append("; " + now.trouble)
-    return " · ".join(filter(None, (now.where, "".join(parts))))
+    waits_for = now.waits_for and "waits for " + now.waits_for
+    following = now.next and "next: " + now.next
+    return " · ".join(filter(None, (now.where, "".join(parts), waits_for, following)))
 
 
 class NodeRow(Struct, frozen=True):

@@ -16,11 +16,15 @@ from msgspec.structs import replace
 
 from behavior_controller import exit_codes, ros_arguments
 from behavior_controller.monitoring import parts
+from behavior_controller.monitoring.story import title
 from behavior_controller.text import clean
 
-SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
+AGAIN = "again"
+"""Instead of the letter of a failed node that a recovery does again."""
+
+SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·", AGAIN: "↻"}
 WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure",
-         "r": "was halted", "-": ""}
+         "r": "was halted", "-": "", AGAIN: "done again after a failure"}
 TOP, END_OF_LINE, BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
 """Control sequences: move to the first line, clear the rest of a line, clear the rest of the
 window."""
@@ -197,14 +201,14 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     node.
     """
     now, mission = state.now, state.mission
-    doing = parts.card_line(now.card, state.alive.at + state.silent) or now.card.what
-    head = [f"mission {os.path.basename(mission.file)}: {doing}", "robot: " + now.robot.text]
+    doing = parts.card_line(now.card, state.alive.at + state.silent)
+    head = [f"mission {title(mission.file)}: {doing}", "robot: " + now.robot.text]
     if state.silent >= LATE:
         head.append(f"no message for {state.silent:.0f} s: what is shown may be old")
     elif state.alive.hangs:
         head.append(f"the controller hangs: no sign of its tick thread for {state.alive.age} s")
     head.extend(_troubles(state))
-    return [*map(clean, head), *_tree(mission.nodes, state.statuses.letters, is_all)]
+    return [*map(clean, head), *_tree(mission.nodes, state.statuses, is_all)]
 
 
 def fitted(text: List[str], width: int, height: int) -> List[str]:
@@ -215,7 +219,8 @@ def fitted(text: List[str], width: int, height: int) -> List[str]:
     heads = [part for line in text[:len(text) - len(rows)]
              for part in textwrap.wrap(line, width, break_on_hyphens=False)]
     room = max(0, height - 1 - len(heads))
-    here = max((at for at, row in enumerate(rows) if row.lstrip()[0] == SIGNS["R"]), default=0)
+    running = (SIGNS["R"], SIGNS[AGAIN])
+    here = max((at for at, row in enumerate(rows) if row.lstrip()[0] in running), default=0)
     first = max(0, min(here - room // 2, len(rows) - room))
     shown = [row if len(row) <= width else row[:width - 1] + "…"
              for row in rows[first:first + room]]
@@ -232,24 +237,28 @@ def _troubles(state: ShownState) -> Iterator[str]:
         entries.setdefault((row.visit, row.incident or -row.number), []).append(row)
     for entry in [rows for rows in entries.values() if any(map(_is_wrong, rows))][-5:]:
         first = next(filter(_is_wrong, entry))
-        last = "; " + entry[-1].text if entry[-1] is not first else ""
-        yield f"{first.time}  {first.text}{last}"
+        # what is not well has a line of its own
+        *_, last = (row for row in entry if row.kind != "health" or row.severity == "info")
+        came = "; " + last.text if last is not first else ""
+        yield f"{first.time}  {first.text}{came}"
 
 
 def _is_wrong(row: parts.SentenceRow) -> bool:
     return row.severity != "info" and row.kind != "health"
 
 
-def _tree(nodes: List[parts.NodeRow], letters: str, is_all: bool) -> Iterator[str]:
+def _tree(nodes: List[parts.NodeRow], statuses: parts.Statuses, is_all: bool) -> Iterator[str]:
     """Yield the rows of the nodes that were ticked, indented; without ``is_all`` not those that
     only group others.
     """
     depths = [0]
-    tip = letters.rfind("R") + 1
     for number, node in enumerate(nodes, 1):
         parent = node.parent if 0 < node.parent < number else 0
-        letter = letters[number - 1:number] or "-"
-        is_shown = is_all or letter != "-" and (not node.bare or number == tip) or number == 1
+        letter = statuses.letters[number - 1:number] or "-"
+        is_tip = number == statuses.tip
+        is_shown = is_all or letter != "-" and (not node.bare or is_tip) or number == 1
+        if is_tip and letter != "R":
+            letter = AGAIN
         depths.append(depths[parent] + 1 if is_shown and number > 1 else depths[parent])
         if is_shown:
             label = clean(" ".join(filter(None, (node.name, node.kind))))

@@ -4,6 +4,7 @@ A sentence is made from the model of the run before and after an event, and from
 record gives the same sentences as the run itself. All texts are safe to show, whatever they quote:
 see ``text.clean``.
 """
+import collections
 import os
 from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
@@ -74,23 +75,30 @@ def sentences(before: State, event: Event, after: State) -> Tuple[Sentence, ...]
 # ----------------------------------------------------------------------------------------- phrases
 
 
-def cause(failure: Failure) -> str:
-    """Return why something failed."""
+OF_ROS = (Cause.REFUSED, Cause.HANDLER_EXCEPTION, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
+          Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.TYPE_MISMATCH)
+"""The causes of a failure whose message has addresses, types or names of fields."""
+
+
+def cause(failure: Failure, is_short: bool = False) -> str:
+    """Return why something failed; in short, without what ROS says of it."""
     message = clean(" ".join(failure.message.split()))
     if failure.cause is Cause.CONDITION_FALSE:
         return message.partition(";")[0]  # what follows tells of messages of the topic
+    if is_short and failure.cause in OF_ROS:
+        message = ""
     resource = f" ({clean(failure.resource)})" if failure.resource else ""
-    return f"{failure.cause.text}, {message}{resource}"
+    return ", ".join(filter(None, (failure.cause.text, message))) + resource
 
 
-def why_failed(node: str, failure: Failure, tries: int = 1) -> str:
+def why_failed(node: str, failure: Failure, tries: int = 1, is_short: bool = False) -> str:
     """Return what failed, how often if that was tried again, and why; of a condition, what it has
     not seen or heard.
     """
     if failure.cause is Cause.CONDITION_FALSE:
         return cause(failure) or f"{node} failed"
     often = f" {tries} times" if tries > 1 else ""
-    return clean(f"{node} failed{often}: {cause(failure)}")
+    return clean(f"{node} failed{often}: {cause(failure, is_short)}")
 
 
 def why(reason: Optional[Reason]) -> str:
@@ -101,7 +109,8 @@ def why(reason: Optional[Reason]) -> str:
     if reason.kind == NOTICED:
         text = clean(reason.text)
     elif reason.failure is not None:
-        text = why_failed(reason.node, reason.failure, reason.tries)
+        # the sentence about the failure itself has the detail
+        text = why_failed(reason.node, reason.failure, reason.tries, is_short=True)
     if reason.policy:
         text = clean(f"{reason.policy}; {text}")
     if reason.blind is not None:
@@ -136,10 +145,19 @@ def conditions(changes: Iterable[HealthChanged]) -> str:
     return "; ".join(map(_common_condition, alike.values()))
 
 
+MOST_NAMES = 3
+"""The most services and topics with the same trouble that are named."""
+
+
 def _common_condition(changes: List[HealthChanged]) -> str:
     if len(changes) == 1:
         return condition(changes[0])
-    return clean(f"{listed([change.name for change in changes])} are {changes[0].respect}")
+    names = listed([change.name for change in changes])
+    if len(changes) > MOST_NAMES:
+        kinds = collections.Counter(change.kind for change in changes)
+        names = listed([f"{number} {kind}{'s' if number > 1 else ''}"
+                        for kind, number in kinds.items()])
+    return clean(f"{names} are {changes[0].respect}")
 
 
 def listed(names: List[str]) -> str:
@@ -176,11 +194,14 @@ def how_it_ended(visit: Visit) -> str:
 
 
 def counted(outcomes: Dict[str, int]) -> str:
-    """Return how many visits there were, and how many of them failed."""
+    """Return how many visits there were, and how many of them failed; an empty outcome is that of
+    a visit that was stopped.
+    """
     number, failed = sum(outcomes.values()), outcomes.get("FAILURE", 0)
     if not number:
         return "no visit completed"
-    return f"{number} visit{'' if number == 1 else 's'}, {failed or 'none'} failed"
+    text = f"{number} visit{'' if number == 1 else 's'}, {failed or 'none'} failed"
+    return text + ", the last one was stopped" if "" in outcomes else text
 
 
 def title(mission: str) -> str:
@@ -262,6 +283,10 @@ def _run_started(before: State, event: RunStarted, after: State) -> Iterator[Sen
 
 
 def _run_finished(before: State, event: RunFinished, after: State) -> Iterator[Sentence]:
+    for visit in after.concluded(Visit):
+        if visit.arrived is not None:
+            yield _sentence(after, "visit", "warning",
+                            f"visitor {visit.number}: {how_it_ended(visit)}")
     yield _sentence(after, "notice", "info", f"ends: {event.outcome} (exit code {event.exit_code})")
 
 
@@ -313,6 +338,8 @@ def _recovering(before: State, event: Recovering, after: State) -> Iterator[Sent
 
 def _recovered(before: State, event: Recovered, after: State) -> Iterator[Sentence]:
     stop, incident = next(after.concluded(Stop), None), _incident(before, event.failure, event.path)
+    if stop is not None and incident < stop.began:
+        incident = 0.0  # an entry of its own: that of the trouble stands far above
     text = why(why_recovered(before, event) if stop is None else stop.why)
     if stop is not None and event.outcome == SKIPPED:
         yield _sentence(after, "stop", "warning", f"{stop_name(stop)}, is left out: {text}", 0,
@@ -354,7 +381,10 @@ def _paused(before: State, event: Paused, after: State) -> Iterator[Sentence]:
 def _safe_state_reported(before: State, event: SafeStateReported,
                          after: State) -> Iterator[Sentence]:
     is_reached = all(part.failure is None for part in event.parts)
-    yield _sentence(after, "notice", "info" if is_reached else "warning", safe_state(after))
+    failed = [recovery.failures[-1] for recovery in before.recoveries if recovery.failures]
+    incident = _incident(before, failed[-1].failure, failed[-1].path) if failed else 0.0
+    yield _sentence(after, "notice", "info" if is_reached else "warning", safe_state(after),
+                    incident=incident)
 
 
 def _health_changed(before: State, event: HealthChanged, after: State) -> Iterator[Sentence]:

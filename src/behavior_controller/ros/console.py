@@ -17,7 +17,8 @@ from rosgraph.roslogging import RosStreamHandler
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.command import no_resources
-from behavior_controller.execution.events import Event, LeafFinished, Retried, RunFinished
+from behavior_controller.execution.events import (
+    Event, LeafFinished, Retried, RunFinished, SafeStateReported)
 from behavior_controller.execution.state import State
 from behavior_controller.monitoring.moment import robot_line
 from behavior_controller.monitoring.sinks import Detached, Sink, drain, take_over_streams
@@ -46,6 +47,10 @@ ROSOUT = "rosout.behavior_controller"
 FILE_ONLY = "behavior_controller"
 """The logger that reaches the log file alone."""
 
+ROBOT_SPAN = 2.0
+"""Seconds in which the robot's line comes only once: a fault of the network has many nodes go at
+the same moment."""
+
 SHORTAGES = (errno.ENOMEM, errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOSPC)
 """The system's error numbers for a shortage of memory, threads, files or disk space."""
 
@@ -69,6 +74,7 @@ class Console:
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
         self._robot = robot_line(State())  # as it was written last
+        self._robot_written_at = -ROBOT_SPAN
         self._unmet: Dict[int, Failure] = {}  # why conditions were false last, by node
         self._logger = logging.getLogger(ROSOUT)
         self._shortage_reported_at = -SHORTAGE_SPAN
@@ -132,7 +138,9 @@ class Console:
     def _log_event(self, at: float, event: Event, is_verbose: bool) -> None:
         for sentence in self._story.take(at, event):
             self._log(sentence.severity, sentence.text)
-        self._log_robot(event)
+        # another event follows that one, which may be the end
+        if not isinstance(event, SafeStateReported):
+            self._log_robot(at, isinstance(event, RunFinished))
         if not is_verbose:
             return
         if isinstance(event, LeafFinished) and not self._is_repeated(event):
@@ -145,13 +153,15 @@ class Console:
                     f"{reason(event.failure)}")
             self._log("info", clean(f"{event.node} ({event.path}): {text}"))
 
-    def _log_robot(self, event: Event) -> None:
+    def _log_robot(self, at: float, is_end: bool = False) -> None:
         """Write the robot's line when a person has to do something else than before, and at the
         end.
         """
         robot = robot_line(self._story.state)
-        if robot.instruction != self._robot.instruction or isinstance(event, RunFinished):
-            self._robot = robot
+        has_news = robot.instruction != self._robot.instruction and (
+            at - self._robot_written_at >= ROBOT_SPAN)
+        if has_news or is_end:
+            self._robot, self._robot_written_at = robot, at
             self._log("warning" if robot.instruction else "info", "robot: " + robot.text)
 
     def _is_repeated(self, event: LeafFinished) -> bool:
@@ -180,6 +190,7 @@ class Console:
     def start_heartbeat(self, clock: Clock) -> None:
         """Show every ten seconds that the tick thread still runs its timers."""
         def beat() -> None:
+            self._lines.put(partial(self._log_robot, time.time()))
             self.tell("info", "running.")
             clock.call_after(HEARTBEAT, beat)
 

@@ -125,7 +125,10 @@ function showNow(part) {
 function showRobot(robot) {
   const texts = {alive: robot.alive, place: robot.place, attention: "attention " + robot.attention,
                  movement: "lifelike movement " + robot.movement, safe: robot.safe, instruction: robot.instruction};
-  for (const [id, text] of Object.entries(texts)) put(byId(id), text);
+  for (const [id, text] of Object.entries(texts)) {
+    put(byId(id), text);
+    byId(id).title = text;  // a long one is cut
+  }
   byId("robot").classList.toggle("ill", !robot.is_well);
 }
 

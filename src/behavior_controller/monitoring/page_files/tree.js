@@ -272,6 +272,7 @@ function findNext(step) {
   if (!matches.length) return;
   const place = matches.findIndex(one => one.tabIndex === 0);
   setFollow(false);
+  if (isGraph && scale < READABLE) setScale(1);
   select(matches[place < 0 ? 0 : (place + step + matches.length) % matches.length]);
 }
 
