@@ -56,3 +56,8 @@ def records() -> str:
     returns."""
     logs = os.environ.get("ROS_LOG_DIR", os.path.join(ros_home(), "log"))
     return os.path.join(logs, RECORDS)
+
+
+def mission_name(file: str) -> str:
+    """Return the name of a mission, from its file."""
+    return os.path.splitext(os.path.basename(file))[0]

@@ -172,7 +172,8 @@ class Registry:
                 raise ValueError(f"{wrong} is not the one of that name that other ports have; "
                                  "make one PortType and use it for all")
         elif port.type not in TYPES:
-            hint = did_you_mean(port.type, TYPES)
+            # a float is no Location, though the names are a little alike
+            hint = did_you_mean(port.type, TYPES) or did_you_mean(port.type, self._types, 0.75)
             hint = hint or "there are: " + " ".join(TYPES)
             wrong = f"the port {port.name} of {spec.id} has the unknown type {port.type}"
             raise ValueError(f"{wrong} ({hint}; a type of your own is a PortType)")

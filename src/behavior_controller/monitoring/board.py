@@ -17,10 +17,11 @@ from behavior_controller.execution.events import LETTERS, Event, Events, HealthC
 from behavior_controller.execution.health import Health
 from behavior_controller.execution.run import History
 from behavior_controller.execution.state import State, rank
+from behavior_controller.folders import mission_name
 from behavior_controller.monitoring.parts import Alive, MissionPart, NodeRow, Now, Offer
 from behavior_controller.monitoring.record.recorder import (
     Entries, Note, entry_text, shown, traversed, written)
-from behavior_controller.monitoring.story import condition, title
+from behavior_controller.monitoring.story import condition
 from behavior_controller.monitoring.view import MOMENT, PARTS, View, how_it_stopped, now_of
 from behavior_controller.robot.declarations import Interface
 from behavior_controller.robot.interfaces import DEFAULT
@@ -168,7 +169,7 @@ class Board:
         if started is None:
             return MissionPart("", nodes)
         if nodes:  # as py-trees-render has it
-            nodes[0] = replace(nodes[0], name=clean(title(started.mission)), kind="")
+            nodes[0] = replace(nodes[0], name=clean(mission_name(started.mission)), kind="")
         return MissionPart(clean(started.mission), nodes)
 
     def _outline(self, node: Node) -> NodeRow:

@@ -5,9 +5,10 @@ from typing import Dict, Iterable, List, NamedTuple
 from behavior_controller.execution.events import Paused, Recovering
 from behavior_controller.execution.health import SLOW
 from behavior_controller.execution.state import State
+from behavior_controller.folders import mission_name
 from behavior_controller.monitoring.moment import card
 from behavior_controller.monitoring.parts import RETRY
-from behavior_controller.monitoring.story import condition, counted, recovering, title, why
+from behavior_controller.monitoring.story import condition, counted, recovering, why
 from behavior_controller.robot.declarations import Offer
 
 OK, WARN, ERROR = range(3)
@@ -39,7 +40,7 @@ def _mission(state: State) -> Status:
         level = ERROR if state.finished.exit_code else OK
     elif now.kind == RETRY or state.step is not None and isinstance(state.step.cause, Paused):
         level = WARN
-    details = {"mission": title(state.started.mission) if state.started is not None else "",
+    details = {"mission": mission_name(state.started.mission) if state.started is not None else "",
                "visits": counted(state.outcomes), "where": now.where, "waits for": now.waits_for,
                "next": now.next}
     return Status("mission", level, now.what, details)

@@ -15,8 +15,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from behavior_controller import exit_codes, ros_arguments
+from behavior_controller.folders import mission_name
 from behavior_controller.monitoring import parts
-from behavior_controller.monitoring.story import title
 from behavior_controller.text import clean
 
 AGAIN = "again"
@@ -202,7 +202,7 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     """
     now, mission = state.now, state.mission
     doing = parts.card_line(now.card, state.alive.at + state.silent)
-    head = [f"mission {title(mission.file)}: {doing}", "robot: " + now.robot.text]
+    head = [f"mission {mission_name(mission.file)}: {doing}", "robot: " + now.robot.text]
     if state.silent >= LATE:
         head.append(f"no message for {state.silent:.0f} s: what is shown may be old")
     elif state.alive.hangs:

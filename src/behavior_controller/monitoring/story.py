@@ -5,7 +5,6 @@ record gives the same sentences as the run itself. All texts are safe to show, w
 see ``text.clean``.
 """
 import collections
-import os
 from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.execution.events import (
@@ -17,6 +16,7 @@ from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED, SUBSTITUTE
 from behavior_controller.execution.state import (
     BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, SILENT_VISITOR, STOPPED,
     UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
+from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.text import clean
 
@@ -204,11 +204,6 @@ def counted(outcomes: Dict[str, int]) -> str:
     return text + ", the last one was stopped" if "" in outcomes else text
 
 
-def title(mission: str) -> str:
-    """Return the name of a mission, from its file."""
-    return os.path.splitext(os.path.basename(mission))[0]
-
-
 def recovering(event: Recovering) -> str:
     """Return what a recovery does."""
     if event.substitute:
@@ -278,8 +273,8 @@ def _incident(state: State, failure: Failure, path: str) -> float:
 
 
 def _run_started(before: State, event: RunStarted, after: State) -> Iterator[Sentence]:
-    yield _sentence(after, "notice", "info",
-                    f"mission {title(event.mission)} starts, {len(event.leaves)} mission leaves")
+    name, leaves = mission_name(event.mission), len(event.leaves)
+    yield _sentence(after, "notice", "info", f"mission {name} starts, {leaves} mission leaves")
 
 
 def _run_finished(before: State, event: RunFinished, after: State) -> Iterator[Sentence]:

@@ -20,6 +20,7 @@ from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution import events
 from behavior_controller.execution.run import with_nodes
 from behavior_controller.execution.state import UNDER_WAY, NodeResult, State, Step, Visit
+from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.missions.load import build_tree
 from behavior_controller.monitoring import story
@@ -157,7 +158,7 @@ def to_html(lines: Iterable[events.Line], verdict: str = "") -> str:
         documents=documents, moment=_between(live, '<div id="card">', "</section>"),
         robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
     sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
-    return framed("Mission " + story.title(run.started.mission), list(_heads(run, earlier)),
+    return framed("Mission " + mission_name(run.started.mission), list(_heads(run, earlier)),
                   sections, content.decode(), _script(), _data(run, written))
 
 
