@@ -429,9 +429,9 @@ def test_the_operator_is_told_of_all_that_hooks_do(served):
     client.ask("A")
     tree.sleep(0.0)  # the tick thread carries it out
     assert served.told("act4", 4)
-    # set, held, released, used, removed, disabled: test_hooks has the words
+    # set, released, used, removed, disabled: test_hooks has the words
     assert [re.findall(r"^Groot2: .*\bact(\d)\b", line)
-            for line in served.warnings] == [[uid] for uid in "234223342424"]
+            for line in served.warnings] == [[uid] for uid in "23423342424"]
 
 
 def test_a_replacement_at_every_tick_and_hooks_that_change_all_the_time_do_not_flood_the_terminal(

@@ -173,7 +173,7 @@ def unlocks(status="SKIPPED", remove=False, position=BEFORE):
 
 WAITS, DISABLES, REMOVES_ALL = (lambda hooks: None), Hooks.disable_all, Hooks.remove_all
 REMOVES = lambda hooks: hooks.remove(BEFORE, 1, ": so")  # noqa: E731
-HOLDS = ["breakpoint before is set", "breakpoint before holds the node"]
+HOLDS = ["breakpoint before is set"]
 DECIDES = "breakpoint before decides FAILURE and the node is not run"
 
 
@@ -183,7 +183,7 @@ DECIDES = "breakpoint before decides FAILURE and the node is not run"
         ([sets(), WAITS, unlocks()], [RUNNING, RUNNING, SUCCESS
                                       ], HOLDS + ["breakpoint before lets the node go on"]),
         ([sets(), unlocks("FAILURE"), WAITS], [RUNNING, FAILURE, RUNNING], HOLDS +
-         ["breakpoint before lets the node go on", DECIDES, "breakpoint before holds the node"]),
+         ["breakpoint before lets the node go on", DECIDES]),
         ([sets(), unlocks("FAILURE", True), WAITS], [RUNNING, FAILURE, SUCCESS], HOLDS +
          ["breakpoint before lets the node go on", DECIDES, "breakpoint before is removed"]),
         ([sets(once=True), unlocks(), WAITS], [RUNNING, SUCCESS, SUCCESS],
@@ -203,22 +203,21 @@ DECIDES = "breakpoint before decides FAILURE and the node is not run"
          ["replacement before is set to FAILURE", "replacement before lets the node go on"]),
         ([sets(AFTER), sets(AFTER, REPLACE),
           unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS], [
-              "breakpoint after is set", "breakpoint after holds the node",
+              "breakpoint after is set",
               "replacement after is set to FAILURE", "replacement after lets the node go on"
           ]),
         ([unlocks(), REMOVES, WAITS], [SUCCESS] * 3, []),
         ([sets(AFTER), WAITS, unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS], [
-            "breakpoint after is set", "breakpoint after holds the node",
+            "breakpoint after is set",
             "breakpoint after lets the node go on"
         ]),
         ([sets(AFTER), unlocks("FAILURE", position=AFTER), WAITS], [RUNNING, FAILURE, RUNNING], [
-            "breakpoint after is set", "breakpoint after holds the node",
+            "breakpoint after is set",
             "breakpoint after lets the node go on",
-            "breakpoint after decides FAILURE instead of the node's SUCCESS",
-            "breakpoint after holds the node"
+            "breakpoint after decides FAILURE instead of the node's SUCCESS"
         ]),
         ([sets(AFTER), sets(), REMOVES_ALL], [RUNNING, RUNNING, SUCCESS], [
-            "breakpoint after is set", "breakpoint after holds the node",
+            "breakpoint after is set",
             "breakpoint before is set", "breakpoint before is removed",
             "breakpoint after is removed"
         ]),

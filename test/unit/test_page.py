@@ -417,7 +417,8 @@ def test_the_timeline_has_an_axis_waits_and_recoveries(show, browser):
             sentence for sentence in sentences
             if sentence["kind"] == kind and sentence["visit"] == 1
         ]
-        assert told and browser.execute_script(DRAWN, MARKS[kind]) == len(told)
+        assert told
+        wait_until(lambda: browser.execute_script(DRAWN, MARKS[kind]) == len(told))
     assert "recoveries" in browser.execute_script("return byId('lanes').textContent")
     cut, scrolled = browser.execute_script("""
         const edge = timeline.axis.getBoundingClientRect().bottom;

@@ -1,5 +1,6 @@
 """What an operator sees in the moments for which the page is opened: card and robot line, against
 the model of the run and against the truth of each situation."""
+import dataclasses
 import re
 import time
 import types
@@ -8,8 +9,10 @@ import urllib.request
 import pytest
 from msgspec.structs import asdict, replace
 
+from behavior_controller.config import settings
 from behavior_controller.execution.events import (
-    BreakpointChanged, HealthChanged, Line, PassStarted)
+    BreakpointChanged, HealthChanged, Line, PassFinished, PassStarted, Paused, Recovered,
+    Recovering, TreeShown)
 from behavior_controller.execution.health import FAILING, GONE, SILENT
 from behavior_controller.execution.run import Run
 from behavior_controller.leaves.recovery import RETURN_LIMIT
@@ -19,12 +22,14 @@ from behavior_controller.monitoring.moment import card, robot_line
 from behavior_controller.monitoring.parts import RobotLine, card_line
 from behavior_controller.monitoring.record.recorder import (
     Entries, shown as tree_shown, traversed, written)
+from behavior_controller.robot.d543 import INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say, SetAttention
 from browser import SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
 from test_story import refusing, walks_off
+from unit_tests.rehearsal.play import CALM, Stage
 
 def use_time_of(rig, monkeypatch):
     """Have the board tell the time of day by the clock of a rig."""
@@ -427,6 +432,10 @@ return arguments[0].map(robot => {
   showRobot(robot);
   return [document.querySelector("header").offsetHeight, places(["alive", "place", "attention", "movement", "instruction"]),
           at("instruction").right <= innerWidth]})"""
+WHOLE = """
+byId("robot").focus();
+return ["alive", "place", "safe", "instruction"].map(byId).every(
+  one => one.scrollWidth <= one.clientWidth && one.scrollHeight <= one.clientHeight)"""
 
 
 @pytest.mark.parametrize("width, height", SCREENS)
@@ -437,41 +446,92 @@ def test_what_is_so_with_the_robot_moves_nothing(browser, width, height):  # noq
                      "Restart /robotNavigation; take the robot home")
     unsafe = replace(lost, safe="safe state not reached: attention and lifelike movement may be on",
                      alive="/animateBehaviour/set_activation and /overtAttention/set_mode are gone")
+    all_lost = replace(unsafe, instruction="Restart /{}; take the robot home".format(
+        ", /".join(["robotNavigation"] * 9)))
     shown = Show(Rig())
     set_screen(browser, width, height)
     try:
         open_page(browser, shown)
-        heads = browser.execute_script(HEADS, [asdict(robot) for robot in (well, lost, unsafe)])
-        assert heads[0] == heads[1] == heads[2] and heads[0][2]
+        robots = [asdict(robot) for robot in (well, lost, unsafe, all_lost)]
+        heads = browser.execute_script(HEADS, robots)
+        assert heads[0] == heads[1] == heads[2] == heads[3] and heads[0][2]
+        assert browser.execute_script(WHOLE)
     finally:
         reset_screen(browser)
         shown.page.close()
+
+
+def shift_on_page(browser, shown, act):  # noqa: F811
+    """Return by how much the layout of the page shifts while ``act()`` happens."""
+    open_page(browser, shown)
+    time.sleep(0.5)
+    browser.execute_script(SHIFTS)
+    act()
+    time.sleep(0.5)
+    width, shift, places = browser.execute_script("return [innerWidth, shift, shifted]")
+    print("layout shift at {} px: {:.3f} {}".format(width, shift, places[:20]))
+    return shift
 
 
 @pytest.mark.parametrize("width, height", [(400, 800), (800, 1180), (1280, 800)])
 def test_nothing_jumps_during_a_tour_with_failures(browser, width, height):  # noqa: F811
     rig = Rig(answer=refusing(PerformGesture))
     shown = Show(rig)
+    visitor, waits = visitor_who("yes"), []
+
+    def seen_by_the_page(rig):
+        waits.append(time.sleep(0.15))
+        if len(waits) == 6:
+            rig.mission.health.report(GONE, gone())
+        elif len(waits) == 9:
+            rig.mission.health.report(GONE, replace(gone(), is_well=True, consequence=""))
+        visitor(rig)
+
     set_screen(browser, width, height)
     try:
-        open_page(browser, shown)
-        time.sleep(0.5)
-        browser.execute_script(SHIFTS)
-        visitor, waits = visitor_who("yes"), []
-
-        def seen_by_the_page(rig):
-            waits.append(time.sleep(0.15))
-            if len(waits) == 6:
-                rig.mission.health.report(GONE, gone())
-            elif len(waits) == 9:
-                rig.mission.health.report(GONE, replace(gone(), is_well=True, consequence=""))
-            visitor(rig)
-
-        rig.run(seen_by_the_page, runs=2)
-        time.sleep(0.5)
-        shift, places = browser.execute_script("return [shift, shifted]")
-        print("layout shift at {} px: {:.3f} {}".format(width, shift, places[:20]))
+        shift = shift_on_page(browser, shown, lambda: rig.run(seen_by_the_page, runs=2))
         assert len(waits) > 10 and shift < 0.1
+    finally:
+        reset_screen(browser)
+        shown.page.close()
+
+
+SEEN_ON_PAGE = (HealthChanged, PassFinished, Paused, Recovered, Recovering)
+
+
+def nearly_all_calls_fail():
+    """Return what happens on six visits, with the times."""
+    test = dataclasses.replace(CALM, arrival_rate=600.0, random_seed=1, failure_rate=0.9,
+                               mission_runs=6)
+    played = Stage(settings.defaults()).play(test)
+    return [line for line in played.events if not isinstance(line[1], TreeShown)]
+
+
+@pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
+def test_nothing_jumps_while_nearly_all_fails(browser, monkeypatch, width, height):  # noqa: F811
+    rig = Rig()
+    use_time_of(rig, monkeypatch)
+    shown, instructions = Show(rig), set()
+
+    def happens(event):
+        rig.mission.events.emit(event)
+        if isinstance(event, SEEN_ON_PAGE):
+            time.sleep(0.15)
+            instructions.add(shown.page.board.part("now")["robot"]["instruction"])
+
+    def act():
+        for at, event in nearly_all_calls_fail():
+            rig.clock.set_to(at)
+            happens(event)
+        for service in INTERFACE.services:
+            happens(replace(gone(), name=service.name, node=service.node))
+
+    set_screen(browser, width, height)
+    try:
+        assert shift_on_page(browser, shown, act) < 0.1
+        assert browser.execute_script("return innerWidth") == width
+        assert "" in instructions and max(map(len, instructions)) > 100
+        assert browser.execute_script(WHOLE)
     finally:
         reset_screen(browser)
         shown.page.close()

@@ -10,11 +10,10 @@ import py_trees
 import pytest
 from msgspec.structs import replace
 
-from behavior_controller.execution.events import (Asked, HealthChanged, LeafFinished, Noticed,
-                                                  PassFinished, PassStarted, Paused, Recovered,
-                                                  Recovering, Retried, RunFinished, RunStarted,
-                                                  SafePart, SafeStateReported, Sources, StepStarted,
-                                                  StopChanged, Suspended, LeafSummary)
+from behavior_controller.execution.events import (
+    Asked, BreakpointChanged, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted,
+    Paused, Recovered, Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported,
+    Sources, StepStarted, StopChanged, Suspended, LeafSummary)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import FAILING, GONE
 from behavior_controller.robot.requests import (
@@ -514,6 +513,7 @@ def test_the_robot_s_requests_have_words_for_leaves_of_any_package():
 
 RUN = RunStarted("/missions/lab_tour.xml", [["a", "Say"], ["b", "Navigate"]], {},
                  Sources((), Source("", ""), Source("", ""), ""))
+HELD = BreakpointChanged(3, "tour/Say::3", True)
 START, BUSY = PassStarted(1, 0.0), Failure(Cause.REFUSED, "busy", "/go")
 HEAD, BODY = SafePart("attention", "/attend", None), SafePart("lifelike movement", "/animate", None)
 NOT_REACHED = why_failed("Navigate", BUSY, is_short=True)
@@ -698,6 +698,9 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
     ([], Suspended("paused", is_due=True), "info",
      "paused as soon as the robot has done what it does now", ()),
     ([Suspended("paused")], Suspended(""), "info", "goes on, started by the operator", ()),
+    ([], HELD, "warning", "held by a breakpoint of Groot2 at Say", (3, "tour/Say::3")),
+    ([HELD], replace(HELD, is_held=False), "info",
+     "no longer held by a breakpoint of Groot2 at Say", (3, "tour/Say::3")),
     ([], HealthChanged("topic", "/a", "", True, "well", ""), "info", "topic /a: well", ()),
     ([], HealthChanged("topic", "/a", "b", False, "ill", "so"), "warning",
      "topic /a (of node /b): ill; so", ()),
@@ -746,7 +749,7 @@ def test_the_sentence_about_an_event(before, event, severity, text, leads_to):
     "before, event", [([], failed(NO_FACE)), ([recovered("skipped")], failed(uid=5)),
                       ([START, ARRIVED], ARRIVED), ([START, ENGAGED], ARRIVED), ([], ARRIVED),
                       ([], ENGAGED), ([], ASKED), ([START], leaf()), ([], begins()),
-                      ([], exhibit("over")),
+                      ([], exhibit("over")), ([], replace(HELD, is_held=False)),
                       # by an outer HandleFallBack, for the failure before the retries
                       ([recovered("given up")], replace(recovered(
                           "given up", "budget", NO_FACE, "other"), uid=6)),

@@ -8,8 +8,8 @@ import collections
 from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.execution.events import (
-    BEGUN, Event, HealthChanged, LeafFinished, Noticed, PassFinished, Paused, Recovered,
-    Recovering, RunFinished, RunStarted, SafeStateReported, StopChanged, Suspended)
+    BEGUN, BreakpointChanged, Event, HealthChanged, LeafFinished, Noticed, PassFinished, Paused,
+    Recovered, Recovering, RunFinished, RunStarted, SafeStateReported, StopChanged, Suspended)
 from behavior_controller.execution.fold import fold, why_recovered
 from behavior_controller.execution.health import NEW
 from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED, SUBSTITUTED
@@ -409,6 +409,16 @@ def _suspended(before: State, event: Suspended, after: State) -> Iterator[Senten
                     event.words + due or "goes on, started by the operator")
 
 
+def _breakpoint_changed(before: State, event: BreakpointChanged,
+                        after: State) -> Iterator[Sentence]:
+    name = event.path.rpartition("/")[2].partition("::")[0]
+    words = f"held by a breakpoint of Groot2 at {name}"
+    if event.is_held:
+        yield _sentence(after, "notice", "warning", words, event.uid, event.path)
+    elif event.uid in before.held:  # it is released, or halted
+        yield _sentence(after, "notice", "info", "no longer " + words, event.uid, event.path)
+
+
 _Words = Callable[[State, Any, State], Iterator[Sentence]]  # type: ignore[explicit-any]
 
 _WORDS: Dict[type, _Words] = {
@@ -422,6 +432,7 @@ _WORDS: Dict[type, _Words] = {
     HealthChanged: _health_changed,
     Paused: _paused,
     SafeStateReported: _safe_state_reported,
+    BreakpointChanged: _breakpoint_changed,
     Suspended: _suspended,
     Noticed: _noticed,
 }

@@ -257,7 +257,6 @@ class _NodeHooks(NodeHook):
             if not place.is_waiting:
                 place.is_waiting = True
                 self._owner.reached(node.uid)
-                self._tell(place.hook, "holds the node")
             return RUNNING
         place.reset()
         return self._decide(place, result)

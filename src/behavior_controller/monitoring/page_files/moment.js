@@ -182,10 +182,17 @@ function showTranscript(sentences) {
   const goesOn = same && same.at === Number(last.dataset.at);  // else it is another moment, or another run
   if (!goesOn) list.replaceChildren();
   for (const each of sentences) if (!goesOn || each.number > same.number) addSentence(list, each);
-  const oldest = sentences.length ? sentences[0].number : 0;
-  for (const one of known) if (Number(one.dataset.number) < oldest) one.remove();
-  for (const one of [...list.children]) if (!one.querySelector("[data-number]")) one.remove();
   if (isAtEnd || frozen !== null) showNewest(box);
+  // after what is new was drawn: together, the two would move the rows by more than the box is scrolled
+  setTimeout(dropOld, 100);
+}
+
+function dropOld() {
+  const box = byId("transcript"), list = box.firstChild, fromEnd = box.scrollHeight - box.scrollTop;
+  const oldest = sentences.length ? sentences[0].number : 0;
+  for (const one of list.querySelectorAll("[data-number]")) if (Number(one.dataset.number) < oldest) one.remove();
+  for (const one of [...list.children]) if (!one.querySelector("[data-number]")) one.remove();
+  box.scrollTop = box.scrollHeight - fromEnd;
 }
 
 function addSentence(list, row) {
