@@ -17,6 +17,9 @@ from behavior_controller.text import clean
 
 HOME = "home"
 
+MOST_NAMED = 3
+"""How many nodes an instruction names; of more it says the number."""
+
 IN_TURN = {"Sequence", "SequenceWithMemory", "ReactiveSequence", "AsyncSequence"}
 """The controls that go on to their next child when one succeeds."""
 
@@ -231,7 +234,7 @@ def _repairs(state: State) -> Iterator[str]:
     ill = state.robot.ill
     gone = _nodes(ill, GONE)
     if gone:
-        yield "restart " + listed(gone)
+        yield "restart " + _named(gone)
     for change in ill:
         if change.kind == "master" and change.respect == GONE:
             yield "check the ROS master, and start it again if it has ended"
@@ -240,7 +243,7 @@ def _repairs(state: State) -> Iterator[str]:
     for respect in (SILENT, FAILING):
         nodes = _nodes(ill, respect)
         if nodes:
-            yield f"check {listed(nodes)}: {'it is' if len(nodes) == 1 else 'they are'} {respect}"
+            yield f"check {_named(nodes)}: {'it is' if len(nodes) == 1 else 'they are'} {respect}"
     step = state.step.cause if state.step is not None else None
     is_known = isinstance(step, Paused) and state.robot.trouble(step.failure.resource) is not None
     if isinstance(step, Paused) and not step.awaited and not is_known:
@@ -249,6 +252,11 @@ def _repairs(state: State) -> Iterator[str]:
         off = [part.what for part in state.safe_state.parts if part.failure is not None]
         if off:
             yield f"switch {listed(off)} off by hand"
+
+
+def _named(nodes: List[str]) -> str:
+    """Return the names of a few nodes, or how many they are: what to do has to fit a phone."""
+    return listed(nodes) if len(nodes) <= MOST_NAMED else f"{len(nodes)} nodes"
 
 
 def _nodes(ill: Tuple[HealthChanged, ...], respect: str) -> List[str]:
