@@ -17,7 +17,7 @@ from behavior_controller.text import clean
 
 HOME = "home"
 
-MOST_NAMED = 3
+MOST_NAMED = 4
 """How many nodes an instruction names; of more it says the number."""
 
 IN_TURN = {"Sequence", "SequenceWithMemory", "ReactiveSequence", "AsyncSequence"}
