@@ -31,6 +31,7 @@ from behavior_controller.monitoring import status_tool, view
 from behavior_controller.monitoring.view import PARTS
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.parts import changes, patched
+from behavior_controller.monitoring.record import moments as moments_module
 from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.record.replay import read_record
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
@@ -194,6 +195,18 @@ def test_a_pause_of_the_operator_is_a_moment_of_the_record():
     (_, packed), = moments.packed()
     (_, _), (_, news) = json.loads(zlib.decompress(base64.b64decode(packed)))
     assert news["now"]["card"]["kind"] == "paused"
+
+
+def test_each_stretch_of_moments_begins_at_its_first_one(monkeypatch):
+    monkeypatch.setattr(moments_module, "EVERY", 2)
+    moments, shown = Moments(), view.View()
+    for at, event in enumerate((RUN, Suspended("paused"), Suspended(""), Suspended("again"))):
+        shown.take(1.0 + at, event)
+        moments.take(shown, float(at))
+    stretches = [(begins, json.loads(zlib.decompress(base64.b64decode(packed))))
+                 for begins, packed in moments.packed()]
+    assert [(begins, [at for at, _ in kept]) for begins, kept in stretches] == [
+        (0, [0, 1000]), (2000, [2000, 3000])]
 
 
 def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):

@@ -507,6 +507,8 @@ def nearly_all_calls_fail():
     return [line for line in played.events if not isinstance(line[1], TreeShown)]
 
 
+@pytest.mark.long
+@pytest.mark.timing
 @pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
 def test_nothing_jumps_while_nearly_all_fails(browser, monkeypatch, width, height):  # noqa: F811
     rig = Rig()

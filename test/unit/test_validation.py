@@ -315,6 +315,11 @@ def test_a_file_with_nothing_but_a_palette_is_one(file):
     assert told(path) == [("p.xml", 2, "id-missing")]
 
 
+def test_a_palette_is_compared_with_the_node_types_that_there_are(file):
+    path = file("p.xml", '<TreeNodesModel><Condition ID="Sleep"/></TreeNodesModel>')
+    assert told(path) == [("p.xml", 2, "palette-kind")]
+
+
 def test_a_palette_that_cannot_be_read_is_told(tmp_path, file):
     path = file("m.xml", TREE.format("Main", LEAF))
     assert told(path, palettes=[str(tmp_path / "none.xml")]) == [("none.xml", 0, "unreadable-file")]
