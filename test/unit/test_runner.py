@@ -1,6 +1,7 @@
 """The tick loop: passes, stop, the safe state, exit codes, and errors that end a pass but not the
 node."""
 import dataclasses
+import itertools
 import re
 import time
 
@@ -566,6 +567,20 @@ def test_a_service_of_another_type_is_a_cause_that_persists():
     assert starts(rig) == [0.0, 11.0, 32.0]
     assert [(event.awaited, event.failure.cause)
             for event in rig.of(Paused)] == 2 * [("", Cause.TYPE_MISMATCH)]
+
+
+def test_a_pause_for_a_cause_that_persists_waits_for_what_is_left_of_it():
+    rig, asked = one_leaf(GREET_AND_DRIVE, drives(Cause.TYPE_MISMATCH)), []
+
+    class Waiting(Runner):
+        def wait(self, seconds):
+            asked.append(seconds)
+            rig.clock.advance(2.5)
+
+    polls = itertools.count()
+    Waiting(Running(rig.tree, rig.mission, "x", 0),
+            lambda: asked[-1:] == [2.5] or next(polls) > 100).run()
+    assert asked[-4:] == [10.0, 7.5, 5.0, 2.5]
 
 
 def test_a_node_that_goes_during_a_pause_is_waited_for_and_its_return_ends_the_pause():
