@@ -128,6 +128,11 @@ def test_the_tour_of_release_1_0_is_rehearsed_too(capsys):
     assert "robot release-1.0: 2 simulated runs" in text
 
 
+def test_a_visitor_who_is_not_understood_is_no_finding(capsys):
+    assert found(capsys, "release_1_0_tour", "robotInterface:=release-1.0", "--faults", "none",
+                 "--visitors", "unclear", "asrEnabled:=true") == []
+
+
 def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_it_again(capsys):
     path = planted("goodbye_to_nobody")
     code, text = run(capsys, path, *CALM)

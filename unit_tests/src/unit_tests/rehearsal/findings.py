@@ -275,10 +275,13 @@ def _exception(play: Play) -> Iterator[Place]:
     for text in filter(None, [play.played.error, *(error.text for error in play.run.errors)]):
         named = [node.uid for node in play.nodes if f"'{node.full_path}'" in text]
         yield _script_at(play, text) or (named[0] if named else ROOT), text
+    topics = {topic.name for topic in play.stage.settings.interface.topics}
     for failed in play.run.failures:
-        # no fault does this: what a package declares does not fit its messages
-        if failed.failure.cause is Cause.TYPE_MISMATCH or (
-                failed.failure.cause is Cause.UNUSABLE_ANSWER and not play.faults):
+        # no fault does this, and no visitor who is not understood: what a package declares does not
+        # fit its messages
+        cause, resource = failed.failure.cause, failed.failure.resource
+        is_answer = cause is Cause.UNUSABLE_ANSWER and resource not in topics
+        if cause is Cause.TYPE_MISMATCH or is_answer and not play.faults:
             yield failed.uid, failed.failure.message
 
 
