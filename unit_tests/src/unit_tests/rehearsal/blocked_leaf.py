@@ -1,5 +1,5 @@
-"""Ends the code of a leaf that does not return: a mission on a robot stands still then, and so would
-a play."""
+"""Ends the code of a leaf that does not return: a mission on a robot stands still then, and so
+would a play."""
 import contextlib
 import signal
 import threading
