@@ -1,7 +1,7 @@
 """The state of a running mission as it is sent: the parts of the board, declared once for the
 page's server and ``missionStatus``.
 """
-from typing import Any, Dict, List, Optional
+from typing import Any, List, Optional
 
 from msgspec import Struct
 

@@ -25,7 +25,7 @@ from behavior_controller.bt.loader.document import (
     Document, Element, garbage_collection_paused, parse, read, with_includes)
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.script.values import GENERIC, TEXT, ValueFault
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Source
 

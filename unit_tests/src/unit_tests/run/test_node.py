@@ -5,7 +5,7 @@ import os
 import shutil
 import signal
 import time
-from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, NamedTuple, Optional, Sequence, Tuple
 
 import rospkg
 import rospy
