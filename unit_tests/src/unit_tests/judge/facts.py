@@ -11,6 +11,7 @@ from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.options import Configuration
 from unit_tests.robot.world import World
 from unit_tests.rehearsal.faultless_play import Rehearsal
+from unit_tests.rehearsal.play import TIMED_OUT
 
 Kind = TypeVar("Kind")
 
@@ -42,6 +43,16 @@ class Facts(NamedTuple):
     def late(self) -> float:
         """Seconds by which something may come late: nothing can be in time while nothing runs."""
         return LATE + self.stall
+
+    @property
+    def has_timed_out(self) -> bool:
+        """Whether the test was cut off because it had lasted too long."""
+        return self.cut_off.startswith(TIMED_OUT.split("{")[0])
+
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether the test was stopped, or something took the place of one of its nodes."""
+        return bool(self.cut_off) and not self.has_timed_out
 
     @property
     def crashes(self) -> List[JournalEntry]:

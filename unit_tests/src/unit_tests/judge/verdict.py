@@ -18,7 +18,6 @@ from behavior_controller.text import clean, count
 from unit_tests.judge.execution import CannotRepeat, Execution, execute
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.witness import Witness
-from unit_tests.rehearsal.play import TIMED_OUT
 from unit_tests.robot.visitor import DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR
 
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
@@ -89,15 +88,10 @@ class Case:
         return self.last.overdue(self.witness.end)
 
     @property
-    def has_timed_out(self) -> bool:
-        """Whether the test was cut off because it had lasted too long."""
-        return self.facts.cut_off.startswith(TIMED_OUT.split("{")[0])
-
-    @property
     def is_out_of_time(self) -> bool:
         """Whether the test was cut off while the mission had to wait."""
         is_paused = self.last is not None and self.last.is_paused and not self.overdue
-        return self.has_timed_out and (is_paused or bool(self.waiting_for))
+        return self.facts.has_timed_out and (is_paused or bool(self.waiting_for))
 
 
 def judge(of_test: Union[Facts, Case]) -> Verdict:
@@ -117,7 +111,7 @@ def _start(case: Case) -> Iterator[str]:
     """Object to a test that was disturbed, and to a controller that did not start or raised an
     exception."""
     facts = case.facts
-    if facts.cut_off and not case.has_timed_out:
+    if facts.is_disturbed:
         yield facts.cut_off
     if facts.run.state.started is None and not facts.cut_off:
         yield "the controller {}{} before it started its mission{}".format(
@@ -158,7 +152,7 @@ def _end(case: Case) -> Iterator[str]:
     facts = case.facts
     finished, ending = facts.run.state.finished, "the controller " + _ending(facts.exit_code)
     outcomes = [event.outcome for _, event in of(facts.run.lines, PassFinished)]
-    if case.has_timed_out and not case.is_out_of_time:
+    if facts.has_timed_out and not case.is_out_of_time:
         yield facts.cut_off + _going_on(case)
     elif facts.cut_off or facts.run.state.started is None:
         return
