@@ -21,7 +21,7 @@ from behavior_controller.bt.engine.thread_check import tick_thread_only
 from behavior_controller.bt.registry import argument
 from behavior_controller.bt.status import NAMES
 from behavior_controller.execution.events import Events, LeafFinished, StepStarted, LeafSummary
-from behavior_controller.robot.gateway import Cause, Failure, Gateway, Topics
+from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
 from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
 from behavior_controller.robot.requests import Answer, Exhibit, Request, Words
@@ -35,8 +35,11 @@ from behavior_controller.config.settings import Settings
 
 Shared = TypeVar("Shared")
 Value = TypeVar("Value")
-Waiting = Generator[None, None, Value]
-"""Work of several ticks: it yields while it waits, and is dropped when it is closed."""
+Waiting = Generator[Optional[Call], None, Value]
+"""Work of several ticks: it yields while it waits, and is dropped when it is closed.
+
+It may yield the call for whose result it waits: then it goes on when that has come, and the call is
+dropped when the leaf is halted."""
 
 
 class Failed(NamedTuple):
@@ -309,6 +312,7 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
     """An action of several ticks, as one function."""
 
     _under_way: Optional[Waiting[Result]] = None
+    _awaited: Optional[Call] = None
 
     @abstractmethod
     def work(self) -> Waiting[Result]:
@@ -317,14 +321,16 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
     def on_start(self) -> Result:
         """Begin the work."""
         self.started_at = self.mission.clock.now()
-        self._under_way = self.work()
+        self._under_way, self._awaited = self.work(), None
         return self.on_running()
 
     def on_running(self) -> Result:
         """Go on with the work."""
         assert self._under_way is not None
+        if self._awaited is not None and self._awaited.result is None:
+            return RUNNING
         try:
-            next(self._under_way)
+            self._awaited = next(self._under_way)
         except StopIteration as over:
             return over.value
         return RUNNING
@@ -333,6 +339,8 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
         """Drop the work."""
         if self._under_way is not None:
             self._under_way.close()
+        if self._awaited is not None:
+            self._awaited.drop()
         self.report(IDLE)
 
     def pause(self, seconds: float) -> Waiting[None]:
@@ -430,19 +438,17 @@ class ServiceLeaf(WorkingLeaf):
         words = self.words(wanted)
         self.begin_step(words, self.limit(wanted))
         call = self.mission.gateway.start(wanted)
-        try:
-            while call.result is None:
-                yield
+        answer = call.result
+        if answer is None:
+            yield call
             answer = call.result
-            if isinstance(answer, Failure):
-                return self.attempt_failed(answer)
-            seconds = self.lasts(wanted)
-            if seconds:
-                self.begin_step(words, seconds, goes_on=True)
-                yield from self.pause(seconds)
-        except BaseException:  # the leaf is halted, or its code has failed
-            call.drop()
-            raise
+            assert answer is not None
+        if isinstance(answer, Failure):
+            return self.attempt_failed(answer)
+        seconds = self.lasts(wanted)
+        if seconds:
+            self.begin_step(words, seconds, goes_on=True)
+            yield from self.pause(seconds)
         self.summary = self.done(words)
         return self._accepted(answer)
 

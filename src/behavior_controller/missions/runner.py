@@ -179,6 +179,8 @@ class Runner:
         """Return whether the operator holds the run, and the robot has done what it was asked for;
         report a change."""
         words = self._held()
+        if words == self._suspended.words == "":  # as at almost every tick
+            return False
         now = Suspended(words, bool(words) and self.mission.gateway.is_busy)
         if now != self._suspended:
             self._suspended = now
@@ -245,10 +247,11 @@ class Runner:
         # for a wake-up that is already cleared; a due timer must end the wait
         self.clock.run_posted()
         due = self.clock.next_due()
-        limits = [limit for limit in (seconds, None if due is None else due - self.clock.now())
-                  if limit is not None]
+        if due is not None:
+            left = due - self.clock.now()
+            seconds = left if seconds is None else min(seconds, left)
         self._woke = None
-        self.tree.wake.wait(max(0.0, min(limits)) if limits else None)
+        self.tree.wake.wait(seconds if seconds is None else max(0.0, seconds))
         self._woke = time.monotonic()
         self.clock.run_due()
 

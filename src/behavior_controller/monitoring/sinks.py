@@ -3,6 +3,7 @@ nothing else."""
 import collections
 import contextlib
 import io
+import itertools
 import logging
 import os
 import re
@@ -64,20 +65,22 @@ class Sink:
         self._since_rest = 0  # items written
         self._is_drained = False  # a thread waits until everything is written
         self._waiting: Deque[Any] = collections.deque()
-        self._lost = 0
+        self._losses = itertools.count(1)
+        self._lost = self._reported = 0  # how many items did not fit, and how many of them are told
         self._is_busy = False
         self._news = threading.Condition()
         threading.Thread(target=self._work, name=name, daemon=True).start()
 
     def put(self, item: Any) -> None:
         """Queue ``item`` for writing; if the queue is full, count it as lost."""
-        with self._news:
-            if self._lost or len(self._waiting) >= self._most:
-                self._lost += 1
-            else:
-                self._waiting.append(item)
-                if not self._rest:
-                    self._news.notify_all()
+        # both without the lock: the threads that report something must not wait for each other
+        if self._lost > self._reported or len(self._waiting) >= self._most:
+            self._lost = next(self._losses)
+            return
+        self._waiting.append(item)
+        if not self._rest:
+            with self._news:
+                self._news.notify_all()
 
     def drain(self, seconds: float) -> None:
         """Return when everything is written, after ``seconds`` at the latest; the sink does not
@@ -103,10 +106,11 @@ class Sink:
                 self._news.wait_for(lambda: self._waiting)
             self._is_busy = True
             item = self._waiting.popleft()
-            if self._lost and len(self._waiting) <= self._most // 2:
+            lost = self._lost - self._reported
+            if lost > 0 and len(self._waiting) <= self._most // 2:
                 self._waiting.append(self._item(
-                    f"{self._lost} lines left out: {self._name} did not take them in time"))
-                self._lost = 0
+                    f"{lost} lines left out: {self._name} did not take them in time"))
+                self._reported += lost
             return item
 
     def _wait_until_due(self) -> None:

@@ -66,11 +66,11 @@ def result_of(service: Service, response: Message, resource: str) -> Union[Answe
     if service.success is not None:
         field, done, refused = service.success
         outcome = getattr(response, field)
-        text = f"answered {field} = {outcome!r}"
         if outcome == refused:
-            return Failure(Cause.REFUSED, text, resource)
+            return Failure(Cause.REFUSED, f"answered {field} = {outcome!r}", resource)
         if outcome != done:
-            text += f": neither {done!r} (done) nor {refused!r} (refused)"
+            text = (f"answered {field} = {outcome!r}: neither {done!r} (done) nor {refused!r} "
+                    "(refused)")
             return Failure(Cause.UNUSABLE_ANSWER, text, resource)
     try:
         return service.answer(response)

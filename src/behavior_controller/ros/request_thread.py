@@ -33,13 +33,13 @@ class RequestThread:
     """A daemon thread that carries one request at a time."""
 
     IDLE: Optional[float] = None
-    """Seconds between two calls of ``idle`` while there is no request; None: one call before it."""
+    """Seconds between two calls of ``idle`` while there is no request; None: it is not called."""
 
     def __init__(self, service: Service):
         self.name = resolved(service)
         self.service = service
         self._jobs: "queue.SimpleQueue[Optional[Job]]" = queue.SimpleQueue()
-        self._newest: Optional[Job] = None
+        self._cut = threading.Event()  # of the newest request
         self.is_asked = False
         """Whether the request under way may have reached the server."""
         start_thread(service.kind + " " + self.name, self._work)
@@ -47,14 +47,14 @@ class RequestThread:
     def carry(self, request: Request, done: Done, feedback: Callable[[str], None]) -> None:
         """Send ``request``; ``done`` and ``feedback`` are called on another thread."""
         self.is_asked = False
-        self._newest = Job(request, done, feedback, threading.Event())
-        self._jobs.put(self._newest)
+        if self._cut.is_set():  # as the request before is over, it may be used again
+            self._cut = threading.Event()
+        self._jobs.put(Job(request, done, feedback, self._cut))
 
     def cut(self) -> bool:
         """Abort the request under way; return whether this thread can carry another. Any thread may
         call it."""
-        if self._newest is not None:
-            self._newest.cut.set()
+        self._cut.set()
         return True
 
     def end(self) -> None:
@@ -73,11 +73,11 @@ class RequestThread:
 
     def _work(self) -> None:
         while True:
-            with contextlib.suppress(Exception):  # the request that meets it reports it
-                self.idle()
             try:
                 job = self._jobs.get(timeout=self.IDLE)
             except queue.Empty:
+                with contextlib.suppress(Exception):  # the request that meets it reports it
+                    self.idle()
                 continue
             if job is None:
                 self.close()

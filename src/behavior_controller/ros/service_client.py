@@ -7,12 +7,14 @@ leaf halted) it is cut: thread and socket are freed at once, a goal is cancelled
 hangs costs nothing, blocks no later call and does not hold the process. A request is sent once:
 only a connection found dead before the sending is opened again.
 """
+import contextlib
 import io
 import struct
 import time
 from collections import defaultdict
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple, Type, Union
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, Type, Union
 
 import genpy
 import rospy
@@ -157,15 +159,19 @@ class PublisherThread(RequestThread):
 
     _publisher: Any = None
 
-    def idle(self) -> None:
-        """Register the topic, so that its subscribers connect before the first message."""
+    def _work(self) -> None:
+        with contextlib.suppress(Exception):  # the request that meets it reports it
+            self._advertise()  # so that subscribers connect before the first message
+        super()._work()
+
+    def _advertise(self) -> None:
         if self._publisher is None:
             self._publisher = rospy.Publisher(self.name, TYPES[self.service], queue_size=10)
 
     def exchange(self, job: Job) -> Answer:
         """Publish, once there is a subscriber."""
         message = filled(TYPES[self.service](), self.service, job.request)
-        self.idle()
+        self._advertise()
         deadline = time.monotonic() + STEP_LIMIT
         while not self._publisher.get_num_connections():
             if job.cut.wait(ROUND) or time.monotonic() > deadline:
@@ -179,11 +185,12 @@ THREADS: Dict[type, Type[RequestThread]] = {
 """What carries requests, by the kind of declaration."""
 
 
-class _UnderWay(NamedTuple):
+@dataclass
+class _UnderWay:
     """The resources of a call until it ends."""
 
     thread: RequestThread
-    timers: Tuple[Timer, ...]
+    timer: Timer  # until it is slow, then until its deadline
     since: float
 
 
@@ -218,11 +225,9 @@ class RosGateway(Gateway):
             text = f"no thread to ask with ({error})"
             call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
             return call
-        after, health = self._clock.call_after, self._health
-        timers = (
-            after(deadline, lambda: self._expire(call)),
-            after(deadline * SLOW_SHARE, lambda: health.slow(thread.name, deadline, service.kind)))
-        self._under_way[call] = _UnderWay(thread, timers, time.monotonic())
+        timer = self._clock.call_after(
+            deadline * SLOW_SHARE, lambda: self._grow_slow(call, deadline), is_foreign=True)
+        self._under_way[call] = _UnderWay(thread, timer, time.monotonic())
         thread.carry(request, partial(self._hand_over, self._end, call),
                      partial(self._hand_over, self._report, call))
         return call
@@ -240,7 +245,7 @@ class RosGateway(Gateway):
 
     def _hand_over(self, callback: Callable[..., None], *arguments: Any) -> None:
         """Let the tick thread go on with ``callback``; on the request's thread."""
-        self._clock.post(partial(callback, *arguments))
+        self._clock.post(partial(callback, *arguments), is_foreign=True)
         self._wake()
 
     def _report(self, call: Call, feedback: str) -> None:
@@ -270,10 +275,10 @@ class RosGateway(Gateway):
             self._finish(call, held, result, at)
 
     def _release(self, call: Call) -> Optional[_UnderWay]:
-        """Cancel the timers of ``call`` and return its resources; None if it has ended already."""
+        """Cancel the timer of ``call`` and return its resources; None if it has ended already."""
         held = self._under_way.pop(call, None)
-        for timer in held.timers if held is not None else ():
-            timer.cancel()
+        if held is not None:
+            held.timer.cancel()
         return held
 
     def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure],
@@ -291,6 +296,13 @@ class RosGateway(Gateway):
         if held is not None and held.thread.cut():
             self._spare[held.thread.service].append(held.thread)
         return held
+
+    def _grow_slow(self, call: Call, deadline: float) -> None:
+        """Report that ``call`` is slow, and wait for its deadline."""
+        held = self._under_way[call]
+        self._health.slow(held.thread.name, deadline, held.thread.service.kind)
+        left = held.timer.due + deadline * (1 - SLOW_SHARE) - self._clock.now()
+        held.timer = self._clock.call_after(left, lambda: self._expire(call), is_foreign=True)
 
     def _expire(self, call: Call) -> None:
         """End ``call`` at its deadline."""

@@ -222,13 +222,13 @@ class Connection:
     """
 
     def __init__(self) -> None:
-        self._socket: Optional[_TimedSocket] = None
+        self._socket: Optional[socket.socket] = None
         self.closed = False
 
     @property
     def has_received(self) -> bool:
         """Whether the peer has sent anything."""
-        return self._socket is not None and self._socket.has_received
+        return isinstance(self._socket, _TimedSocket) and self._socket.has_received
 
     @property
     def is_open(self) -> bool:
@@ -307,9 +307,10 @@ class Connection:
 
     def wait_without_limit(self) -> None:
         """Remove the time limit of later reads: from here on only ``close`` ends them."""
-        sock = self._connected()
-        sock.deadline = math.inf
+        sock = self._socket = socket.socket(fileno=self._connected().detach())
         sock.settimeout(None)
+        if self.closed:  # ``close`` may have met the socket before it
+            self._lose("closed")
 
     def send(self, data: bytes) -> None:
         """Send ``data``. After ``Trouble`` it is unknown whether the peer has received it."""
@@ -337,7 +338,7 @@ class Connection:
             self._lose("closed by the peer")
         return chunk
 
-    def _connected(self) -> _TimedSocket:
+    def _connected(self) -> socket.socket:
         return self._socket or self._lose("it is not open")
 
     def _lose(self, reason: Any) -> NoReturn:

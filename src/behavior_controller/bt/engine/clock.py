@@ -70,10 +70,10 @@ class Clock:
         heapq.heappush(self._queue, (timer.due, next(self._order), timer))
         return timer
 
-    def post(self, callback: Callable[[], None]) -> None:
+    def post(self, callback: Callable[[], None], is_foreign: bool = False) -> None:
         """Have ``callback`` run soon on the tick thread, in the order of posting. Then the caller
-        must wake the tree."""
-        self._posted.append((callback, owner_of(callback)))
+        must wake the tree. ``is_foreign``: see ``call_after``."""
+        self._posted.append((callback, None if is_foreign else owner_of(callback)))
 
     @tick_thread_only
     def run_posted(self) -> None:

@@ -9,7 +9,7 @@ that type reads it back as what it was. Digits are 0 to 9 alone. Rules: BT.CPP's
 import json
 import math
 import re
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.status import BY_NAME, NAMES, NUMBERS
@@ -71,6 +71,11 @@ def shown(text: str, longest: int = 80) -> str:
 
 
 def _integer(text: str, _enums: Enums, low: int, high: int) -> int:
+    return _whole(text, low, high)
+
+
+@lru_cache(maxsize=1000)  # a literal at a port is read at each tick
+def _whole(text: str, low: int, high: int) -> int:
     match = _INTEGER.match(text)
     if match is None or (low == 0 and match.group(1)):
         raise ValueFault(f"Can't convert string [{shown(text)}] to integer")
