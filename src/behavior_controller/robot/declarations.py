@@ -6,6 +6,7 @@ robot use only these declarations for their knowledge of a service or topic.
 import enum
 import reprlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import (Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional,
                     Sequence, Tuple, Type, TypeVar, Union)
 
@@ -98,7 +99,7 @@ class Service(Generic[Asked]):
                 raise TypeError(f"the declaration of {self.name} has no {piece}, but "
                                 f"{getattr(self, piece)!r} in its place")
 
-    @property
+    @cached_property
     def deadline_key(self) -> str:
         """The configuration's key for the deadline."""
         return self.node + "Deadline"

@@ -30,8 +30,8 @@ class TypeClash(PortError):
 def reference(text: str, port_name: str) -> Optional[str]:
     """Return the entry that an attribute refers to (``{key}``; ``{=}`` and ``=`` mean the port's
     own name), or None."""
-    if text == "=":
-        return port_name
+    if "{" not in text:  # as of almost every literal
+        return port_name if text == "=" else None
     inner = text.strip(BLANKS)
     if len(inner) >= 3 and inner[0] == "{" and inner[-1] == "}":
         return port_name if inner == "{=}" else inner[1:-1]
