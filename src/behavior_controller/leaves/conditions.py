@@ -1,6 +1,7 @@
 """Conditions on a topic: evaluated on the messages that count, woken by the one that changes the
 answer."""
 import math
+from functools import cached_property
 from typing import Any, Optional, Tuple
 
 from behavior_controller.bt.engine.clock import Timer
@@ -77,12 +78,12 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         """The topic's canonical name."""
         return self.topic.name
 
-    @property
+    @cached_property
     def evidence(self) -> Evidence:
         """The evidence of ``sense`` on this robot."""
         return self.own_evidence or self.mission.interface.evidence(self.sense)
 
-    @property
+    @cached_property
     def topic(self) -> Topic:
         """The topic of the evidence."""
         return self.evidence.topic
