@@ -128,7 +128,7 @@ class HandleFallBack(WorkingLeaf):
                 self._patience = self.mission.clock.call_after(RETURN_LIMIT, self.wake)
             if self._patience.callback is None:
                 return
-            yield
+            yield None
 
     def _stop_waiting(self) -> None:
         if self._patience is not None:
@@ -152,7 +152,7 @@ class HandleFallBack(WorkingLeaf):
         safe_state = self.mission.ask_for_safe_state()
         try:
             while not safe_state.is_over:
-                yield
+                yield None
         except GeneratorExit:
             safe_state.drop()
             raise
