@@ -2,7 +2,7 @@
 from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.dataflow import Access
+from behavior_controller.bt.linter.dataflow import CREATED, READ, WRITTEN, Access, Name
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.linter.nodes import condition_meant, is_cut_short
 from behavior_controller.bt.linter.scripts import WORDS
@@ -30,7 +30,7 @@ def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
         else:
             _check_literal(facts, call, name, text, called)
         if not check_braces(facts, call, name, tree):
-            used = facts.flow.used.get(called, set()) | {port.name for port in model}
+            used = {*facts.flow.used(called), *(port.name for port in model)}
             if name not in used:
                 is_told |= _check_unused(facts, call, name, outer, tree, forgotten)
             elif outer is None:
@@ -45,7 +45,7 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
     """Warn of an entry that a tree is given and does not use, and that is ``outer`` of the caller;
     return whether that was done."""
     called = call.attributes["ID"]
-    known = facts.flow.used.get(called, set())
+    known = set(facts.flow.used(called))
     model = sorted(port.name for port in facts.trees.models.get(called, []))
     near = ""
     if len(name) > 2:
@@ -75,8 +75,8 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
 def _check_result(facts: MissionFacts, call: Element, name: str, text: str, tree: str) -> None:
     """Warn of a text in place of the entry that a tree writes its result to."""
     called = call.attributes["ID"]
-    key = (called, name)
-    if text.isidentifier() and key in facts.flow.own and key not in facts.flow.reads:
+    inner = facts.flow.name(called, name)
+    if text.isidentifier() and inner.is_own and not inner.read:
         lost = f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there is lost"
         hint = f"the entry is written {{{text}}}"
         facts.report(rules.BRACES_FORGOTTEN, call, lost, hint, name)
@@ -85,11 +85,11 @@ def _check_result(facts: MissionFacts, call: Element, name: str, text: str, tree
 
 def _tell_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
     called = call.attributes["ID"]
-    near = facts.findings.nearest(name, facts.written.get(tree, ()))
+    near = facts.findings.nearest(name, facts.written[tree])
     hint = f"write {name}=\"{{…}}\", or {name}=\"…\""
-    if name in facts.written.get(tree, ()):
+    if name in facts.written[tree]:
         hint = f"write {name}=\"{{{name}}}\""
-    elif name in facts.defaults.known or name in facts.written.get(facts.trees.main, ()):
+    elif name in facts.defaults.known or name in facts.written[facts.trees.main]:
         hint = f"write {name}=\"{{@{name}}}\""
     elif facts.defaults.written_by(name) or near:
         hint = f"{hint}; {near}"
@@ -99,7 +99,7 @@ def _tell_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) ->
 
 def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, called: str) -> None:
     """Warn of a literal that a port of the called tree reads in part, or cannot read."""
-    port = facts.flow.readers.get((called, name))
+    port = facts.flow.name(called, name).reader
     if port is None or ports.subtree_literal(text)[0] != TEXT:
         return
     wrong = ports.literal_fault(text, port, {})
@@ -110,11 +110,10 @@ def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, cal
 
 def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, tree: str) -> None:
     """Warn of an entry that occurs only here in the tree, if a similar name occurs."""
-    key = facts.flow.key(tree, outer)
-    known = facts.flow.used.get(key[0], set())
-    if facts.flow.mentions[key] > 1 or not facts.findings.may_compare(len(known)):
+    entry = facts.flow.name(tree, outer)
+    if entry.mentions > 1 or not facts.findings.may_compare(len(facts.flow.names[entry.tree])):
         return
-    near = _meant(key[1], known)
+    near = _meant(entry.name, facts.flow.used(entry.tree))
     if near:
         facts.excuse(tree, outer)
         text = f"the entry {outer} is named nowhere else"
@@ -130,60 +129,60 @@ def check_entries(facts: MissionFacts) -> None:
     if not facts.flow.is_known:
         return
     by_default: Set[int] = set()  # elements
-    for read in facts.flow.never_written(facts.defaults.given):
-        name = read.key[1]
+    for use in facts.flow.all():
+        read, name = use.read, use.name
         is_odd = name in WORDS or name != name.strip() or "{" in name
-        if is_odd or facts.flow.first(read.key) in facts.excused:
-            continue  # reported already by another warning
+        # what another tree reads, its callers must give it, if they can
+        is_of_callers = use.tree != facts.trees.main and is_port_name(name)
+        if (read is None or is_odd or is_of_callers or WRITTEN in use.entry.uses
+                or use.entry in facts.excused):
+            continue
         if read.attribute not in read.element.attributes:
             if id(read.element) in by_default:
                 continue
             by_default.add(id(read.element))
-        _check_read(facts, read)
+        _check_read(facts, use, read)
     if facts.is_host_known:
-        _check_written(facts)
+        for use in facts.flow.all():
+            _check_written(facts, use)
 
 
-def _check_written(facts: MissionFacts) -> None:
+def _check_written(facts: MissionFacts, use: Name) -> None:
     """Warn of an entry that is only written, once, if one of a similar name is written and read."""
-    flow = facts.flow
-    read, written, created = ({flow.first(key) for key in keys}
-                              for keys in (flow.reads, flow.written, flow.created))
-    for (tree, name), place in flow.writes.items():
-        key, known = flow.first((tree, name)), flow.used[tree]
-        if flow.mentions[tree, name] > 1 or key in read or key not in created \
-                or name in facts.defaults.known or not facts.findings.may_compare(len(known)):
-            continue
-        near = _meant(name, {other for other in known  # x_max and y_max are two entries
-                             if other[:1] + other[-1:] == name[:1] + name[-1:]
-                             and flow.first((tree, other)) in read & written & created})
-        if near:
-            text = f"the entry {name} is written here, and read nowhere"
-            element, attribute, at = place.element, place.attribute, place.at
-            hint = f"did you mean {near}?"
-            facts.report(rules.ENTRY_MISSPELT, element, text, hint, attribute, at)
+    place, name, uses = use.write, use.name, use.entry.uses
+    others = facts.flow.names[use.tree].values()
+    if (place is None or use.mentions > 1 or READ in uses or CREATED not in uses
+            or name in facts.defaults.known or not facts.findings.may_compare(len(others))):
+        return
+    near = _meant(name, {other.name for other in others  # x_max and y_max are two entries
+                         if other.name[:1] + other.name[-1:] == name[:1] + name[-1:]
+                         and {READ, WRITTEN, CREATED} <= other.entry.uses})
+    if near:
+        text = f"the entry {name} is written here, and read nowhere"
+        hint = f"did you mean {near}?"
+        facts.report(
+            rules.ENTRY_MISSPELT, place.element, text, hint, place.attribute, place.at)
 
 
-def _check_read(facts: MissionFacts, read: Access) -> None:
-    tree, name = read.key
-    written = facts.written.get(tree, set())
+def _check_read(facts: MissionFacts, use: Name, read: Access) -> None:
+    name, written = use.name, facts.written[use.tree]
     hint = _writer_elsewhere(facts, name)
     if not hint and not facts.is_host_known and not _meant(name, written):
         return
     hint = hint or facts.defaults.written_by(name) or facts.findings.nearest(name, written)
-    if not hint and _is_like_a_text(read):
+    if not hint and _is_like_a_text(name, read):
         hint = f"a text needs single quotes: '{name}'"
     text = f"the entry {name} is read here, but nothing writes it"
     facts.report(rules.NEVER_WRITTEN, read.element, text, hint, read.attribute, read.at)
 
 
-def _is_like_a_text(read: Access) -> bool:
+def _is_like_a_text(name: str, read: Access) -> bool:
     """Return whether a script compares an entry or assigns it, as it would do with a text."""
     if read.script is None:
         return False
     operands = [assignment.value for assignment in read.script.facts.assignments]
     operands += [operation.right for operation in read.script.facts.operations]
-    return any(operand.kind == "name" and operand.word == read.key[1] for operand in operands)
+    return any(operand.kind == "name" and operand.word == name for operand in operands)
 
 
 def _writer_elsewhere(facts: MissionFacts, name: str) -> str:

@@ -2,10 +2,13 @@
 from typing import List, Optional, Set, Tuple
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.dataflow import Key, Use
-from behavior_controller.bt.linter.facts import (
-    NUMERAL, SOME_TEXT, MissionFacts, Write, literal_kind)
+from behavior_controller.bt.linter.dataflow import (
+    CREATED, NUMERAL, SOME_TEXT, TOUCHED, WRITTEN, EntryFacts, Use, literal_kind)
+from behavior_controller.bt.linter.facts import MissionFacts
+from behavior_controller.bt.loader.document import Element
+from behavior_controller.bt.possible_results import SUCCEEDS
 from behavior_controller.bt.script.parser import Operand, Operation
+from behavior_controller.bt.script.values import GENERIC
 from behavior_controller.text import did_you_mean
 
 WORDS = {"not": "write !", "and": "write &&", "or": "write ||", "True": "write true",
@@ -27,10 +30,7 @@ class _Scripts:
     def __init__(self, facts: MissionFacts):
         self.facts = facts
         self.flow = facts.flow
-        self.given = facts.defaults.known
-        self.written = {name for _, name in facts.flow.written}.union(self.given)
-        self.created = {self.flow.first(key) for key in self.flow.created}
-        self.uncreated: Set[Key] = set()
+        self.uncreated: Set[EntryFacts] = set()
 
     def check(self) -> None:
         """Apply the rules."""
@@ -44,20 +44,17 @@ class _Scripts:
             if not is_excused:
                 self._truth(use)
             self._mixed(use)
-        for writes in self.facts.kinds.all():
-            self._changed(writes)
-        for place in self.flow.texts:
-            if self.facts.kinds.emptied(place):
-                text = f"the entry {place.name} was made by a script: this text empties it"
-                hint = f"write it with a script: {place.name} := …"
-                self.facts.report(rules.TEXT_EMPTIES, place.element, text, hint, place.attribute)
+        for entry in dict.fromkeys(name.entry for name in self.flow.all()):
+            self._changed(entry)
+            self._emptied(entry)
 
     def _warn(self, rule: rules.LintRule, use: Use, text: str, hint: str, at: int) -> None:
         self.facts.report(rule, use.element, text, hint, use.attribute, at)
 
     def _words(self, use: Use) -> bool:
         for name, at in sorted(use.script.facts.read.items(), key=lambda item: item[1]):
-            if name in WORDS and name not in self.written:
+            uses = self.flow.name(use.tree, name).entry.uses
+            if name in WORDS and uses.isdisjoint((WRITTEN, TOUCHED)):
                 text = f"{name} means nothing in a script"
                 self._warn(rules.SCRIPT_WORD, use, text, WORDS[name], at)
                 return True
@@ -92,13 +89,13 @@ class _Scripts:
         if not self.flow.is_known or not self.facts.is_host_known:
             return
         for name, sign, _, position, _ in use.script.facts.assignments:
-            key = self.flow.first(self.flow.key(use.tree, name))
-            is_created = sign == ":=" or key in self.created or name.lstrip("@") in self.given
-            if is_created or key in self.uncreated:
+            entry = self.flow.name(use.tree, name).entry
+            if not entry.uses.isdisjoint((CREATED, TOUCHED)) or entry in self.uncreated:
                 continue
-            self.uncreated.add(key)
+            self.uncreated.add(entry)
             if not is_excused:
-                known = sorted(other for tree, other in self.created if tree == use.tree)
+                known = sorted(other.name for other in self.flow.names[use.tree].values()
+                               if CREATED in other.entry.uses)
                 near = did_you_mean(name, known, likeness=0.75)
                 text = f"{name} {sign} …, but nothing creates the entry {name}"
                 hint = near or f"create it first: {name} := …"
@@ -111,17 +108,15 @@ class _Scripts:
         facts = use.script.facts
         operands = [operand for sign, *both in facts.operations if sign in ("&&", "||")
                     for operand in both]
-        if use.is_condition and facts.statements:
+        if use.is_condition:
             operands.append(facts.statements[-1].value)
         for operand in operands:
-            words = [operand.word]
+            words, what = [operand.word], operand.word
             if operand.kind == "name":
-                is_number = self._kind(use, operand) == "number"
-                writes = self.facts.kinds.writes(use.tree, operand.word)
-                words = [write.word for write in writes if is_number]
+                entry = self.flow.name(use.tree, operand.word).entry
+                words = [value.word for value in entry.known_values if entry.kind == "number"]
             wrong = _no_truth(words)
             if wrong:
-                what = operand.word
                 if operand.kind == "name":
                     what = f"{operand.word}, which holds {wrong},"
                 text = f"{what} is neither true nor false"
@@ -129,16 +124,44 @@ class _Scripts:
                 self._warn(rules.NUMBER_AS_TRUTH, use, text, hint, operand.position)
                 return
 
-    def _changed(self, writes: List[Write]) -> None:
-        known = [write for write in writes if write.kind in ("text", "number")
-                 and not (write.is_own and write.kind == "number")]
-        for write in known:
-            if write.kind != known[0].kind and write.use is not None and write.assignment:
-                name, kind, first = write.assignment.name, write.kind, known[0].kind
-                text = f"{name} is assigned a {kind}, but elsewhere a {first}"
+    def _changed(self, entry: EntryFacts) -> None:
+        """Warn of the first assignment of a number to an entry that holds a text, or the
+        reverse."""
+        known = [value for value in entry.known_values if value.kind in ("text", "number")
+                 and not (value.is_own and value.kind == "number")]
+        for name, element, attribute, kind, _, assignment in known:
+            if kind != known[0].kind and assignment is not None:
+                text = f"{name} is assigned a {kind}, but elsewhere a {known[0].kind}"
                 hint = "the first value decides the kind of an entry"
-                self._warn(rules.KIND_CHANGES, write.use, text, hint, write.assignment.position)
+                self.facts.report(
+                    rules.KIND_CHANGES, element, text, hint, attribute, assignment.position)
                 return
+
+    def _emptied(self, entry: EntryFacts) -> None:
+        """Warn of each text that is written to an entry that a script before it has made, which
+        knows no conversion."""
+        if not entry.types <= set(GENERIC):
+            return
+        made = [value.element for value in entry.known_values
+                if value.assignment is not None and value.assignment.sign == ":="]
+        for value in entry.known_values if made else ():
+            if value.assignment is None and any(self._is_before(element, value.element)
+                                                for element in made):
+                text = f"the entry {value.name} was made by a script: this text empties it"
+                hint = f"write it with a script: {value.name} := …"
+                self.facts.report(rules.TEXT_EMPTIES, value.element, text, hint, value.attribute)
+
+    def _is_before(self, one: Element, other: Element) -> bool:
+        """Return whether a Sequence ticks ``one`` before ``other``."""
+        if one.document is not other.document or one.last >= other.number:
+            return False
+        inner: Optional[Element] = one.document.root
+        while inner is not None:
+            around = inner
+            inner = next((child for child in around.children if child.number <= one.number
+                          and other.number <= child.last), None)
+        spec = self.facts.registry.find(around.type_id)
+        return spec is not None and spec.next_after == SUCCEEDS
 
     def _mixed(self, use: Use) -> None:
         facts = use.script.facts
@@ -159,7 +182,7 @@ class _Scripts:
 
     def _kind(self, use: Use, operand: Operand) -> str:
         if operand.kind == "name":
-            return self.facts.kinds.of(use.tree, operand.word)
+            return self.flow.name(use.tree, operand.word).entry.kind
         return literal_kind(operand)
 
 

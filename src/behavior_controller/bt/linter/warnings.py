@@ -111,7 +111,7 @@ def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: st
     text = element.attributes[attribute]
     key = ports.reference(text, attribute)
     inner = text.strip("${} \t")
-    is_written = text in facts.written.get(tree, ()) and text.isidentifier()
+    is_written = text in facts.written[tree] and text.isidentifier()
     is_stub = element.tag != "SubTree" and facts.spec(element).is_stub
     rule = rules.BRACES_ODD
     if key is None and is_written and not is_stub:
@@ -132,7 +132,7 @@ def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: st
 def _check_name(facts: MissionFacts, element: Element, port: Port, tree: str) -> None:
     """Warn of an entry that is taken for the name of another, and holds a number."""
     key = ports.reference(element.attributes[port.name], port.name)
-    if key is not None and facts.kinds.is_number(tree, key):
+    if key is not None and facts.flow.name(tree, key).entry.is_number:
         text = f"{port.name}=\"{{{key}}}\" is the entry whose name {key} holds, which is a number"
         hint = f"the entry itself is written {port.name}=\"{key}\""
         facts.report(rules.NAME_IS_NUMBER, element, text, hint, port.name)
@@ -154,8 +154,8 @@ def _check_case(facts: MissionFacts, element: Element, spec: NodeSpec, port: Por
     elif bare != text:
         wrong = f"{port.name}=\"{text}\" is compared with all that stands in it"
         hint = f"write {port.name}=\"{bare}\""
-    elif (key is not None and whole_real(text) is None and text not in facts.defaults.given
-          and facts.kinds.is_number(tree, key)):
+    elif (key is not None and whole_real(text) is None
+          and facts.flow.name(tree, key).entry.is_number):
         wrong = f"{port.name} is never chosen: {key} holds a number, and {text} is none"
         hint = "write the number"
     else:
