@@ -12,12 +12,10 @@ from behavior_controller.bt.linter.palette import (
     check_models, is_palette, models, stubs, used_types)
 from behavior_controller.bt.linter.findings import Findings, by_place
 from behavior_controller.bt.loader.document import Document, read, with_includes
-from behavior_controller.bt.registry import NodeSpec, Registry
 from behavior_controller.errors import ConfigurationError, Fault, MissionError, attempt
-from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.missions.load import (
     POLICY, build_tree, find, keys_without_meaning, on_robot)
-from behavior_controller.text import Unreadable, clean, count, did_you_mean, first_names, read_text
+from behavior_controller.text import Unreadable, clean, count, first_names, read_text
 
 ENDINGS = (".xml", ".btproj")
 _PERHAPS_MISSION = re.compile(r"<(?:root|BehaviorTree|TreeNodesModel)\b")
@@ -75,24 +73,48 @@ class Validation:
 
     def __init__(self, main: Optional[str] = None, palettes: Sequence[str] = (),
                  ignored: Collection[str] = (), in_folder: bool = False, robot: str = ""):
+        """Raise BrokenExtension if what a package exports cannot be used."""
         self.main = main
         self.palettes = palettes
         self.ignored = ignored
         self.in_folder = in_folder
         self.files: Set[str] = set()  # that were read
-        self._robot = _ChosenRobot(robot)
-
-    @property
-    def head(self) -> str:
+        specs = leaves.mission_specs()
+        faults: List[Fault] = []
+        file = folders.config(settings.FILE_NAME)
+        chosen = attempt(lambda: settings.load(file), faults) if os.path.lexists(file) else None
+        said_by = file if chosen else "by default"
+        if faults:
+            said_by += ": the configuration has faults"
+        self._settings = chosen or settings.defaults()
+        if robot:
+            self._settings, said_by = replace(self._settings, robot_interface=robot), "--interface"
+        self.head = f"checked for the robot {self._settings.robot_interface} ({said_by})"
         """The line that says for which robot the files are checked."""
-        robot = self._robot
-        return f"checked for the robot {robot.settings.robot_interface} ({robot.said_by})"
+        self._knowledge: Optional[knowledge_files.Knowledge] = None
+        if self._settings.interface.has_knowledge_files:
+            self._knowledge = attempt(knowledge_files.load, faults)
+        faults += keys_without_meaning(self._settings, self._knowledge)
+        self._configuration: Dict[str, List[Fault]] = {}  # the faults of each of its files
+        faults += self._faults_of_phrases()
+        attempt(lambda: recovery_policy.load(folders.config(POLICY), specs), faults)
+        for fault in faults:
+            self._configuration.setdefault(fault.file, []).append(fault)
+
+    def _faults_of_phrases(self, path: str = "") -> List[Fault]:
+        """Return the faults of what the robot says in the mission of this path, or in any; those
+        that are known already are left out."""
+        language = (self._knowledge or self._settings).language
+        mission = os.path.splitext(os.path.basename(path))[0]
+        faults: List[Fault] = []
+        attempt(lambda: phrases.load(language, mission), faults)
+        return [fault for fault in faults if fault.file not in self._configuration]
 
     def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
         """Yield a judgement for the configuration if it is faulty, then for each file; a folder
         means all its files, and a name a mission of a data folder."""
-        yield from (Judgement(file, faults) for file, faults in self._robot.faults.items())
-        read_ones: Dict[str, List[Document]] = {}
+        yield from (Judgement(file, faults) for file, faults in self._configuration.items())
+        missions: Dict[str, List[Document]] = {}
         done: Dict[str, Judgement] = {}  # without a mission
         files = dict.fromkeys(self.palettes)
         for path in paths:
@@ -107,25 +129,25 @@ class Validation:
             try:
                 knowledge = knowledge_files.check(path)
                 if knowledge is None:
-                    read_ones[path] = self._read(path)
+                    missions[path] = self._read(path)
                 else:
                     done[path] = Judgement(path, knowledge, is_mission=False)
             except MissionError as error:
-                done[path] = Judgement(path, self._told(error.faults))
-        parts = _parts(read_ones)
-        palettes = [documents[-1] for path, documents in read_ones.items()
+                done[path] = Judgement(path, self._reported(error.faults))
+        parts = _parts(missions)
+        palettes = [documents[-1] for path, documents in missions.items()
                     if is_palette(documents) or path in self.palettes]
-        has_main = any(self.main in _trees(documents) for documents in read_ones.values())
+        has_main = any(self.main in _trees(documents) for documents in missions.values())
         for path in files:
             if path in done:
                 yield done[path]
             elif path in parts:
                 yield Judgement(path, part_of=parts[path])
-            elif is_palette(read_ones[path]):
-                yield self._palette(path, read_ones[path])
+            elif is_palette(missions[path]):
+                yield self._palette(path, missions[path])
             elif path not in self.palettes:
-                main = self.main if not has_main or self.main in _trees(read_ones[path]) else None
-                yield self._mission(path, read_ones[path], palettes, main)
+                main = self.main if not has_main or self.main in _trees(missions[path]) else None
+                yield self._mission(path, missions[path], palettes, main)
 
     def _read(self, path: str) -> List[Document]:
         if os.path.isdir(path):
@@ -138,20 +160,20 @@ class Validation:
         self.files.update(document.file for document in documents)
         return documents
 
-    def _told(self, faults: Iterable[Fault]) -> List[Fault]:
+    def _reported(self, faults: Iterable[Fault]) -> List[Fault]:
         return [fault for fault in dict.fromkeys(faults) if not fault.is_warning
                 or fault.code not in self.ignored]
 
     def _palette(self, path: str, documents: List[Document]) -> Judgement:
         findings = Findings()
         check_models(documents, leaves.registry(), findings)
-        faults = stubs(documents, Registry())[1] + [
+        faults = stubs(documents, leaves.registry())[1] + [
             fault for fault in findings.warnings if fault.code != rules.PALETTE_UNKNOWN_NODE.code]
         palette = documents[-1].root.children[0]
         if not palette.children:
             faults.append(palette.fault(rules.PALETTE_EMPTY, "the palette has no node types",
                                         "Groot2 writes them with Export Models"))
-        return Judgement(path, self._told(faults), palette=len(list(models(documents))))
+        return Judgement(path, self._reported(faults), palette=len(list(models(documents))))
 
     def _mission(self, path: str, documents: List[Document], palettes: List[Document],
                  main: Optional[str]) -> Judgement:
@@ -159,58 +181,19 @@ class Validation:
         specs, faults = stubs(documents + palettes, registry)
         registry.extend(specs)
         used = set(used_types(documents))
-        judgement = Judgement(path, faults, stubs=tuple(spec.id for spec in specs
-                                                        if spec.id in used),
-                              mains=_main_trees(documents, main))
+        lacking = tuple(spec.id for spec in specs if spec.id in used)
+        judgement = Judgement(path, stubs=lacking, mains=_main_trees(documents, main))
         for tree_id in judgement.mains or (main,):
-            tree = attempt(lambda: build_tree(documents, tree_id, registry=registry),
-                           judgement.faults)
+            tree = attempt(lambda: build_tree(documents, tree_id, registry=registry), faults)
             if tree is None:
                 continue
             judgement.nodes += len(tree.nodes)
-            judgement.faults += tree.warnings
-            if not judgement.stubs:
-                judgement.faults += on_robot(tree, self._robot.settings, self._robot.knowledge)
-                judgement.faults += self._robot.faults_of_phrases(path)
-        judgement.faults += list(_near_misses(documents, specs))
-        judgement.faults = sorted(self._told(judgement.faults), key=by_place)
+            faults += tree.warnings
+            if not lacking:
+                faults += on_robot(tree, self._settings, self._knowledge)
+                faults += self._faults_of_phrases(path)
+        judgement.faults = sorted(self._reported(faults), key=by_place)
         return judgement
-
-
-class _ChosenRobot:
-    """The robot of the configuration, or the one called ``name``, and the faults of its files."""
-
-    def __init__(self, name: str = ""):
-        """Raise BrokenExtension if what a package exports cannot be used."""
-        specs = leaves.mission_specs()
-        faults: List[Fault] = []
-        file = folders.config(settings.FILE_NAME)
-        chosen = attempt(lambda: settings.load(file), faults) if os.path.lexists(file) else None
-        self.settings = chosen or settings.defaults()
-        self.said_by = file if chosen else "by default"
-        if faults:
-            self.said_by += ": the configuration has faults"
-        if name:
-            self.settings = replace(self.settings, robot_interface=name)
-            self.said_by = "--interface"
-        self.knowledge: Optional[Knowledge] = None
-        if self.settings.interface.has_knowledge_files:
-            self.knowledge = attempt(knowledge_files.load, faults)
-        faults += keys_without_meaning(self.settings, self.knowledge)
-        self.faults: Dict[str, List[Fault]] = {}
-        faults += self.faults_of_phrases()
-        attempt(lambda: recovery_policy.load(folders.config(POLICY), specs), faults)
-        for fault in faults:
-            self.faults.setdefault(fault.file, []).append(fault)
-
-    def faults_of_phrases(self, path: str = "") -> List[Fault]:
-        """Return the faults of what the robot says in the mission of this path, or in any; those
-        that are known already are left out."""
-        language = self.settings.language if self.knowledge is None else self.knowledge.language
-        mission = os.path.splitext(os.path.basename(path))[0]
-        faults: List[Fault] = []
-        attempt(lambda: phrases.load(language, mission), faults)
-        return [fault for fault in faults if fault.file not in self.faults]
 
 
 def named(path: str) -> str:
@@ -304,18 +287,6 @@ def _completed(documents: List[Document]) -> List[Document]:
             child for child in helper.root.children if child.tag == "TreeNodesModel"
             or (child.tag == "BehaviorTree" and child.attributes.get("ID") not in trees)]
         documents = [helper] + documents
-
-
-def _near_misses(documents: Sequence[Document], stub_specs: List[NodeSpec]) -> Iterator[Fault]:
-    """Yield a warning for each stub whose name is nearly that of a node type of ours."""
-    known = [spec.id for spec in leaves.registry().all()]
-    names = {spec.id for spec in stub_specs}
-    for model in models(documents):
-        name = model.attributes.get("ID", "")
-        hint = did_you_mean(name, known, likeness=0.93) if name in names else ""
-        if hint:
-            yield model.fault(rules.PALETTE_UNKNOWN_NODE,
-                              f"the palette has an unknown node {name}", hint, "ID")
 
 
 def as_json(fault: Fault) -> Dict[str, Any]:

@@ -19,7 +19,7 @@ from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
 from behavior_controller.bt.script.values import ANY, TYPES
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault
-from behavior_controller.text import without_controls
+from behavior_controller.text import did_you_mean, without_controls
 
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
@@ -85,19 +85,24 @@ def used_types(documents: Iterable[Document]) -> List[str]:
 
 def stubs(documents: Iterable[Document], registry: Registry) -> Tuple[List[NodeSpec], List[Fault]]:
     """Return a node type for each model in ``documents`` that ``registry`` lacks, and what is wrong
-    with models.
+    with models: also a name that is nearly one of ``registry``.
 
     The first model of a name counts. What an older version of BehaviorTree.CPP had is not taken.
     """
     made: Dict[str, NodeSpec] = {}
     faults: List[Fault] = []
+    known = [spec.id for spec in registry.all()]
     for model in models(documents):
         node_id = model.attributes.get("ID", "")
         if not node_id:
             text = f"<{model.tag}> in <TreeNodesModel> lacks the attribute ID"
             faults.append(model.fault(rules.ID_MISSING, text, is_warning=True))
-        elif registry.find(node_id) is None and node_id not in ELSEWHERE:
+        elif node_id not in known and node_id not in ELSEWHERE:
             made.setdefault(node_id, _stub(model, node_id))
+            hint = did_you_mean(node_id, known, likeness=0.93)
+            if hint:
+                text = f"the palette has an unknown node {node_id}"
+                faults.append(model.fault(rules.PALETTE_UNKNOWN_NODE, text, hint, "ID"))
     return list(made.values()), faults
 
 
