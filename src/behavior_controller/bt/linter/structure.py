@@ -96,9 +96,8 @@ class Trees:
         tree_id = tree.attributes.get("ID", "")
         if not tree_id:
             if len(root.children) > 1:
-                text = "<BehaviorTree> lacks the attribute ID"
                 hint = "only a file with nothing else may go without"
-                self.report(rules.TREE_WITHOUT_ID, tree, text, *_instead_of_id(tree, hint))
+                self.report_no_id(tree, hint=hint, rule=rules.TREE_WITHOUT_ID)
             tree_id = f"BehaviorTree_{len(self.trees) + 1}"
         else:
             self.check_id(tree, tree_id)
@@ -114,10 +113,13 @@ class Trees:
         self.trees[tree_id] = tree
         self.bodies.append((tree_id, tree))
 
-    def report_no_id(self, element: Element, where: str = "", hint: str = "") -> None:
-        """Report that an element lacks the attribute ID."""
-        text = f"<{element.tag}>{where} lacks the attribute ID"
-        self.report(rules.ID_MISSING, element, text, *_instead_of_id(element, hint))
+    def report_no_id(self, element: Element, where: str = "", hint: str = "",
+                     rule: rules.LintRule = rules.ID_MISSING) -> None:
+        """Report that an element lacks the attribute ID, at the one that is written for it."""
+        name = next((name for name in element.attributes if name.lower() == "id"), None)
+        if name is not None:
+            hint = f"did you mean ID? write ID=\"{element.attributes[name]}\""
+        self.report(rule, element, f"<{element.tag}>{where} lacks the attribute ID", hint, name)
 
     def check_id(self, element: Element, tree_id: str) -> None:
         """Check the ID of a <BehaviorTree> or <SubTree>."""
@@ -142,14 +144,13 @@ class Trees:
 
     def _models(self, models: Element) -> None:
         for model in models.children:
-            if model.tag != "SubTree":
-                continue
-            if "ID" not in model.attributes:
+            if model.tag == "SubTree" and "ID" not in model.attributes:
                 self.report_no_id(model, " in <TreeNodesModel>")
-                continue
-            self.models[model.attributes["ID"]] = [
-                Port(port.attributes["name"], default=port.attributes.get("default"))
-                for port in model.children if port.tag in PORT_ELEMENTS and self._usable_port(port)]
+            elif model.tag == "SubTree":
+                self.models[model.attributes["ID"]] = [
+                    Port(port.attributes["name"], default=port.attributes.get("default"))
+                    for port in model.children
+                    if port.tag in PORT_ELEMENTS and self._usable_port(port)]
 
     def _usable_port(self, port: Element) -> bool:
         name = port.attributes.get("name")
@@ -222,26 +223,23 @@ class Trees:
     def _unfold(self, start: str, sizes: Counter[str], is_used: bool) -> None:
         """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each
         tree, unfolded."""
-        path: List[str] = []
-        opened: Dict[str, int] = {}  # where in the path a tree is
-        waiting: List[Tuple[str, Optional[Element]]] = [(start, None)]
-        while waiting:
-            tree_id, call = waiting.pop()
-            if tree_id in opened and call is None:
-                del opened[path.pop()]
+        if start in sizes:
+            return
+        path = {start: iter(self.calls[start])}  # with the calls that are still to be followed
+        while path:
+            tree_id = next(reversed(path))
+            call = next(path[tree_id], None)
+            called = "" if call is None else call.attributes.get("ID", "")
+            if call is None:
+                del path[tree_id]
                 inner = sum(sizes[call.attributes.get("ID", "")] for call in self.calls[tree_id])
                 sizes[tree_id] = min(len(self.trees[tree_id].below) + inner, _MANY)
-            elif tree_id in opened and call is not None:
-                begin = opened[tree_id]
-                shown = path[begin:begin + 8] + ["…"] * (len(path) > begin + 8) + [tree_id]
-                text = f"the tree {tree_id} contains itself: {' > '.join(shown)}"
+            elif called in path:
+                circle = " > ".join([*path, called][list(path).index(called):])
+                text = f"the tree {called} contains itself: {circle}"
                 self.report(rules.TREE_CIRCLE, call, text, attribute="ID", as_warning=not is_used)
-            elif tree_id in self.calls and tree_id not in sizes:
-                opened[tree_id] = len(path)
-                path.append(tree_id)
-                waiting.append((tree_id, None))
-                waiting.extend((call.attributes.get("ID", ""), call)
-                               for call in reversed(self.calls[tree_id]))
+            elif called in self.calls and called not in sizes:
+                path[called] = iter(self.calls[called])
 
     def check_unused(self) -> None:
         """Warn of trees of the mission file itself that the mission does not use; what is included
@@ -250,14 +248,6 @@ class Trees:
             if tree.document is self.documents[-1] and tree_id not in self.used:
                 text, hint = f"the tree {tree_id} is not used", f"the main tree is {self.main}"
                 self.report(rules.TREE_UNUSED, tree, text, hint)
-
-
-def _instead_of_id(element: Element, otherwise: str) -> Tuple[str, Optional[str]]:
-    """Return a hint and the attribute it is about, for an element without the attribute ID."""
-    for name, text in element.attributes.items():
-        if name.lower() == "id":
-            return f"did you mean ID? write ID=\"{text}\"", name
-    return otherwise, None
 
 
 def given(call: Element, model: Iterable[Port]) -> Dict[str, Optional[str]]:
