@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
 from behavior_controller import folders, leaves
-from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
+from behavior_controller.config import knowledge_files, phrases, settings
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.palette import (
     check_models, is_palette, models, stubs, used_types)
@@ -14,7 +14,7 @@ from behavior_controller.bt.linter.findings import Findings, by_place
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.errors import ConfigurationError, Fault, MissionError, attempt
 from behavior_controller.missions.load import (
-    POLICY, build_tree, find, keys_without_meaning, on_robot)
+    build_tree, find, keys_without_meaning, on_robot, robot_files)
 from behavior_controller.text import Unreadable, clean, count, first_names, read_text
 
 ENDINGS = (".xml", ".btproj")
@@ -79,7 +79,6 @@ class Validation:
         self.ignored = ignored
         self.in_folder = in_folder
         self.files: Set[str] = set()  # that were read
-        specs = leaves.mission_specs()
         faults: List[Fault] = []
         file = folders.config(settings.FILE_NAME)
         chosen = attempt(lambda: settings.load(file), faults) if os.path.lexists(file) else None
@@ -91,24 +90,11 @@ class Validation:
             self._settings, said_by = replace(self._settings, robot_interface=robot), "--interface"
         self.head = f"checked for the robot {self._settings.robot_interface} ({said_by})"
         """The line that says for which robot the files are checked."""
-        self._knowledge: Optional[knowledge_files.Knowledge] = None
-        if self._settings.interface.has_knowledge_files:
-            self._knowledge = attempt(knowledge_files.load, faults)
+        self._knowledge, _, _ = robot_files(self._settings, "", faults)
         faults += keys_without_meaning(self._settings, self._knowledge)
         self._configuration: Dict[str, List[Fault]] = {}  # the faults of each of its files
-        faults += self._faults_of_phrases()
-        attempt(lambda: recovery_policy.load(folders.config(POLICY), specs), faults)
         for fault in faults:
             self._configuration.setdefault(fault.file, []).append(fault)
-
-    def _faults_of_phrases(self, path: str = "") -> List[Fault]:
-        """Return the faults of what the robot says in the mission of this path, or in any; those
-        that are known already are left out."""
-        language = (self._knowledge or self._settings).language
-        mission = os.path.splitext(os.path.basename(path))[0]
-        faults: List[Fault] = []
-        attempt(lambda: phrases.load(language, mission), faults)
-        return [fault for fault in faults if fault.file not in self._configuration]
 
     def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
         """Yield a judgement for the configuration if it is faulty, then for each file; a folder
@@ -191,7 +177,12 @@ class Validation:
             faults += tree.warnings
             if not lacking:
                 faults += on_robot(tree, self._settings, self._knowledge)
-                faults += self._faults_of_phrases(path)
+        if not lacking and judgement.nodes:
+            of_mission: List[Fault] = []  # of what the robot says in it
+            mission = os.path.splitext(os.path.basename(path))[0]
+            language = (self._knowledge or self._settings).language
+            attempt(lambda: phrases.load(language, mission), of_mission)
+            faults += [fault for fault in of_mission if fault.file not in self._configuration]
         judgement.faults = sorted(self._reported(faults), key=by_place)
         return judgement
 
