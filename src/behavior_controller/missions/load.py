@@ -6,6 +6,7 @@ from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple, Union
 
 from behavior_controller import extensions, folders, leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy
+from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt import Clock, Registry, Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -41,7 +42,7 @@ class Mission:
     phrases: phrases.Phrases
     policy: recovery_policy.Policy
     tree: Tree
-    knowledge: Optional[knowledge_files.Knowledge] = None
+    knowledge: Optional[Knowledge] = None
 
     @property
     def language(self) -> str:
@@ -100,7 +101,7 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
 
 
 def robot_files(settings: Settings, mission: str, faults: List[Fault]) -> Tuple[
-        Optional[knowledge_files.Knowledge], Optional[phrases.Phrases],
+        Optional[Knowledge], Optional[phrases.Phrases],
         Optional[recovery_policy.Policy]]:
     """Return what the robot of ``settings`` knows, what it says in a mission, and its recovery
     policy; None for those with faults, which are added to ``faults``."""
@@ -113,7 +114,7 @@ def robot_files(settings: Settings, mission: str, faults: List[Fault]) -> Tuple[
             attempt(lambda: recovery_policy.load(folders.config(POLICY), specs), faults))
 
 
-def keys_without_meaning(settings: Settings, known: Optional[knowledge_files.Knowledge]) -> Iterator[Fault]:
+def keys_without_meaning(settings: Settings, known: Optional[Knowledge]) -> Iterator[Fault]:
     """Yield a fault for each key that has no meaning for the robot, or without another key."""
     robot, usual = settings.interface, defaults()
     without: Dict[str, str] = {}  # keys that have no meaning, and why
@@ -135,7 +136,7 @@ def keys_without_meaning(settings: Settings, known: Optional[knowledge_files.Kno
                     f"leave language out, or change phraseLanguage in {known.sources[1].file} too")
 
 
-def on_robot(tree: Tree, settings: Settings, knowledge: Optional[knowledge_files.Knowledge] = None) -> List[Fault]:
+def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = None) -> List[Fault]:
     """Return faults and warnings about a mission on the robot of ``settings``: what it lacks, and
     what cannot work there.
 

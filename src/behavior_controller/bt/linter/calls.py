@@ -1,4 +1,5 @@
 """Rules about what SubTrees are given and give back, and about entries that nothing writes."""
+import os
 from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.linter import rules
@@ -10,6 +11,7 @@ from behavior_controller.bt.linter.structure import given, is_port_name, remaps_
 from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
+from behavior_controller.bt.registry import Port
 from behavior_controller.bt.script.values import TEXT
 from behavior_controller.text import first_names
 
@@ -20,24 +22,27 @@ def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
     model = facts.trees.models.get(called, [])
     texts = given(call, model)
     forgotten = [name for name in facts.needs[called] if name not in texts]
-    is_told = check_ignored(facts, call)
+    is_reported = check_ignored(facts, call)
     for name, text in call.attributes.items():
         if not is_port_name(name):
             continue
-        outer = ports.subtree_reference(text, name)
+        inner, outer = facts.flow.name(called, name), ports.subtree_reference(text, name)
         if outer is not None:
             _check_remapped(facts, call, name, outer, tree)
-        else:
-            _check_literal(facts, call, name, text, called)
-        if not check_braces(facts, call, name, tree):
-            used = {*facts.flow.used(called), *(port.name for port in model)}
-            if name not in used:
-                is_told |= _check_unused(facts, call, name, outer, tree, forgotten)
-            elif outer is None:
-                _check_result(facts, call, name, text, tree)
-    if not (is_told or remaps_all(call) or not facts.flow.is_known) and facts.is_host_known:
+        elif inner.reader is not None:
+            _check_literal(facts, call, name, inner.reader)
+        if check_braces(facts, call, name, tree):
+            continue
+        if not inner.mentions and name not in [port.name for port in model]:
+            is_reported |= _check_unused(facts, call, name, outer, tree, forgotten)
+        elif outer is None and text.isidentifier() and inner.is_own and not inner.read:
+            lost = f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there"
+            hint = f"the entry is written {{{text}}}"
+            facts.report(rules.BRACES_FORGOTTEN, call, f"{lost} is lost", hint, name)
+            facts.excuse(tree, text)
+    if facts.is_host_known and facts.flow.is_known and not is_reported and not remaps_all(call):
         for name in forgotten:
-            _tell_forgotten(facts, call, name, tree)
+            _check_forgotten(facts, call, name, tree)
 
 
 def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional[str], tree: str,
@@ -45,15 +50,14 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
     """Warn of an entry that a tree is given and does not use, and that is ``outer`` of the caller;
     return whether that was done."""
     called = call.attributes["ID"]
-    known = set(facts.flow.used(called))
+    known = facts.flow.used(called)
     model = sorted(port.name for port in facts.trees.models.get(called, []))
     near = ""
     if len(name) > 2:
-        near = facts.findings.nearest(name, known.union(model).difference(call.attributes))
-    rule = rules.SUBTREE_CONDITION
-    if condition_meant(name):
+        near = facts.findings.nearest(name, {*known, *model}.difference(call.attributes))
+    rule, hint = rules.SUBTREE_CONDITION, condition_meant(name)
+    if hint:
         text = f"{name} is an entry of the tree {called}, no condition"
-        hint = condition_meant(name)
     elif name.lower() in ("autoremap", "auto_remap"):
         text = f"{name} is an entry of the tree {called}, and remaps nothing"
         hint = "did you mean _autoremap?"
@@ -72,35 +76,22 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
     return True
 
 
-def _check_result(facts: MissionFacts, call: Element, name: str, text: str, tree: str) -> None:
-    """Warn of a text in place of the entry that a tree writes its result to."""
-    called = call.attributes["ID"]
-    inner = facts.flow.name(called, name)
-    if text.isidentifier() and inner.is_own and not inner.read:
-        lost = f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there is lost"
-        hint = f"the entry is written {{{text}}}"
-        facts.report(rules.BRACES_FORGOTTEN, call, lost, hint, name)
-        facts.excuse(tree, text)
-
-
-def _tell_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
-    called = call.attributes["ID"]
+def _check_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
+    """Warn of an entry that the call does not give to its tree."""
     near = facts.findings.nearest(name, facts.written[tree])
-    hint = f"write {name}=\"{{…}}\", or {name}=\"…\""
+    hint = f"write {name}=\"{{…}}\", or {name}=\"…\"" + (f"; {near}" if near else "")
     if name in facts.written[tree]:
         hint = f"write {name}=\"{{{name}}}\""
     elif name in facts.defaults.known or name in facts.written[facts.trees.main]:
         hint = f"write {name}=\"{{@{name}}}\""
-    elif facts.defaults.written_by(name) or near:
-        hint = f"{hint}; {near}"
-    text = f"the tree {called} needs the entry {name}, which this call does not give"
+    text = f"the tree {call.attributes['ID']} needs the entry {name}, which this call does not give"
     facts.report(rules.SUBTREE_PORT_MISSING, call, text, hint)
 
 
-def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, called: str) -> None:
+def _check_literal(facts: MissionFacts, call: Element, name: str, port: Port) -> None:
     """Warn of a literal that a port of the called tree reads in part, or cannot read."""
-    port = facts.flow.name(called, name).reader
-    if port is None or ports.subtree_literal(text)[0] != TEXT:
+    text = call.attributes[name]
+    if ports.subtree_literal(text)[0] != TEXT:
         return
     wrong = ports.literal_fault(text, port, {})
     if not is_cut_short(facts.report, call, name, port, port.type) and wrong is not None:
@@ -130,6 +121,8 @@ def check_entries(facts: MissionFacts) -> None:
         return
     by_default: Set[int] = set()  # elements
     for use in facts.flow.all():
+        if facts.is_host_known:
+            _check_written(facts, use)
         read, name = use.read, use.name
         is_odd = name in WORDS or name != name.strip() or "{" in name
         # what another tree reads, its callers must give it, if they can
@@ -142,9 +135,6 @@ def check_entries(facts: MissionFacts) -> None:
                 continue
             by_default.add(id(read.element))
         _check_read(facts, use, read)
-    if facts.is_host_known:
-        for use in facts.flow.all():
-            _check_written(facts, use)
 
 
 def _check_written(facts: MissionFacts, use: Name) -> None:
@@ -154,43 +144,31 @@ def _check_written(facts: MissionFacts, use: Name) -> None:
     if (place is None or use.mentions > 1 or READ in uses or CREATED not in uses
             or name in facts.defaults.known or not facts.findings.may_compare(len(others))):
         return
-    near = _meant(name, {other.name for other in others  # x_max and y_max are two entries
+    near = _meant(name, [other.name for other in others  # x_max and y_max are two entries
                          if other.name[:1] + other.name[-1:] == name[:1] + name[-1:]
-                         and {READ, WRITTEN, CREATED} <= other.entry.uses})
+                         and {READ, WRITTEN, CREATED} <= other.entry.uses])
     if near:
-        text = f"the entry {name} is written here, and read nowhere"
-        hint = f"did you mean {near}?"
-        facts.report(
-            rules.ENTRY_MISSPELT, place.element, text, hint, place.attribute, place.at)
+        text, hint = f"the entry {name} is written here, and read nowhere", f"did you mean {near}?"
+        element, attribute, at, _ = place
+        facts.report(rules.ENTRY_MISSPELT, element, text, hint, attribute, at)
 
 
 def _check_read(facts: MissionFacts, use: Name, read: Access) -> None:
     name, written = use.name, facts.written[use.tree]
-    hint = _writer_elsewhere(facts, name)
+    hint = next((f"the tree {tree} writes one of its own; that of the whole mission is @{name}"
+                 for tree, names in facts.written.items()
+                 if tree != facts.trees.main and name in names), "")
     if not hint and not facts.is_host_known and not _meant(name, written):
         return
     hint = hint or facts.defaults.written_by(name) or facts.findings.nearest(name, written)
-    if not hint and _is_like_a_text(name, read):
-        hint = f"a text needs single quotes: '{name}'"
+    if not hint and read.script is not None:
+        operands = [assignment.value for assignment in read.script.facts.assignments]
+        operands += [operation.right for operation in read.script.facts.operations]
+        # compared or assigned, as a text would be
+        if any(operand.kind == "name" and operand.word == name for operand in operands):
+            hint = f"a text needs single quotes: '{name}'"
     text = f"the entry {name} is read here, but nothing writes it"
     facts.report(rules.NEVER_WRITTEN, read.element, text, hint, read.attribute, read.at)
-
-
-def _is_like_a_text(name: str, read: Access) -> bool:
-    """Return whether a script compares an entry or assigns it, as it would do with a text."""
-    if read.script is None:
-        return False
-    operands = [assignment.value for assignment in read.script.facts.assignments]
-    operands += [operation.right for operation in read.script.facts.operations]
-    return any(operand.kind == "name" and operand.word == name for operand in operands)
-
-
-def _writer_elsewhere(facts: MissionFacts, name: str) -> str:
-    """Return a hint if an entry of that name is written, but in another tree's blackboard."""
-    for tree, names in facts.written.items():
-        if tree != facts.trees.main and name in names:
-            return f"the tree {tree} writes one of its own; that of the whole mission is @{name}"
-    return ""
 
 
 def _meant(name: str, known: Collection[str]) -> str:
@@ -207,10 +185,8 @@ def is_misspelling(word: str, other: str) -> bool:
     """
     if word.rstrip("s0123456789") == other.rstrip("s0123456789"):
         return False
-    short, long = sorted((word, other), key=len)
-    at = next((index for index, pair in enumerate(zip(short, long)) if pair[0] != pair[1]),
-              len(short))
-    rest, longer = short[at:], long[at:]
-    if len(short) == len(long):
-        return rest[1:] == longer[1:] or (rest[1::-1] == longer[:2] and rest[2:] == longer[2:])
-    return rest == longer[1:]
+    begin = len(os.path.commonprefix([word, other]))
+    one, two = word[begin:], other[begin:]
+    end = len(os.path.commonprefix([one[::-1], two[::-1]]))
+    one, two = one[:len(one) - end], two[:len(two) - end]
+    return max(len(one), len(two)) < 2 or len(one) == 2 and one == two[::-1]

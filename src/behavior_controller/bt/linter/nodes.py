@@ -52,18 +52,31 @@ class Nodes:
 
     def check(self, element: Element) -> None:
         """Check a node."""
-        spec = self._identified(element)
-        if spec is None:
-            return
+        spec = self._known.get(element.type_id)
+        if element.tag == "SubTree":
+            self._subtree(element)
+        elif not element.type_id:
+            self.trees.report_no_id(element, "", "the ID is the node type")
+        elif spec is None:
+            self._unknown(element, element.type_id)
+        else:
+            self._identified(element, spec)
+
+    def _identified(self, element: Element, spec: NodeSpec) -> None:
+        """Check a node whose type is known."""
         if spec.warning:
             self.report(rules.NODE_TYPE_WARNING, element, spec.warning)
-        if spec.refuses_explicit or spec.at_most_one:
-            self._kinds_of_children(element, spec)
         if spec.names:
             self._name(element, spec)
-        fewest, most = spec.child_range
-        if not fewest <= len(element.children) <= most:
-            self._children(element, spec, fewest, most)
+        for child in element.children if spec.refuses_explicit else ():
+            if child.tag in EXPLICIT and child.type_id:
+                text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
+                self.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
+        if spec.at_most_one and [child.tag for child in element.children].count(
+                spec.at_most_one) > 1:
+            text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
+            self.report(rules.TWO_ASYNC, element, text)
+        self._children(element, spec)
         for name, text in element.attributes.items():
             if name != "name":
                 self._attribute(element, spec, name, text)
@@ -72,17 +85,6 @@ class Nodes:
                        attribute: Optional[str] = None, at: int = 0) -> None:
         """Record a fault of an element that may not be in use."""
         self.report(rule, element, text, hint, attribute, at, as_warning=not self.is_used)
-
-    def _identified(self, element: Element) -> Optional[NodeSpec]:
-        """Return the node type that an element names; None if nothing more can be checked."""
-        spec = self._known.get(element.type_id)
-        if element.tag == "SubTree":
-            self._subtree(element)
-        elif not element.type_id:
-            self.trees.report_no_id(element, "", "the ID is the node type")
-        elif spec is None:
-            self._unknown(element, element.type_id)
-        return spec
 
     def _name(self, element: Element, spec: NodeSpec) -> None:
         """Check the name of a node whose name is its argument."""
@@ -111,28 +113,22 @@ class Nodes:
                     or "exportNodeModel prints every node type with its ports")
             self.report(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
 
-    def _kinds_of_children(self, element: Element, spec: NodeSpec) -> None:
-        for child in element.children:
-            if child.tag in EXPLICIT and child.type_id:
-                text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
-                self.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
-        if sum(child.tag == spec.at_most_one for child in element.children) > 1:
-            text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
-            self.report(rules.TWO_ASYNC, element, text)
-
-    def _children(self, element: Element, spec: NodeSpec, fewest: int, most: int) -> None:
+    def _children(self, element: Element, spec: NodeSpec) -> None:
         count = len(element.children)
+        fewest, most = spec.child_range
+        if fewest <= count <= most:
+            return
         if most == 0:
-            text = f"{spec.id} is a leaf and cannot have children"
-            self.report(rules.LEAF_CHILDREN, element, text)
+            rule, text = rules.LEAF_CHILDREN, f"{spec.id} is a leaf and cannot have children"
         elif most == 1:
             text = f"{spec.id} has {count} children; a decorator must have exactly 1"
-            self.report(rules.DECORATOR_CHILDREN, element, text, AROUND_THEM if count else "")
+            rule = rules.DECORATOR_CHILDREN
         elif fewest > 1:
             text = f"{spec.id} must have at least {fewest} children: {spec.children}"
-            self.report(rules.FEW_CHILDREN, element, text)
+            rule = rules.FEW_CHILDREN
         else:
-            self.report(rules.NO_CHILD, element, f"{spec.id} has no child; it must have 1 or more")
+            rule, text = rules.NO_CHILD, f"{spec.id} has no child; it must have 1 or more"
+        self.report(rule, element, text, AROUND_THEM if most == 1 and count else "")
 
     def _attribute(self, element: Element, spec: NodeSpec, name: str, text: str) -> None:
         port = spec.port_named.get(name)
@@ -216,8 +212,12 @@ class Nodes:
         for port in self.trees.models.get(tree_id, ()):
             if not gets_all and port.default is None and port.name not in element.attributes:
                 self._missing(element, tree_id, port)
-        if element.document.root.attributes.get("BTCPP_format") != "4":
-            self._unbraced(element)
+        is_old = element.document.root.attributes.get("BTCPP_format") != "4"
+        for name, text in element.attributes.items() if is_old else ():
+            if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
+                said = f"{name}=\"{text}\" is the text {text} in version 4"
+                hint = f"the entry of that name is written {{{text}}}"
+                self.report(rules.UNBRACED, element, said, hint, name)
 
     def _missing(self, element: Element, tree_id: str, port: Port) -> None:
         """Record that a port of a tree's model is not given; at the attribute that is meant for it,
@@ -232,13 +232,6 @@ class Nodes:
             text, hint = f"{text}; it has no port {other}", meant
         self.report_if_used(rules.MODEL_PORT_MISSING, element, text, hint, other)
 
-    def _unbraced(self, element: Element) -> None:
-        for name, text in element.attributes.items():
-            if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
-                said = f"{name}=\"{text}\" is the text {text} in version 4"
-                hint = f"the entry of that name is written {{{text}}}"
-                self.report(rules.UNBRACED, element, said, hint, name)
-
 
 def is_cut_short(report: Callable[..., None], element: Element, attribute: str, port: Port,
                  type_name: str) -> bool:
@@ -246,26 +239,20 @@ def is_cut_short(report: Callable[..., None], element: Element, attribute: str, 
     text = element.attributes[attribute]
     rest = values.unread(text, type_name)
     if rest:
-        read = f"{attribute}=\"{text}\" is read only up to \"{rest}\": as {_read(text, type_name)}"
+        try:
+            value = values.TYPES[type_name].from_text(text, {})  # type: ignore[misc]
+        except ValueFault as fault:
+            value = fault
+        read = ";".join(map(str, value)) if isinstance(value, list) else value
+        wrong = f"{attribute}=\"{text}\" is read only up to \"{rest}\": as {read}"
         hint = _meant(text, port, type_name)
-        report(rules.NUMBER_CUT_SHORT, element, read, hint, attribute)
+        report(rules.NUMBER_CUT_SHORT, element, wrong, hint, attribute)
     return bool(rest)
 
 
-def _read(text: str, type_name: str) -> str:
-    """Return the value that a literal is read as, for a message."""
-    try:
-        value = values.TYPES[type_name].from_text(text, {})  # type: ignore[misc]
-    except ValueFault as fault:
-        return str(fault)
-    return ";".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
 _THOUSANDS = re.compile(r"-?[0-9]{1,3}(?:[,._' ][0-9]{3})+")
-_AMOUNT = re.compile(r"([0-9]+(?:[.,][0-9]+)?)\s*"
-                     "(?:(ms(?:ec)?)|(s(?:ec(?:onds?)?)?)|(min(?:utes?)?)|(h(?:ours?)?))",
-                     re.IGNORECASE)
-_MILLISECONDS = (1, 1000, 60_000, 3_600_000)  # of each unit of an amount
+_AMOUNT = re.compile(r"([0-9]+(?:[.,][0-9]+)?)\s*(ms|milli|s|min|h)[a-z]*", re.IGNORECASE)
+_MILLISECONDS = {"ms": 1, "milli": 1, "s": 1000, "min": 60_000, "h": 3_600_000}
 
 
 def _meant(text: str, port: Port, type_name: str) -> str:
@@ -273,8 +260,8 @@ def _meant(text: str, port: Port, type_name: str) -> str:
     amount = _AMOUNT.fullmatch(text.strip())
     number = values.whole_real(text.replace(",", "."))
     if amount is not None and port.name.endswith("msec"):
-        unit = _MILLISECONDS[(amount.lastindex or 0) - 2]
-        milliseconds = float(amount.group(1).replace(",", ".")) * unit
+        figure, unit = amount.groups()
+        milliseconds = float(figure.replace(",", ".")) * _MILLISECONDS[unit.lower()]
         return f"the number is of milliseconds: {text} is {milliseconds:.0f}"
     if _THOUSANDS.fullmatch(text):
         return f"a number has no separators: write {re.sub('[^-0-9]', '', text)}"
