@@ -11,7 +11,6 @@ from behavior_controller.bt.linter.structure import given, is_port_name, remaps_
 from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
-from behavior_controller.bt.registry import Port
 from behavior_controller.bt.script.values import TEXT
 from behavior_controller.text import first_names
 
@@ -29,8 +28,8 @@ def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
         inner, outer = facts.flow.name(called, name), ports.subtree_reference(text, name)
         if outer is not None:
             _check_remapped(facts, call, name, outer, tree)
-        elif inner.reader is not None:
-            _check_literal(facts, call, name, inner.reader)
+        elif inner.read is not None:
+            _check_literal(facts, call, name, inner.read)
         if check_braces(facts, call, name, tree):
             continue
         if not inner.mentions and name not in [port.name for port in model]:
@@ -88,10 +87,11 @@ def _check_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -
     facts.report(rules.SUBTREE_PORT_MISSING, call, text, hint)
 
 
-def _check_literal(facts: MissionFacts, call: Element, name: str, port: Port) -> None:
+def _check_literal(facts: MissionFacts, call: Element, name: str, read: Access) -> None:
     """Warn of a literal that a port of the called tree reads in part, or cannot read."""
     text = call.attributes[name]
-    if ports.subtree_literal(text)[0] != TEXT:
+    port = facts.spec(read.element).port_named.get(read.attribute)
+    if port is None or ports.subtree_literal(text)[0] != TEXT:
         return
     wrong = ports.literal_fault(text, port, {})
     if not is_cut_short(facts.report, call, name, port, port.type) and wrong is not None:

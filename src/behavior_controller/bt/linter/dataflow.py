@@ -117,7 +117,6 @@ class Name:
         self.mentions = 0  # how often the tree itself names it; not what its callers give it
         self.read: Optional[Access] = None
         self.write: Optional[Access] = None  # by a node
-        self.reader: Optional[Port] = None  # the first port that reads it
         # the tree writes it itself, or a tree that it calls; not what its callers give it
         self.is_own = False
 
@@ -180,11 +179,10 @@ class Flow:
         result.mentions += 1
         return result
 
-    def _read(self, tree: str, name: str, access: Access) -> Name:
+    def _read(self, tree: str, name: str, access: Access) -> None:
         result = self._mention(tree, name)
         result.read = result.read or access
         result.entry.uses.add(READ)
-        return result
 
     def _write(self, tree: str, name: str, access: Access, *uses: str) -> Name:
         result = self._mention(tree, name)
@@ -205,8 +203,7 @@ class Flow:
             name = text
         if name is not None:
             if port.direction is not Direction.OUT and (is_given or not port.is_optional):
-                read = self._read(tree, name, place)
-                read.reader = read.reader or port
+                self._read(tree, name, place)
             if port.direction is not Direction.IN and port.role is not Role.WRITES:
                 self._write(tree, name, place, CREATED, TOUCHED)
             entry = self.name(tree, name).entry

@@ -12,6 +12,7 @@ from xml.sax.saxutils import escape, quoteattr
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.nodes import ELSEWHERE
 from behavior_controller.bt.linter.findings import Findings
+from behavior_controller.bt.linter.structure import PORT_ELEMENTS
 from behavior_controller.bt.engine.builtins import AlwaysSuccess
 from behavior_controller.bt.engine.controls import Sequence as SequenceNode
 from behavior_controller.bt.engine.decorators import ForceSuccess
@@ -21,8 +22,6 @@ from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Reg
 from behavior_controller.errors import Fault
 from behavior_controller.text import did_you_mean, without_controls
 
-_KINDS = {kind.value: kind for kind in Kind}
-_DIRECTIONS = {direction.value: direction for direction in Direction}
 _FACTORIES = {Kind.ACTION: AlwaysSuccess, Kind.CONDITION: AlwaysSuccess, Kind.CONTROL: SequenceNode,
               Kind.DECORATOR: ForceSuccess}
 _TYPES = {name: kind.name for kind in TYPES.values() for name in (kind.name, kind.cpp_name)}
@@ -107,12 +106,12 @@ def stubs(documents: Iterable[Document], registry: Registry) -> Tuple[List[NodeS
 
 
 def _stub(model: Element, node_id: str) -> NodeSpec:
-    elements = [port for port in model.children if port.tag in _DIRECTIONS
+    elements = [port for port in model.children if port.tag in PORT_ELEMENTS
                 and port.attributes.get("name")]
     # the library's own palettes do not tell which ports a node does without; one that does, of a
     # port, means the rest
     tells = any("optional" in port.attributes for port in elements)
-    kind = _KINDS[model.tag]
+    kind = Kind(model.tag)
     ports = tuple(_port(port, tells) for port in elements)
     return NodeSpec(node_id, kind, partial(_FACTORIES[kind]), ports, is_stub=True)
 
@@ -121,7 +120,7 @@ def _port(port: Element, tells: bool) -> Port:
     given = port.attributes
     is_optional = not tells or given.get("optional") in ("true", "1")
     type_name = _TYPES.get(given.get("type") or ANY, ANY)
-    return Port(given["name"], type_name, _DIRECTIONS[port.tag], given.get("default"),
+    return Port(given["name"], type_name, Direction(port.tag), given.get("default"),
                 is_optional=is_optional)
 
 
@@ -154,13 +153,13 @@ def _check_ports(model: Element, spec: NodeSpec, findings: Findings) -> None:
     for element in model.children:
         name = element.attributes.get("name", "")
         port = spec.port_named.get(name)
-        if element.tag not in _DIRECTIONS:
+        if element.tag not in PORT_ELEMENTS:
             continue
         if port is None:
             text = f"the palette has an unknown port {name} of {spec.id}"
             hint = findings.nearest(name, spec.port_named, "its ports")
             findings.report(rules.PALETTE_PORT, element, text, hint, "name")
-        elif port.direction is not _DIRECTIONS[element.tag]:
+        elif port.direction is not Direction(element.tag):
             direction = f"is an {port.direction.value}, not an {element.tag}"
             text = f"the port {name} of {spec.id} {direction}"
             findings.report(rules.PALETTE_DIRECTION, element, text)

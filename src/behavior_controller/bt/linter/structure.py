@@ -8,7 +8,7 @@ from behavior_controller.bt.linter import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
 from behavior_controller.bt.linter.findings import MOST_FAULTS, Findings
-from behavior_controller.bt.registry import Port, Registry
+from behavior_controller.bt.registry import Direction, Port, Registry
 from behavior_controller.bt.script.values import TYPES
 from behavior_controller.errors import Fault
 from behavior_controller.text import first_names
@@ -17,7 +17,7 @@ _FORBIDDEN = re.compile(r"[\x00- \x7f<>&\"'/\\:*?|.]")  # in names
 _SIGNS = "any of <>&\"'/\\:*?|."
 AROUND_THEM = "put a Sequence around them"
 CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
-PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
+PORT_ELEMENTS = tuple(direction.value for direction in Direction)
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
 
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
@@ -176,41 +176,36 @@ class Trees:
         """
         self.calls = {tree_id: [element for element in tree.below if element.tag == "SubTree"]
                       for tree_id, tree in self.trees.items()}
-        self.main = self._main_tree(wanted, guess)
-
-    def _main_tree(self, wanted: Optional[str], guess: bool) -> str:
         root = self.documents[-1].root
         named = wanted or root.attributes.get("main_tree_to_execute")
-        if named in self.trees:
-            return named
         own = [tree_id for tree_id, tree in self.trees.items() if tree.document.root is root]
+        called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
+        free = [tree_id for tree_id in self.trees if tree_id not in called]
+        choices = [[named]] if named else [own, list(self.trees), free if guess else []]
+        self.main = next((choice[0] for choice in choices
+                          if len(choice) == 1 and choice[0] in self.trees), "")
+        if self.main or (root.tag != "root" and not named):
+            return
         if named:
             text, attribute = f"there is no tree {named} to execute", "main_tree_to_execute"
             hint = self.nearest(named, self.trees, "the trees")
             self.report(rules.MAIN_TREE_UNKNOWN, root, text, hint, None if wanted else attribute)
-            return ""
-        called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
-        free = [tree_id for tree_id in self.trees if tree_id not in called]
-        for choice in (own, list(self.trees), free if guess else []):
-            if len(choice) == 1:
-                return choice[0]
-        why = "each tree is called by another"
-        if free:
-            why = f"these trees are called by no other: {first_names(free)}"
-        if root.tag == "root" and not self.trees:
+        elif not self.trees:
             self.report(rules.NO_TREE, root, "the file has no <BehaviorTree>")
-        elif root.tag == "root":
+        else:
+            why = "each tree is called by another"
+            if free:
+                why = f"these trees are called by no other: {first_names(free)}"
             text = f"main_tree_to_execute is not given, and {why}"
             hint = "name the main tree in <root main_tree_to_execute=\"…\">"
             self.report(rules.MAIN_TREE_MISSING, root, text, hint)
-        return ""
 
     def check_calls(self) -> None:
         """Note the used trees; find SubTrees that contain themselves, and missions that are too
         large."""
         main = self.main
         sizes: Counter[str] = Counter()
-        for start in [main] if main else list(self.trees):
+        for start in [main] if main else self.trees:
             self._unfold(start, sizes, is_used=True)
         self.used = dict(sizes)
         if sizes[main] > MOST_NODES:
