@@ -117,24 +117,21 @@ class Runner:
         return self.is_stopped() or 0 < self.runs <= self._number
 
     def _is_replaced(self) -> bool:
-        """Go on with the mission that was reloaded, if there is one; return whether there is."""
+        """Go on with the mission that was reloaded, if there is one whose nodes can be set up;
+        return whether there is."""
         # the plan that is running at a stop must be halted, so it must not be replaced
         following = None if self.is_stopped() else self._successor()
-        if following is None or not self._is_set_up(following):
+        if following is None:
             return False
-        self._use(following)
-        self._persistence.reset()
-        self._begin()
-        return True
-
-    def _is_set_up(self, following: Running) -> bool:
-        """Set up the nodes of a reloaded mission; report it if that fails."""
         try:
             following.tree.setup(mission=following.mission)
         except MissionError as error:
             for fault in error.faults:
                 self._report(error, f"refused, the running mission stays: {fault}")
             return False
+        self._use(following)
+        self._persistence.reset()
+        self._begin()
         return True
 
     def _begin(self) -> None:
@@ -206,9 +203,11 @@ class Runner:
     def _report_exception(self, error: BehaviorControllerError, during: str = "") -> None:
         """Report an exception in a node, once: what a halt raises may have brought it about, and is
         raised again."""
-        origin = str(_origin(error))
-        if origin != self._reported:
-            self._reported = origin
+        origin: BaseException = error
+        while isinstance(origin.__cause__, BehaviorControllerError):
+            origin = origin.__cause__
+        if str(origin) != self._reported:
+            self._reported = str(origin)
             # foreign code fails at no attribute
             place = "" if _foreign(error) is not None else place_of(error)
             at = f" ({place})" if place not in str(error) else ""
@@ -230,14 +229,11 @@ class Runner:
         RUNNING after each round without a wake-up. A mission that changes something at every tick
         is ticked at that pace.
         """
+        self._rounds = self._rounds + 1 if has_changed else 0
         if not has_changed:
-            self._rounds = 0
             self._wait(None)
-        elif self._rounds < ROUNDS_AT_ONCE:
-            self._rounds += 1
-            self._wait(GIVE_WAY)
         else:
-            self._wait(PACE)
+            self._wait(GIVE_WAY if self._rounds <= ROUNDS_AT_ONCE else PACE)
 
     def wait(self, seconds: Optional[float]) -> None:
         """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run posted
@@ -315,13 +311,6 @@ class Runner:
             self._halt()
         self.is_stopping = True
         self.mission.events.emit(self.mission.ask_for_safe_state().wait(self._doze))
-
-
-def _origin(error: BehaviorControllerError) -> BehaviorControllerError:
-    """Return the first of our errors that led to ``error``."""
-    while isinstance(error.__cause__, BehaviorControllerError):
-        error = error.__cause__
-    return error
 
 
 def _foreign(error: BehaviorControllerError) -> Optional[BaseException]:
