@@ -3,7 +3,7 @@ import contextlib
 import os
 import re
 from dataclasses import dataclass, field, replace
-from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
+from typing import Collection, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Union
 
 from behavior_controller import folders, leaves
 from behavior_controller.config import knowledge_files, phrases, settings
@@ -44,25 +44,23 @@ class Judgement:
         if self.part_of:
             return f"{clean(self.file)}: a part of {clean(self.part_of)}"
         warnings = sum(fault.is_warning for fault in self.faults)
-        is_good = not self.is_wrong and self.is_mission
-        counts = self._good() if is_good else [
-            count(len(self.faults) - warnings, "fault", "faults")]
-        if warnings or is_good:
-            counts.append(count(warnings, "warning", "warnings"))
+        counts = [count(warnings, "warning", "warnings")]
+        if self.is_wrong or not self.is_mission:
+            counts = counts if warnings else []
+            counts.insert(0, count(len(self.faults) - warnings, "fault", "faults"))
+        elif self.palette is not None:
+            counts.insert(0, f"a palette of {count(self.palette, 'node type', 'node types')}")
+        else:
+            done = "checked" if self.stubs else "can be run"
+            if len(self.mains) > 1:
+                done += f" from each of {', '.join(map(clean, self.mains))}"
+            counts[:0] = [done, count(self.nodes, "node", "nodes")]
         line = f"{clean(self.file)}: {', '.join(counts)}"
         if self.stubs:
             lacking = count(len(self.stubs), "node type", "node types")
             line += (f"; not a mission of this robot, which lacks {lacking} (taken as stubs): "
                      f"{first_names(map(clean, self.stubs))}")
         return line
-
-    def _good(self) -> List[str]:
-        if self.palette is not None:
-            return [f"a palette of {count(self.palette, 'node type', 'node types')}"]
-        done = "checked" if self.stubs else "can be run"
-        if len(self.mains) > 1:
-            done += f" from each of {', '.join(map(clean, self.mains))}"
-        return [done, count(self.nodes, "node", "nodes")]
 
 
 class Validation:
@@ -71,7 +69,7 @@ class Validation:
     lacks are taken from the other files of its folder. ``robot`` overrides the configuration.
     """
 
-    def __init__(self, main: Optional[str] = None, palettes: Sequence[str] = (),
+    def __init__(self, main: Optional[str] = None, palettes: Collection[str] = (),
                  ignored: Collection[str] = (), in_folder: bool = False, robot: str = ""):
         """Raise BrokenExtension if what a package exports cannot be used."""
         self.main = main
@@ -100,49 +98,49 @@ class Validation:
         """Yield a judgement for the configuration if it is faulty, then for each file; a folder
         means all its files, and a name a mission of a data folder."""
         yield from (Judgement(file, faults) for file, faults in self._configuration.items())
-        missions: Dict[str, List[Document]] = {}
-        done: Dict[str, Judgement] = {}  # without a mission
-        files = dict.fromkeys(self.palettes)
+        files: Dict[str, Union[Judgement, List[Document]]] = {}
+        for path in self.palettes:
+            files[path] = self._read(path)
         for path in paths:
             try:
-                files.update(dict.fromkeys(expanded(named(path))))
+                for file in expanded(named(path)):
+                    files[file] = self._read(file)
             except ConfigurationError as error:
-                files[path] = None
-                done[path] = Judgement(path, [
+                files[path] = Judgement(path, [
                     fault._replace(file=path, code=rules.UNREADABLE_FILE.code)
                     for fault in error.faults])
-        for path in [path for path in files if path not in done]:
-            try:
-                knowledge = knowledge_files.check(path)
-                if knowledge is None:
-                    missions[path] = self._read(path)
-                else:
-                    done[path] = Judgement(path, knowledge, is_mission=False)
-            except MissionError as error:
-                done[path] = Judgement(path, self._reported(error.faults))
+        missions = {path: read_one for path, read_one in files.items()
+                    if not isinstance(read_one, Judgement)}
         parts = _parts(missions)
         palettes = [documents[-1] for path, documents in missions.items()
                     if is_palette(documents) or path in self.palettes]
         has_main = any(self.main in _trees(documents) for documents in missions.values())
-        for path in files:
-            if path in done:
-                yield done[path]
+        for path, read_one in files.items():
+            if isinstance(read_one, Judgement):
+                yield read_one
             elif path in parts:
                 yield Judgement(path, part_of=parts[path])
-            elif is_palette(missions[path]):
-                yield self._palette(path, missions[path])
+            elif is_palette(read_one):
+                yield self._palette(path, read_one)
             elif path not in self.palettes:
-                main = self.main if not has_main or self.main in _trees(missions[path]) else None
-                yield self._mission(path, missions[path], palettes, main)
+                main = self.main if not has_main or self.main in _trees(read_one) else None
+                yield self._mission(path, read_one, palettes, main)
 
-    def _read(self, path: str) -> List[Document]:
+    def _read(self, path: str) -> Union[Judgement, List[Document]]:
+        """Return the documents of a mission or a palette; of any other file what is wrong."""
         if os.path.isdir(path):
-            raise MissionError([Fault(path, 0, 0, "the folder has no mission",
-                                      f"a mission ends with {' or '.join(ENDINGS)}",
-                                      code=rules.UNREADABLE_FILE.code)])
-        documents = with_includes(read(path))
-        if self.in_folder:
-            documents = _completed(documents)
+            return Judgement(path, [Fault(path, 0, 0, "the folder has no mission",
+                                          f"a mission ends with {' or '.join(ENDINGS)}",
+                                          code=rules.UNREADABLE_FILE.code)])
+        knowledge = knowledge_files.check(path)
+        if knowledge is not None:
+            return Judgement(path, knowledge, is_mission=False)
+        try:
+            documents = with_includes(read(path))
+            if self.in_folder:
+                documents = _completed(documents)
+        except MissionError as error:
+            return Judgement(path, self._reported(error.faults))
         self.files.update(document.file for document in documents)
         return documents
 
@@ -232,7 +230,7 @@ def _trees(documents: Iterable[Document]) -> Dict[str, List[str]]:
             for tree in document.root.children if tree.tag == "BehaviorTree"}
 
 
-def _main_trees(documents: Sequence[Document], main: Optional[str]) -> Tuple[str, ...]:
+def _main_trees(documents: List[Document], main: Optional[str]) -> Tuple[str, ...]:
     """Return the trees of a project that no other calls, if nothing says which of several is the
     main tree."""
     root = documents[-1].root
@@ -249,13 +247,10 @@ def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
     """Return the files that another of them includes, and which."""
     included = {path: {os.path.realpath(document.file) for document in documents[:-1]}
                 for path, documents in read_ones.items()}
-    owners: Dict[str, str] = {}
-    for path in read_ones:
-        for owner, files in included.items():
-            # files that include each other are both judged: each reports the circle
-            if os.path.realpath(path) in files and os.path.realpath(owner) not in included[path]:
-                owners.setdefault(path, owner)
-    return owners
+    # files that include each other are both judged: each reports the circle
+    return {path: owner for owner in reversed(list(included)) for path in included
+            if os.path.realpath(path) in included[owner]
+            and os.path.realpath(owner) not in included[path]}
 
 
 def _completed(documents: List[Document]) -> List[Document]:
@@ -280,7 +275,7 @@ def _completed(documents: List[Document]) -> List[Document]:
         documents = [helper] + documents
 
 
-def as_json(fault: Fault) -> Dict[str, Any]:
+def as_json(fault: Fault) -> Dict[str, object]:
     """Return a fault in the form of ``--json`` (docs/faults.md)."""
     place = None
     if fault.line:
