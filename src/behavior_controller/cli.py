@@ -102,7 +102,7 @@ def _watch(options: argparse.Namespace) -> NoReturn:
     files: Set[str] = set()
     while True:
         before, began = _state(given, files), time.time_ns()
-        _, read_ones = _judge_all(options)
+        read_ones = _judge_all(options)[1]
         sys.stdout.flush()
         # what was saved since it was read is checked again
         added = _state([], read_ones.difference(before))

@@ -3,7 +3,7 @@ import os
 from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.dataflow import CREATED, READ, WRITTEN, Access, Name
+from behavior_controller.bt.linter.dataflow import CREATED, EXCUSED, READ, WRITTEN, Access, Name
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.linter.nodes import condition_meant, is_cut_short
 from behavior_controller.bt.linter.scripts import WORDS
@@ -127,8 +127,8 @@ def check_entries(facts: MissionFacts) -> None:
         is_odd = name in WORDS or name != name.strip() or "{" in name
         # what another tree reads, its callers must give it, if they can
         is_of_callers = use.tree != facts.trees.main and is_port_name(name)
-        if (read is None or is_odd or is_of_callers or WRITTEN in use.entry.uses
-                or use.entry in facts.excused):
+        is_known = not use.entry.uses.isdisjoint((WRITTEN, EXCUSED))
+        if read is None or is_odd or is_of_callers or is_known:
             continue
         if read.attribute not in read.element.attributes:
             if id(read.element) in by_default:

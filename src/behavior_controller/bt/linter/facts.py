@@ -1,7 +1,7 @@
 """What is known of a mission without running it: how nodes can end, and what its entries hold."""
 from typing import Collection, Dict, Iterator, List, Mapping, Set, Tuple
 
-from behavior_controller.bt.linter.dataflow import TOUCHED, WRITTEN, EntryFacts, Flow
+from behavior_controller.bt.linter.dataflow import EXCUSED, TOUCHED, WRITTEN, Flow
 from behavior_controller.bt.linter.structure import Trees
 from behavior_controller.bt.possible_results import BY_NAME, by
 from behavior_controller.bt.engine import ports
@@ -24,14 +24,10 @@ class MissionFacts:
         self.flow = Flow(self.elements, trees.main, trees.models, registry)
         self.needs = {tree: self.flow.needs(tree) for tree in self.elements}
         self.defaults = Defaults(registry)
-        # entries of which it is no further mistake that nothing writes them: a warning is about
-        # them, or every reader does without
-        self.excused: Set[EntryFacts] = set()
         for name in self.defaults.known:
-            entry = self.flow.name(trees.main, name).entry
-            entry.uses.add(TOUCHED)
+            self.flow.name(trees.main, name).entry.uses.add(TOUCHED)
             if self.defaults.is_optional(name):
-                self.excused.add(entry)
+                self.excuse(trees.main, name)
         self.written: Dict[str, Set[str]] = {tree: set() for tree in self.elements}
         for use in self.flow.all():
             if WRITTEN in use.entry.uses:
@@ -40,8 +36,8 @@ class MissionFacts:
         self.is_host_known = not any(self.spec(element).is_stub for _, element in self.walk())
 
     def excuse(self, tree: str, name: str) -> None:
-        """Note that a warning is about an entry."""
-        self.excused.add(self.flow.name(tree, name).entry)
+        """Note that a warning is about an entry, or that every reader of it does without."""
+        self.flow.name(tree, name).entry.uses.add(EXCUSED)
 
     def walk(self) -> Iterator[Tuple[str, Element]]:
         """Yield each element of the trees in use, with its tree; called trees come first."""

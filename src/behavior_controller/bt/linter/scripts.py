@@ -1,9 +1,9 @@
 """Rules about scripts that can be read, but hardly do what their author means."""
-from typing import Iterator, List, Optional, Set, Tuple
+from typing import Iterator, List, Optional, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.dataflow import (
-    CREATED, NUMERAL, SOME_TEXT, TOUCHED, WRITTEN, EntryFacts, Use, literal_kind)
+    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, Use, literal_kind)
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.possible_results import SUCCEEDS
@@ -27,10 +27,9 @@ Finding = Tuple[rules.LintRule, str, str, int]
 
 def check_scripts(facts: MissionFacts) -> None:
     """Apply the rules to each script of a mission, and to what its scripts and texts write."""
-    uncreated: Set[EntryFacts] = set()
     for use in facts.flow.scripts:
         findings = list(_words(facts, use)) or [*_effects(facts, use), *_assigning(use)]
-        not_created = list(_not_created(facts, use, uncreated))
+        not_created = list(_not_created(facts, use))
         if not findings:
             findings = not_created + list(_truth(facts, use))
         findings += _mixed(facts, use)
@@ -74,13 +73,13 @@ def _assigning(use: Use) -> Iterator[Finding]:
             return
 
 
-def _not_created(facts: MissionFacts, use: Use, uncreated: Set[EntryFacts]) -> Iterator[Finding]:
+def _not_created(facts: MissionFacts, use: Use) -> Iterator[Finding]:
     """Warn of the first assignment to an entry that nothing creates, and note the entry."""
     for name, sign, _, position, _ in use.script.facts.assignments:
-        entry = facts.flow.name(use.tree, name).entry
-        is_created = not entry.uses.isdisjoint((CREATED, TOUCHED)) or entry in uncreated
+        uses = facts.flow.name(use.tree, name).entry.uses
+        is_created = not uses.isdisjoint((CREATED, TOUCHED, UNCREATED))
         if not is_created and facts.flow.is_known and facts.is_host_known:
-            uncreated.add(entry)
+            uses.add(UNCREATED)
             known = sorted(other.name for other in facts.flow.names[use.tree].values()
                            if CREATED in other.entry.uses)
             text = f"{name} {sign} …, but nothing creates the entry {name}"
