@@ -47,17 +47,15 @@ class Nodes:
         # the tree being checked is part of the mission; in any other, what BehaviorTree.CPP notices
         # only when it makes a node is a warning
         self.is_used = True
-        self._known = {
-            spec.id: spec for spec in trees.registry.all() if spec.kind is not Kind.SUBTREE}
 
     def check(self, element: Element) -> None:
         """Check a node."""
-        spec = self._known.get(element.type_id)
+        spec = self.trees.registry.find(element.type_id)
         if element.tag == "SubTree":
             self._subtree(element)
         elif not element.type_id:
             self.trees.report_no_id(element, "", "the ID is the node type")
-        elif spec is None:
+        elif spec is None or spec.kind is Kind.SUBTREE:
             self._unknown(element, element.type_id)
         else:
             self._identified(element, spec)
@@ -72,8 +70,7 @@ class Nodes:
             if child.tag in EXPLICIT and child.type_id:
                 text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
                 self.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
-        if spec.at_most_one and [child.tag for child in element.children].count(
-                spec.at_most_one) > 1:
+        if [child.tag for child in element.children].count(spec.at_most_one) > 1:
             text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
             self.report(rules.TWO_ASYNC, element, text)
         self._children(element, spec)
@@ -109,7 +106,7 @@ class Nodes:
             self.report(rules.TREE_AS_NODE, element, text, hint, attribute)
         else:
             hint = (ELSEWHERE.get(node_id)
-                    or self.nearest(node_id, list(self._known) + ["SubTree"])
+                    or self.nearest(node_id, [spec.id for spec in self.trees.registry.all()])
                     or "exportNodeModel prints every node type with its ports")
             self.report(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
 

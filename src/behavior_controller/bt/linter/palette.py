@@ -106,22 +106,17 @@ def stubs(documents: Iterable[Document], registry: Registry) -> Tuple[List[NodeS
 
 
 def _stub(model: Element, node_id: str) -> NodeSpec:
-    elements = [port for port in model.children if port.tag in PORT_ELEMENTS
-                and port.attributes.get("name")]
+    given = [(port.tag, port.attributes) for port in model.children
+             if port.tag in PORT_ELEMENTS and port.attributes.get("name")]
     # the library's own palettes do not tell which ports a node does without; one that does, of a
     # port, means the rest
-    tells = any("optional" in port.attributes for port in elements)
+    tells = any("optional" in port for _, port in given)
+    ports = tuple(Port(port["name"], _TYPES.get(port.get("type", ANY), ANY), Direction(tag),
+                       port.get("default"),
+                       is_optional=not tells or port.get("optional") in ("true", "1"))
+                  for tag, port in given)
     kind = Kind(model.tag)
-    ports = tuple(_port(port, tells) for port in elements)
     return NodeSpec(node_id, kind, partial(_FACTORIES[kind]), ports, is_stub=True)
-
-
-def _port(port: Element, tells: bool) -> Port:
-    given = port.attributes
-    is_optional = not tells or given.get("optional") in ("true", "1")
-    type_name = _TYPES.get(given.get("type") or ANY, ANY)
-    return Port(given["name"], type_name, Direction(port.tag), given.get("default"),
-                is_optional=is_optional)
 
 
 # ------------------------------------------------------------------------------------- stale models
@@ -135,31 +130,26 @@ def check_models(documents: Sequence[Document], registry: Registry, findings: Fi
         spec = registry.find(node_id)
         if spec is None:
             text = f"the palette has an unknown node {node_id}"
-            hint = findings.nearest(node_id, known)
-            findings.report(rules.PALETTE_UNKNOWN_NODE, model, text, hint, "ID")
-            continue
-        if model.tag != spec.kind.value:
-            kind, ours = _with_article(model.tag), _with_article(spec.kind.value)
-            text = f"the palette has {node_id} as {kind}; it is {ours}"
-            findings.report(rules.PALETTE_KIND, model, text)
-        _check_ports(model, spec, findings)
+            findings.report(rules.PALETTE_UNKNOWN_NODE, model, text,
+                            findings.nearest(node_id, known), "ID")
+        else:
+            _check_model(model, spec, findings)
 
 
-def _with_article(word: str) -> str:
-    return f"an {word}" if word[0] in "AEIOU" else f"a {word}"
-
-
-def _check_ports(model: Element, spec: NodeSpec, findings: Findings) -> None:
+def _check_model(model: Element, spec: NodeSpec, findings: Findings) -> None:
+    if model.tag != spec.kind.value:
+        kind, ours = (f"an {kind}" if kind[0] == "A" else f"a {kind}"
+                      for kind in (model.tag, spec.kind.value))
+        text = f"the palette has {spec.id} as {kind}; it is {ours}"
+        findings.report(rules.PALETTE_KIND, model, text)
     for element in model.children:
         name = element.attributes.get("name", "")
         port = spec.port_named.get(name)
-        if element.tag not in PORT_ELEMENTS:
-            continue
-        if port is None:
+        if element.tag in PORT_ELEMENTS and port is None:
             text = f"the palette has an unknown port {name} of {spec.id}"
             hint = findings.nearest(name, spec.port_named, "its ports")
             findings.report(rules.PALETTE_PORT, element, text, hint, "name")
-        elif port.direction is not Direction(element.tag):
+        elif element.tag in PORT_ELEMENTS and port and port.direction.value != element.tag:
             direction = f"is an {port.direction.value}, not an {element.tag}"
             text = f"the port {name} of {spec.id} {direction}"
             findings.report(rules.PALETTE_DIRECTION, element, text)

@@ -38,7 +38,7 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
     check_ignored(facts, element)
     for port in spec.ports:
         if port.name in element.attributes:
-            _check_port(facts, element, spec, port, tree)
+            _check_port(facts, element, port, tree)
         else:
             _check_missing(facts, element, spec, port)
     if element.tag in EXPLICIT and element.tag != spec.kind.value:
@@ -76,28 +76,32 @@ def check_ignored(facts: MissionFacts, element: Element) -> bool:
 # -------------------------------------------------------------------------------------------- ports
 
 
-def _check_port(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port,
-                tree: str) -> None:
-    text, report = element.attributes[port.name], facts.report
-    is_literal = ports.reference(text, port.name) is None
+def _check_port(facts: MissionFacts, element: Element, port: Port, tree: str) -> None:
+    text, name, report = element.attributes[port.name], port.name, facts.report
+    is_literal = ports.reference(text, name) is None
     if port.type == "NodeStatus" and text not in BY_NAME and is_literal:
-        wrong, hint = f"{port.name}=\"{text}\" is not a status", f"allowed: {' '.join(BY_NAME)}"
-        report(rules.STATUS_UNKNOWN, element, wrong, hint, port.name)
+        wrong, hint = f"{name}=\"{text}\" is not a status", f"allowed: {' '.join(BY_NAME)}"
+        report(rules.STATUS_UNKNOWN, element, wrong, hint, name)
     elif port.role is Role.CHILDREN:
-        _check_count(facts, element, port, text)
+        count = len(element.children)
+        if text.isdigit() and int(text[:9]) > count:
+            wrong = f"{name}=\"{text}\", but there are only {count} children"
+            report(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
+        elif text == "0":
+            wrong = f"{name}=\"0\" {port.if_zero}"
+            report(rules.COUNT_ZERO, element, wrong, "-1 is all children", name)
     elif port.role is Role.WATCHED and is_literal and set(text) & set("{}$"):
-        hint = f"write {port.name}=\"{{{text.strip('{}$ ')}}}\""
-        report(rules.BRACES_ODD, element, f"{port.name}=\"{text}\" names no entry", hint, port.name)
+        hint = f"write {name}=\"{{{text.strip('{}$ ')}}}\""
+        report(rules.BRACES_ODD, element, f"{name}=\"{text}\" names no entry", hint, name)
     elif port.role is Role.CASE:
-        _check_case(facts, element, spec, port, tree)
+        _check_case(facts, element, port, tree)
     elif port.role in (Role.WRITES, Role.NAMES):
         _check_name(facts, element, port, tree)
     elif port.role in (Role.DATA, Role.CHOICE):
-        is_odd = check_braces(facts, element, port.name, tree)
+        is_odd = check_braces(facts, element, name, tree)
         if port.role is Role.CHOICE and is_literal and not is_odd:
-            wrong = f"{port.name} compares the text {text}, which never changes"
-            hint = f"an entry is written {{{text}}}"
-            report(rules.SWITCH_VARIABLE, element, wrong, hint, port.name)
+            wrong = f"{name} compares the text {text}, which never changes"
+            report(rules.SWITCH_VARIABLE, element, wrong, f"an entry is written {{{text}}}", name)
 
 
 def _check_missing(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port) -> None:
@@ -144,9 +148,8 @@ def _check_name(facts: MissionFacts, element: Element, port: Port, tree: str) ->
         facts.report(rules.NAME_IS_NUMBER, element, text, hint, port.name)
 
 
-def _check_case(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port,
-                tree: str) -> None:
-    text = element.attributes[port.name]
+def _check_case(facts: MissionFacts, element: Element, port: Port, tree: str) -> None:
+    spec, text = facts.spec(element), element.attributes[port.name]
     bare = text.strip(" \t,;'\"")
     same = next(other.name for other in spec.ports if other.role is Role.CASE
                 and element.attributes.get(other.name) == text)
@@ -160,22 +163,11 @@ def _check_case(facts: MissionFacts, element: Element, spec: NodeSpec, port: Por
     elif bare != text:
         wrong = f"{port.name}=\"{text}\" is compared with all that stands in it"
         hint = f"write {port.name}=\"{bare}\""
-    elif (key is not None and whole_real(text) is None
-          and facts.flow.name(tree, key).entry.is_number):
+    elif key and whole_real(text) is None and facts.flow.name(tree, key).entry.is_number:
         wrong, hint = f"{wrong}{key} holds a number, and {text} is none", "write the number"
     else:
         return
     facts.report(rules.SWITCH_CASE, element, wrong, hint, port.name)
-
-
-def _check_count(facts: MissionFacts, element: Element, port: Port, text: str) -> None:
-    name, count = port.name, len(element.children)
-    if text.isdigit() and int(text[:9]) > count:
-        wrong = f"{name}=\"{text}\", but there are only {count} children"
-        facts.report(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
-    elif text == "0":
-        wrong = f"{name}=\"0\" {port.if_zero}"
-        facts.report(rules.COUNT_ZERO, element, wrong, "-1 is all children", name)
 
 
 # ----------------------------------------------------------------------------------------- children
