@@ -21,7 +21,7 @@ from behavior_controller import exit_codes, leaves, ros_arguments
 from behavior_controller.bt.linter.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
 from behavior_controller.bt.registry import Kind
-from behavior_controller.bt.linter.findings import by_place
+from behavior_controller.bt.linter.structure import by_place
 from behavior_controller.bt.linter.rules import RULES
 from behavior_controller.bt.loader.document import read
 from behavior_controller.errors import FaultsFound, MissionError

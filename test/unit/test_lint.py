@@ -10,7 +10,7 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.bt.linter.facts import outcomes
-from behavior_controller.bt.linter.findings import MOST_FAULTS
+from behavior_controller.bt.linter.structure import MOST_FAULTS
 from behavior_controller.bt.linter.walker import check, lint
 from behavior_controller.bt.possible_results import FAILS, SUCCEEDS
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs

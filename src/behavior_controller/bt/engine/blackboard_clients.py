@@ -11,7 +11,7 @@ from py_trees.blackboard import Blackboard as Shown
 from py_trees.blackboard import Client
 from py_trees.common import Access
 
-from behavior_controller.bt.linter.dataflow import Flow
+from behavior_controller.bt.linter.facts import Flow
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.registry import Registry

@@ -3,8 +3,8 @@ import os
 from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.dataflow import CREATED, EXCUSED, READ, WRITTEN, Access, Name
-from behavior_controller.bt.linter.facts import MissionFacts
+from behavior_controller.bt.linter.facts import (
+    CREATED, EXCUSED, READ, WRITTEN, Access, Name, MissionFacts)
 from behavior_controller.bt.linter.nodes import condition_meant, is_cut_short
 from behavior_controller.bt.linter.scripts import WORDS
 from behavior_controller.bt.linter.structure import given, is_port_name, remaps_all
@@ -81,7 +81,7 @@ def _check_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -
     hint = f"write {name}=\"{{…}}\", or {name}=\"…\"" + (f"; {near}" if near else "")
     if name in facts.written[tree]:
         hint = f"write {name}=\"{{{name}}}\""
-    elif name in facts.defaults.known or name in facts.written[facts.trees.main]:
+    elif name in facts.defaults or name in facts.written[facts.trees.main]:
         hint = f"write {name}=\"{{@{name}}}\""
     text = f"the tree {call.attributes['ID']} needs the entry {name}, which this call does not give"
     facts.report(rules.SUBTREE_PORT_MISSING, call, text, hint)
@@ -142,7 +142,7 @@ def _check_written(facts: MissionFacts, use: Name) -> None:
     place, name, uses = use.write, use.name, use.entry.uses
     others = facts.flow.names[use.tree].values()
     if (place is None or use.mentions > 1 or READ in uses or CREATED not in uses
-            or name in facts.defaults.known or not facts.findings.may_compare(len(others))):
+            or name in facts.defaults or not facts.findings.may_compare(len(others))):
         return
     near = _meant(name, [other.name for other in others  # x_max and y_max are two entries
                          if other.name[:1] + other.name[-1:] == name[:1] + name[-1:]
@@ -160,7 +160,7 @@ def _check_read(facts: MissionFacts, use: Name, read: Access) -> None:
                  if tree != facts.trees.main and name in names), "")
     if not hint and not facts.is_host_known and not _meant(name, written):
         return
-    hint = hint or facts.defaults.written_by(name) or facts.findings.nearest(name, written)
+    hint = hint or facts.written_by(name) or facts.findings.nearest(name, written)
     if not hint and read.script is not None:
         operands = [assignment.value for assignment in read.script.facts.assignments]
         operands += [operation.right for operation in read.script.facts.operations]

@@ -11,8 +11,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.nodes import ELSEWHERE
-from behavior_controller.bt.linter.findings import Findings
-from behavior_controller.bt.linter.structure import PORT_ELEMENTS
+from behavior_controller.bt.linter.structure import PORT_ELEMENTS, Findings
 from behavior_controller.bt.engine.builtins import AlwaysSuccess
 from behavior_controller.bt.engine.controls import Sequence as SequenceNode
 from behavior_controller.bt.engine.decorators import ForceSuccess

@@ -2,9 +2,9 @@
 from typing import Iterator, List, Optional, Tuple
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.dataflow import (
-    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, Use, literal_kind)
-from behavior_controller.bt.linter.facts import MissionFacts
+from behavior_controller.bt.linter.facts import (
+    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, MissionFacts, Use,
+    literal_kind)
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.possible_results import SUCCEEDS
 from behavior_controller.bt.script.parser import Operand, Operation

@@ -1,17 +1,15 @@
 """The trees of a mission: their IDs, models and calls, and which one is the main tree (BT.CPP
-12.3).
-"""
+12.3); and the findings about the mission, to which each rule adds."""
 import re
-from typing import Counter, Dict, Iterable, List, Optional, Tuple
+from typing import Collection, Counter, Dict, Iterable, List, Optional, Set, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
-from behavior_controller.bt.linter.findings import MOST_FAULTS, Findings
 from behavior_controller.bt.registry import Direction, Port, Registry
 from behavior_controller.bt.script.values import TYPES
 from behavior_controller.errors import Fault
-from behavior_controller.text import first_names
+from behavior_controller.text import did_you_mean, first_names
 
 _FORBIDDEN = re.compile(r"[\x00- \x7f<>&\"'/\\:*?|.]")  # in names
 _SIGNS = "any of <>&\"'/\\:*?|."
@@ -25,6 +23,61 @@ _MANY = 10 ** 9  # nodes: counted no further
 _BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
 STRUCTURE = EXPLICIT + _BELOW_ROOT + ("root",)
 """Elements that cannot be node types."""
+
+MOST_FAULTS = 1_000  # errors that are reported, and as many warnings
+_COMPARISONS = 40_000  # names compared for suggestions: each takes some 10 microseconds
+
+
+class Findings:
+    """Collects findings, and makes suggestions, both at a bounded cost."""
+
+    def __init__(self) -> None:
+        self.errors: List[Fault] = []
+        self.warnings: List[Fault] = []
+        self.faulty: Set[int] = set()  # id() of elements that cannot be instantiated
+        self._unrecorded = 0
+        self._comparisons = _COMPARISONS
+
+    def report(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
+               attribute: Optional[str] = None, at: int = 0, as_warning: bool = False) -> None:
+        """Record a finding, of an error ``as_warning`` if it does no harm here; an element with an
+        error cannot be instantiated."""
+        is_warning = as_warning or rule.is_warning
+        if not is_warning:
+            self.faulty.add(id(element))
+        found = self.warnings if is_warning else self.errors
+        if len(found) < MOST_FAULTS:
+            found.append(element.fault(rule, text, hint, attribute, is_warning, at))
+        elif not is_warning:
+            self._unrecorded += 1
+
+    def all(self, file: str) -> List[Fault]:
+        """Return the findings in the order of the files; the last may say that ``file`` has more.
+        """
+        faults = sorted(dict.fromkeys(self.errors + self.warnings), key=by_place)
+        if self._unrecorded:
+            text = f"{self._unrecorded} more faults are not shown"
+            faults.append(Fault(file, 0, 0, text, code=rules.TOO_LARGE.code))
+        return faults
+
+    def may_compare(self, number: int) -> bool:
+        """Return whether a name may be compared with so many others."""
+        self._comparisons -= number
+        return self._comparisons > 0
+
+    def nearest(self, word: str, known: Collection[str], otherwise: str = "") -> str:
+        """Return ``did you mean …?``, or ``otherwise`` and the known names."""
+        may_compare = len(word) < 60 and self.may_compare(len(known))
+        near = did_you_mean(word, sorted(known)) if may_compare else ""
+        if near or not otherwise:
+            return near
+        return f"{otherwise}: {first_names(known) or 'none'}"
+
+
+def by_place(fault: Fault) -> Tuple[str, int, int, str, str]:
+    """Return the key by which findings are ordered."""
+    return fault.file, fault.line, fault.column, fault.code, fault.text
+
 
 
 class Trees:
