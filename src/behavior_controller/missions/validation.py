@@ -32,7 +32,6 @@ class Judgement:
     mains: Tuple[str, ...] = ()  # if more than one, each was checked as a main tree
     palette: Optional[int] = None  # node types of a file that contains only a palette
     part_of: str = ""
-    is_mission: bool = True
 
     @property
     def is_wrong(self) -> bool:
@@ -45,11 +44,11 @@ class Judgement:
             return f"{clean(self.file)}: a part of {clean(self.part_of)}"
         warnings = sum(fault.is_warning for fault in self.faults)
         counts = [count(warnings, "warning", "warnings")]
-        if self.is_wrong or not self.is_mission:
+        if not self.is_wrong and self.palette is not None:
+            counts.insert(0, f"a palette of {count(self.palette, 'node type', 'node types')}")
+        elif self.is_wrong or not self.nodes:
             counts = counts if warnings else []
             counts.insert(0, count(len(self.faults) - warnings, "fault", "faults"))
-        elif self.palette is not None:
-            counts.insert(0, f"a palette of {count(self.palette, 'node type', 'node types')}")
         else:
             done = "checked" if self.stubs else "can be run"
             if len(self.mains) > 1:
@@ -134,7 +133,7 @@ class Validation:
                                           code=rules.UNREADABLE_FILE.code)])
         knowledge = knowledge_files.check(path)
         if knowledge is not None:
-            return Judgement(path, knowledge, is_mission=False)
+            return Judgement(path, knowledge)
         try:
             documents = with_includes(read(path))
             if self.in_folder:

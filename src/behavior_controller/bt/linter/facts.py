@@ -67,10 +67,6 @@ class Value(NamedTuple):
         """Whether it is calculated from the entry itself, and so has the kind that this has."""
         return self.assignment is not None and self.assignment.is_own
 
-    def place(self) -> Tuple[str, int]:
-        """Return where it is in the files, to order it."""
-        return self.element.document.file, self.element.number
-
 
 class EntryFacts:
     """One entry, under all names that trees have for it."""
@@ -81,20 +77,12 @@ class EntryFacts:
         self.types: Set[str] = set()  # of the ports that refer to it
         self.values: List[Value] = []
 
-    def merge(self, other: "EntryFacts") -> None:
-        """Take over what is known of ``other``, which is the same entry."""
-        for name in other.names:
-            name.entry = self
-        self.names += other.names
-        self.uses |= other.uses
-        self.types |= other.types
-        self.values += other.values
-
     @cached_property
     def known_values(self) -> List[Value]:
         """All values that are written to it, in the order of the files; empty if it is written
         otherwise too."""
-        return [] if TOUCHED in self.uses else sorted(self.values, key=Value.place)
+        values = [] if TOUCHED in self.uses else self.values
+        return sorted(values, key=lambda value: (value.element.document.file, value.element.number))
 
     @cached_property
     def kind(self) -> str:
@@ -129,7 +117,12 @@ class Name:
         """Note that both names mean the same entry."""
         small, large = sorted((self.entry, other.entry), key=lambda entry: len(entry.names))
         if small is not large:
-            large.merge(small)
+            large.uses |= small.uses
+            large.types |= small.types
+            large.values += small.values
+            large.names += small.names
+            for name in small.names:
+                name.entry = large
 
 
 class Flow:
@@ -299,8 +292,7 @@ class MissionFacts:
     def __init__(self, trees: Trees):
         self.trees = trees
         self.registry = registry = trees.registry
-        self.findings = trees.findings
-        self.report = trees.findings.report
+        self.findings, self.report = trees.findings, trees.report
         self.elements = {tree: trees.trees[tree].below for tree in trees.used}
         self.ends = outcomes(self.elements, registry)
         self.flow = Flow(self.elements, trees.main, trees.models, registry)

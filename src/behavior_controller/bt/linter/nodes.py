@@ -70,7 +70,8 @@ class Nodes:
             if child.tag in EXPLICIT and child.type_id:
                 text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
                 self.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
-        if [child.tag for child in element.children].count(spec.at_most_one) > 1:
+        tags = [child.tag for child in element.children] if spec.at_most_one else []
+        if tags.count(spec.at_most_one) > 1:
             text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
             self.report(rules.TWO_ASYNC, element, text)
         self._children(element, spec)
