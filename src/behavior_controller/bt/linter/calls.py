@@ -51,9 +51,8 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
     called = call.attributes["ID"]
     known = facts.flow.used(called)
     model = sorted(port.name for port in facts.trees.models.get(called, []))
-    near = ""
-    if len(name) > 2:
-        near = facts.findings.nearest(name, {*known, *model}.difference(call.attributes))
+    names = {*known, *model}.difference(call.attributes)
+    near = facts.findings.nearest(name, names) if len(name) > 2 else ""
     rule, hint = rules.SUBTREE_CONDITION, condition_meant(name)
     if hint:
         text = f"{name} is an entry of the tree {called}, no condition"

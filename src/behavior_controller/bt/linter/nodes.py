@@ -87,13 +87,13 @@ class Nodes:
     def _name(self, element: Element, spec: NodeSpec) -> None:
         """Check the name of a node whose name is its argument."""
         name = element.attributes.get("name", "")
-        allowed = f"allowed: name=\"…\" with {', '.join(spec.names)}"
-        if not argument(name):
-            text = f"{spec.id} takes an argument in its name, which is not given"
-            self.report_if_used(rules.NAME_ARGUMENT, element, text, allowed)
-        elif argument(name) not in spec.names:
+        text = f"{spec.id} takes an argument in its name, which is not given"
+        if argument(name):
             text = f"the name of {spec.id} cannot be {name}"
-            self.report_if_used(rules.NAME_ARGUMENT, element, text, allowed, "name")
+        if argument(name) not in spec.names:
+            hint = f"allowed: name=\"…\" with {', '.join(spec.names)}"
+            attribute = "name" if argument(name) else None
+            self.report_if_used(rules.NAME_ARGUMENT, element, text, hint, attribute)
 
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
@@ -140,10 +140,10 @@ class Nodes:
                 hint = "write name=\"…\" for the name of the node"
                 self.report_if_used(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
         elif is_port_name(name):
-            hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
-                    or self.nearest(name, spec.port_named, "its ports"))
-            if spec.names:
-                hint = f"its argument is its name: {', '.join(spec.names)}"
+            hint = f"its argument is its name: {', '.join(spec.names)}"
+            if not spec.names:
+                hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
+                        or self.nearest(name, spec.port_named, "its ports"))
             text = f"{spec.id} has no port {name}"
             self.report_if_used(rules.UNKNOWN_PORT, element, text, hint, name)
 

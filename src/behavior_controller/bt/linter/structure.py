@@ -118,7 +118,13 @@ class Trees:
             text = f"the first element is <{root.tag}>; it must be <root>"
             self.report(rules.WRONG_ROOT, root, text)
             return
-        self._format(root)
+        version = root.attributes.get("BTCPP_format")
+        if version is None:
+            text, hint = "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4"
+            self.report(rules.FORMAT_MISSING, root, text, hint)
+        elif version != "4":
+            text = f"BTCPP_format is {version}; the file is read as version 4"
+            self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
         warnings = self.findings.warnings
         warnings.extend(document.stray_text(MOST_FAULTS - len(warnings)))
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
@@ -135,15 +141,6 @@ class Trees:
                 self.report(rules.IGNORED_BELOW_ROOT, child, text, hint)
         for model in models:
             self._models(model)
-
-    def _format(self, root: Element) -> None:
-        version = root.attributes.get("BTCPP_format")
-        if version is None:
-            text, hint = "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4"
-            self.report(rules.FORMAT_MISSING, root, text, hint)
-        elif version != "4":
-            text = f"BTCPP_format is {version}; the file is read as version 4"
-            self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
 
     def _tree(self, tree: Element, root: Element) -> None:
         tree_id = tree.attributes.get("ID", "")
