@@ -95,7 +95,7 @@ def _check_literal(facts: MissionFacts, call: Element, name: str, read: Access) 
     wrong = ports.literal_fault(text, port, {})
     if not is_cut_short(facts.report, call, name, port, port.type) and wrong is not None:
         refused = f"{name}=\"{text}\" cannot be of type {port.type}, as the port {port.name} there"
-        facts.report(rules.WRONG_LITERAL, call, refused, wrong, name, as_warning=True)
+        facts.report(rules.WRONG_LITERAL, call, refused, wrong, name)
 
 
 def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, tree: str) -> None:

@@ -44,9 +44,6 @@ class Nodes:
     def __init__(self, trees: Trees):
         self.trees = trees
         self.report, self.nearest = trees.report, trees.nearest
-        # the tree being checked is part of the mission; in any other, what BehaviorTree.CPP notices
-        # only when it makes a node is a warning
-        self.is_used = True
 
     def check(self, element: Element) -> None:
         """Check a node."""
@@ -79,11 +76,6 @@ class Nodes:
             if name != "name":
                 self._attribute(element, spec, name, text)
 
-    def report_if_used(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
-                       attribute: Optional[str] = None, at: int = 0) -> None:
-        """Record a fault of an element that may not be in use."""
-        self.report(rule, element, text, hint, attribute, at, as_warning=not self.is_used)
-
     def _name(self, element: Element, spec: NodeSpec) -> None:
         """Check the name of a node whose name is its argument."""
         name = element.attributes.get("name", "")
@@ -93,14 +85,14 @@ class Nodes:
         if argument(name) not in spec.names:
             hint = f"allowed: name=\"…\" with {', '.join(spec.names)}"
             attribute = "name" if argument(name) else None
-            self.report_if_used(rules.NAME_ARGUMENT, element, text, hint, attribute)
+            self.report(rules.NAME_ARGUMENT, element, text, hint, attribute)
 
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
         if node_id == "BehaviorTree":
             text = "a <BehaviorTree> cannot stand inside another"
             hint = "call it with <SubTree ID=\"…\"/>"
-            self.report_if_used(rules.TREE_IN_TREE, element, text, hint)
+            self.report(rules.TREE_IN_TREE, element, text, hint)
         elif node_id in self.trees.trees:
             text = f"{node_id} is a tree, not a node"
             hint = f"it is called with <SubTree ID=\"{node_id}\"/>"
@@ -138,14 +130,14 @@ class Nodes:
             if element.tag not in EXPLICIT:
                 text = f"the attribute ID is not allowed in <{element.tag}>"
                 hint = "write name=\"…\" for the name of the node"
-                self.report_if_used(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
+                self.report(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
         elif is_port_name(name):
             hint = f"its argument is its name: {', '.join(spec.names)}"
             if not spec.names:
                 hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
                         or self.nearest(name, spec.port_named, "its ports"))
             text = f"{spec.id} has no port {name}"
-            self.report_if_used(rules.UNKNOWN_PORT, element, text, hint, name)
+            self.report(rules.UNKNOWN_PORT, element, text, hint, name)
 
     def _port(self, element: Element, port: Port, text: str) -> None:
         wrong = ports.literal_fault(text, port, {})
@@ -154,7 +146,7 @@ class Nodes:
             if inner.isidentifier() and (inner != text or port.type != "bool"):
                 wrong = f"{wrong}; an entry is written {{{inner}}}"
             text = f"port {port.name} of type {port.type} cannot be \"{text}\""
-            self.report_if_used(rules.WRONG_LITERAL, element, text, wrong, port.name)
+            self.report(rules.WRONG_LITERAL, element, text, wrong, port.name)
         elif ports.reference(text, port.name) is not None:
             return
         elif port.direction is Direction.OUT:
@@ -175,7 +167,7 @@ class Nodes:
         except ScriptSyntaxError as wrong:
             said = f"the script of {name} cannot be read: {wrong}"
             hint = wrong.hint or text
-            self.report_if_used(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
+            self.report(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
 
     def _subtree(self, element: Element) -> None:
         tree_id = element.attributes.get("ID", "")
@@ -201,11 +193,11 @@ class Nodes:
             if self.trees.is_complete:
                 hint = self.nearest(tree_id, self.trees.trees, "the trees")
                 text = f"there is no tree {tree_id}"
-                self.report_if_used(rules.UNKNOWN_TREE, element, text, hint, "ID")
+                self.report(rules.UNKNOWN_TREE, element, text, hint, "ID")
         try:
             gets_all = remaps_all(element)
         except ValueFault as fault:
-            self.report_if_used(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
+            self.report(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
             return
         for port in self.trees.models.get(tree_id, ()):
             if not gets_all and port.default is None and port.name not in element.attributes:
@@ -228,7 +220,7 @@ class Nodes:
         hint = f"write {port.name}=\"{{{port.name}}}\""
         if other:
             text, hint = f"{text}; it has no port {other}", meant
-        self.report_if_used(rules.MODEL_PORT_MISSING, element, text, hint, other)
+        self.report(rules.MODEL_PORT_MISSING, element, text, hint, other)
 
 
 def is_cut_short(report: Callable[..., None], element: Element, attribute: str, port: Port,

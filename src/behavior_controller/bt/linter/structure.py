@@ -35,14 +35,15 @@ class Findings:
         self.errors: List[Fault] = []
         self.warnings: List[Fault] = []
         self.faulty: Set[int] = set()  # id() of elements that cannot be instantiated
+        # what is noticed late is an error, as in the trees that are part of the mission
+        self.refuses_late = True
         self._unrecorded = 0
         self._comparisons = _COMPARISONS
 
     def report(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
-               attribute: Optional[str] = None, at: int = 0, as_warning: bool = False) -> None:
-        """Record a finding, of an error ``as_warning`` if it does no harm here; an element with an
-        error cannot be instantiated."""
-        is_warning = as_warning or rule.is_warning
+               attribute: Optional[str] = None, at: int = 0) -> None:
+        """Record a finding; an element with an error cannot be instantiated."""
+        is_warning = rule.is_warning or (rule.is_late and not self.refuses_late)
         if not is_warning:
             self.faulty.add(id(element))
         found = self.warnings if is_warning else self.errors
@@ -256,16 +257,17 @@ class Trees:
         main = self.main
         sizes: Counter[str] = Counter()
         for start in [main] if main else self.trees:
-            self._unfold(start, sizes, is_used=True)
+            self._unfold(start, sizes)
         self.used = dict(sizes)
         if sizes[main] > MOST_NODES:
             size = "a billion or more" if sizes[main] >= _MANY else str(sizes[main])
             text = f"the mission unfolds to {size} nodes; at most {MOST_NODES} are allowed"
             self.report(rules.TOO_LARGE, self.trees[main], text, "call fewer SubTrees")
+        self.findings.refuses_late = False
         for start in self.trees:
-            self._unfold(start, sizes, is_used=False)
+            self._unfold(start, sizes)
 
-    def _unfold(self, start: str, sizes: Counter[str], is_used: bool) -> None:
+    def _unfold(self, start: str, sizes: Counter[str]) -> None:
         """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each
         tree, unfolded."""
         if start in sizes:
@@ -282,7 +284,7 @@ class Trees:
             elif called in path:
                 circle = " > ".join([*path, called][list(path).index(called):])
                 text = f"the tree {called} contains itself: {circle}"
-                self.report(rules.TREE_CIRCLE, call, text, attribute="ID", as_warning=not is_used)
+                self.report(rules.TREE_CIRCLE, call, text, attribute="ID")
             elif called in self.calls and called not in sizes:
                 path[called] = iter(self.calls[called])
 

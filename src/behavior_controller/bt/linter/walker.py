@@ -34,9 +34,10 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
     trees.check_calls()
     nodes = Nodes(trees)
     for tree_id, tree in trees.bodies:
-        nodes.is_used = tree_id in trees.used and trees.trees[tree_id] is tree
+        trees.findings.refuses_late = tree_id in trees.used and trees.trees[tree_id] is tree
         for element in tree.below:
             nodes.check(element)
+    trees.findings.refuses_late = False
     return trees
 
 
