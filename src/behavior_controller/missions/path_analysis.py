@@ -125,9 +125,9 @@ class _Follower:
             else:
                 ways = {way for state in states for way in self._leaf(node, state)}
             if is_conditional:
-                ways = ways | _each(_ENDS, states)
+                ways = ways | _each(ANY, states)
             if "_while" in node.attributes:
-                ways = ways | _each([SKIPS], _forgotten(self._during(node)))
+                ways = ways | _each(SKIPS, _forgotten(self._during(node)))
             self._known[key] = ways
         return self._known[key]
 
@@ -146,7 +146,7 @@ class _Follower:
             for index, child in enumerate(node.children):
                 for end, state in self._ways(child, frozenset(reached[index])):
                     ends, following = _routes(node, index, end)
-                    ways |= _each(_flags(ends), [state])
+                    ways |= _each(ends, [state])
                     if ends == ANY:
                         state = state._replace(missed_by="")
                     for other in following:
@@ -156,7 +156,7 @@ class _Follower:
         if len(node.children) == 1:
             # the ends that it has by itself, whatever its child does: a Timeout, for one
             by_itself = by(node.spec.outcome, node.attributes, [0])
-            ways |= _each(_flags(by_itself), _forgotten(self._during(node)))
+            ways |= _each(by_itself, _forgotten(self._during(node)))
         return ways
 
     def _leaf(self, node: Any, state: PathState) -> Ways:
@@ -166,7 +166,7 @@ class _Follower:
                     if end & can_end and self._may(node, state, end)}
         if can_end not in _ENDS:  # it may be a look for the visitor
             state = state._replace(missed_by="")
-        return _each(_flags(can_end), [state])
+        return _each(can_end, [state])
 
     @staticmethod
     def _may(node: MissionLeaf, state: PathState, end: int) -> bool:
@@ -215,12 +215,9 @@ def _routes(node: Any, index: int, end: int) -> Tuple[int, Iterable[int]]:
     return ANY, range(count)  # it may run any of its children in any order
 
 
-def _flags(ends: int) -> List[int]:
-    return [end for end in _ENDS if end & ends]
-
-
-def _each(ends: Iterable[int], states: Iterable[PathState]) -> Ways:
-    return set(itertools.product(ends, states))
+def _each(ends: int, states: Iterable[PathState]) -> Ways:
+    """Return each of the flags ``ends`` with each of ``states``."""
+    return set(itertools.product([end for end in _ENDS if end & ends], states))
 
 
 def _forgotten(states: Iterable[PathState]) -> States:
