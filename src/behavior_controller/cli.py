@@ -1,6 +1,7 @@
 """Commands without a ROS master: check missions, print the palette for Groot2, draw a mission with
 py-trees-render."""
 import argparse
+import contextlib
 import json
 import os
 import sys
@@ -20,16 +21,16 @@ from behavior_controller import exit_codes, leaves, ros_arguments
 from behavior_controller.bt.linter.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
 from behavior_controller.bt.registry import Kind
-from behavior_controller.bt.linter.findings import by_place
+from behavior_controller.bt.linter.structure import by_place
 from behavior_controller.bt.linter.rules import RULES
 from behavior_controller.bt.loader.document import read
 from behavior_controller.errors import FaultsFound, MissionError
-from behavior_controller.missions.load import find, load_tree, missions
+from behavior_controller.missions.load import load_tree, missions
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, did_you_mean
 from behavior_controller.missions.validation import (
-    Judgement, Validation, as_json, listed, may_be_a_mission)
+    Judgement, Validation, as_json, listed, may_be_a_mission, named)
 
 _WATCH_EVERY = 0.3  # seconds
 
@@ -80,14 +81,14 @@ def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
     validation = Validation(options.main, options.palette, options.ignore, options.folder,
                             options.interface)
     judgements: List[Judgement] = []
+    if not options.json:
+        print(validation.head)
     for judgement in validation.judge(options.files):
-        if not (options.json or judgements):
-            print(validation.head)
         judgements.append(judgement)
         if not options.json:
             for fault in judgement.faults:
-                print(f"{fault} [{fault.code}]" if fault.code else str(fault))
-            print(str(judgement))
+                print(f"{fault} [{fault.code}]" if fault.code else fault)
+            print(judgement)
     if options.json:
         faults = {fault for judgement in judgements for fault in judgement.faults}
         print(json.dumps([as_json(fault) for fault in sorted(faults, key=by_place)], indent=1))
@@ -97,12 +98,11 @@ def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
 
 def _watch(options: argparse.Namespace) -> NoReturn:
     """Check the files again at each change of one of them, until Ctrl-C ends the process."""
-    given = list(options.files) + list(options.palette)
+    given: List[str] = options.files + options.palette
     files: Set[str] = set()
     while True:
-        before = _state(given, files)
-        began = time.time_ns()
-        _, read_ones = _judge_all(options)
+        before, began = _state(given, files), time.time_ns()
+        read_ones = _judge_all(options)[1]
         sys.stdout.flush()
         # what was saved since it was read is checked again
         added = _state([], read_ones.difference(before))
@@ -114,13 +114,12 @@ def _watch(options: argparse.Namespace) -> NoReturn:
 
 def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, int]]]:
     """Return the modification time and length of each file; None for a missing file."""
-    state: Dict[str, Optional[Tuple[int, int]]] = {}
-    for path in files.union(file for path in given for file in listed(path)):
-        try:
+    paths = files.union(file for path in given for file in listed(path))
+    state: Dict[str, Optional[Tuple[int, int]]] = dict.fromkeys(paths)
+    for path in paths:
+        with contextlib.suppress(OSError):
             status = os.stat(path)
-            state[path] = (status.st_mtime_ns, status.st_size)
-        except OSError:
-            state[path] = None
+            state[path] = status.st_mtime_ns, status.st_size
     return state
 
 
@@ -179,9 +178,8 @@ def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any
     below the first call of that tree is drawn. Nodes have the same numbers as on the page and in
     Groot2.
     """
-    is_path = mission.endswith(".xml") or os.sep in mission
     try:
-        path = mission if is_path else find(mission)
+        path = named(mission)
         root = load_tree(path).root if subtree is None else _root_of(path, subtree)
     except FaultsFound as error:
         sys.exit(str(error))

@@ -42,8 +42,7 @@ from behavior_controller.leaves.base import (
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.knowledge import RetrieveListOfExhibits, SelectExhibit
 from behavior_controller.leaves.recovery import HandleFallBack
-from behavior_controller.missions.pauses import Persistence
-from behavior_controller.missions.runner import Runner
+from behavior_controller.missions.runner import Persistence, Runner
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway
 from behavior_controller.robot.requests import Answer, Request
 from unit_tests.rehearsal.play import Stage

@@ -4,8 +4,7 @@ import time
 
 import pytest
 
-from behavior_controller.bt.linter.findings import MOST_FAULTS
-from behavior_controller.bt.linter.structure import MOST_NODES
+from behavior_controller.bt.linter.structure import MOST_FAULTS, MOST_NODES
 from behavior_controller.bt.linter.walker import check
 from behavior_controller.bt.loader.tree_builder import load_mission, load_text
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs

@@ -10,7 +10,7 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.bt.linter.facts import outcomes
-from behavior_controller.bt.linter.findings import MOST_FAULTS
+from behavior_controller.bt.linter.structure import MOST_FAULTS
 from behavior_controller.bt.linter.walker import check, lint
 from behavior_controller.bt.possible_results import FAILS, SUCCEEDS
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
@@ -34,8 +34,9 @@ REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Stroll", Kind.ACTION, AlwaysSuccess,
              (Port("to", "int", Direction.OUT, "{@pace}"),
               Port("mood", "int", default="{@mood}", is_optional=True))),
+    NodeSpec("Guess", Kind.ACTION, AlwaysSuccess,
+             (Port("of", default="{@given}", is_optional=True), )),
 ])
-GIVEN = ["given"]
 TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance",
                       "random.jsonl.xz")
 
@@ -47,7 +48,7 @@ def faults(body, *more):
     documents = [parse(text.format(body, "".join("\n" + tree for tree in more)), "m.xml")]
     checked = check(documents, REGISTRY)
     assert checked.faults == []
-    found = lint(checked, GIVEN)
+    found = lint(checked)
     assert all(fault.is_warning for fault in found)
     return found
 
@@ -445,7 +446,7 @@ def test_a_mission_with_faults_is_not_linted():
         parse(
             '<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))
     ]
-    found = lint(check(documents, REGISTRY), GIVEN)
+    found = lint(check(documents, REGISTRY))
     assert [fault.code for fault in found] == ["unknown-node"]
 
 
@@ -533,8 +534,10 @@ def test_few_warnings_about_data_in_the_recorded_traces():
         for case in map(json.loads, file):
             documents = [parse(case["xml"])]
             registry = conformance.registry_of(case, [])
-            found = lint(check(documents, registry, strict=True),
-                         list(case["blackboard"]))
+            given = tuple(Port(name, default=f"{{@{name}}}", is_optional=True)
+                          for name in case["blackboard"])
+            registry.extend([NodeSpec("Host", Kind.ACTION, AlwaysSuccess, given)])
+            found = lint(check(documents, registry, strict=True))
             assert [
                 fault for fault in found if fault.code in ("never-written", "subtree-port-missing")
             ] == []

@@ -1,7 +1,7 @@
 """A palette in the file that does not fit the node types is told, with its place."""
 from behavior_controller import folders
 from behavior_controller.bt.linter.palette import check_models
-from behavior_controller.bt.linter.findings import MOST_FAULTS, Findings
+from behavior_controller.bt.linter.structure import MOST_FAULTS, Findings
 from behavior_controller.bt.loader.document import parse, read
 from behavior_controller.leaves import registry
 from behavior_controller.missions.load import load_tree

@@ -29,9 +29,13 @@ def of_any_child(_attributes: Attributes, children: List[int]) -> int:
     return reduce(or_, children, 0)
 
 
-def of_any_child_or(end: int) -> Outcome:
-    """Return the rule of a node that ends as its child does, or with ``end``."""
-    return lambda attributes, children: of_any_child(attributes, children) | end
+def of_child(succeeded: int, failed: int, skipped: int = SKIPS, always: int = 0) -> Outcome:
+    """Return the rule of a node that ends so after its child has SUCCEEDED, FAILED or was SKIPPED,
+    and with ``always`` whatever the child does."""
+    def outcome(_attributes: Attributes, children: List[int]) -> int:
+        after = ((SUCCEEDS, succeeded), (FAILS, failed), (SKIPS, skipped))
+        return reduce(or_, (ends for end, ends in after if children[0] & end), always)
+    return outcome
 
 
 def _chain(_attributes: Attributes, children: List[int], goes_on: int, ends: int) -> int:
@@ -53,23 +57,6 @@ in_fallback = partial(_chain, goes_on=FAILS, ends=SUCCEEDS)
 def in_sequence_before_the_last(attributes: Attributes, children: List[int]) -> int:
     """Return how a Sequence can end whose last child does not count."""
     return in_sequence(attributes, children[:-1])
-
-
-def swapped(_attributes: Attributes, children: List[int]) -> int:
-    """Return the ends of the child with SUCCESS and FAILURE exchanged."""
-    child = children[0]
-    return (child & SKIPS) | (SUCCEEDS if child & FAILS else 0) | (FAILS if child & SUCCEEDS else 0)
-
-
-def forced(end: int) -> Outcome:
-    """Return the rule of a node that ends with ``end`` whenever its child completes."""
-    return lambda _attributes, children: (
-        children[0] & SKIPS | (end if children[0] & OF_A_LEAF else 0))
-
-
-def until_failure(_attributes: Attributes, children: List[int]) -> int:
-    """Return how a node can end that runs its child until that fails."""
-    return children[0] & FAILS
 
 
 def _in_rounds(attributes: Attributes, children: List[int], port: str, goes_on: int,

@@ -6,6 +6,7 @@ from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple, Union
 
 from behavior_controller import extensions, folders, leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy
+from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt import Clock, Registry, Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -20,12 +21,9 @@ from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Interface, Service, Topic
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.robot.requests import Say
-from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.leaves.release_1_0 import SayText
 from behavior_controller.config.node_facts import MissionSpec
-from behavior_controller.config.phrases import Phrases
-from behavior_controller.config.recovery_policy import Policy
 from behavior_controller.config.settings import OPERATOR, Settings, defaults
 from behavior_controller.text import did_you_mean
 
@@ -41,15 +39,15 @@ class Mission:
 
     settings: Settings
     file: str
-    phrases: Phrases
-    policy: Policy
+    phrases: phrases.Phrases
+    policy: recovery_policy.Policy
     tree: Tree
     knowledge: Optional[Knowledge] = None
 
     @property
     def language(self) -> str:
         """The language that the robot speaks."""
-        return self.settings.language if self.knowledge is None else self.knowledge.language
+        return (self.knowledge or self.settings).language
 
     @property
     def offers(self) -> Tuple[Union[Service, Topic], ...]:
@@ -87,16 +85,10 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     ``documents`` are run instead of the mission file; the mission is the last of them. ``clock``
     and ``wake``: see ``build``.
     """
-    file = documents[-1].file if documents else find(settings.scenario_specification)
     name = settings.scenario_specification
+    file = documents[-1].file if documents else find(name)
     faults: List[Fault] = []
-    known = None
-    if settings.interface.has_knowledge_files:
-        known = attempt(lambda: knowledge_files.load(name), faults)
-    language = settings.language if known is None else known.language
-    spoken = attempt(lambda: phrases.load(language, name), faults)
-    policy = attempt(lambda: recovery_policy.load(folders.config(POLICY), leaves.mission_specs()),
-                     faults)
+    known, spoken, policy = robot_files(settings, name, faults)
     tree = attempt(lambda: build_tree(documents or with_includes(read(file)), None, clock, wake),
                    faults)
     faults += keys_without_meaning(settings, known)
@@ -106,6 +98,20 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
         raise FaultsFound(list(dict.fromkeys(faults)))
     tree.warnings += of_robot
     return Mission(settings, file, spoken, policy, tree, known)
+
+
+def robot_files(settings: Settings, mission: str, faults: List[Fault]) -> Tuple[
+        Optional[Knowledge], Optional[phrases.Phrases],
+        Optional[recovery_policy.Policy]]:
+    """Return what the robot of ``settings`` knows, what it says in a mission, and its recovery
+    policy; None for those with faults, which are added to ``faults``."""
+    known = None
+    if settings.interface.has_knowledge_files:
+        known = attempt(lambda: knowledge_files.load(mission), faults)
+    language = (known or settings).language
+    specs = leaves.mission_specs()
+    return (known, attempt(lambda: phrases.load(language, mission), faults),
+            attempt(lambda: recovery_policy.load(folders.config(POLICY), specs), faults))
 
 
 def keys_without_meaning(settings: Settings, known: Optional[Knowledge]) -> Iterator[Fault]:
@@ -136,14 +142,13 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
 
     ``knowledge`` is that of the robot's files, if it has any.
     """
-    unsaid = []
+    faults = unsupported(tree, settings.interface)
     for node in tree.nodes:
-        if isinstance(node, SayText) and knowledge and node.number not in knowledge.phrases:
+        if knowledge and isinstance(node, SayText) and node.number not in knowledge.phrases:
             text = f"the culture file has no utility phrase {node.number}"
-            unsaid.append(node.element.fault(
+            faults.append(node.element.fault(
                 rules.PHRASE_MISSING, text, knowledge.sources[1].file, "name"))
-    faults = dict.fromkeys(unsupported(tree, settings.interface) + unsaid)
-    return list(faults) + foresee(tree, settings)
+    return list(dict.fromkeys(faults)) + foresee(tree, settings)
 
 
 def unsupported(tree: Tree, robot: Interface) -> List[Fault]:
@@ -153,22 +158,20 @@ def unsupported(tree: Tree, robot: Interface) -> List[Fault]:
     done_without: Set[str] = set()  # node types
     for node in tree.nodes:
         spec = node.spec
-        if not isinstance(spec, MissionSpec) or spec.id in done_without:
-            continue
-        lacking = _lacking(spec, robot)
-        if not lacking:
+        if (not isinstance(spec, MissionSpec) or spec.id in done_without
+                or not _lacking(spec, robot)):
             continue
         rule, effect = rules.ROBOT_LACKS, "cannot work"
         if spec.does_without:
             done_without.add(spec.id)
             rule, effect = rules.DOES_WITHOUT, "does nothing"
-        others = " or ".join(name for name, other in INTERFACES.items()
-                             if not _lacking(spec, other))
-        hint = "no robot has one; declare it in the robot's interface"
-        if others:
-            hint = f"set robotInterface {others}"
-        faults.append(node.element.fault(
-            rule, f"{spec.id} {effect} with the robot {robot.name}: it has no {lacking}", hint))
+        lacking = _lacking(spec, robot)
+        text = f"{spec.id} {effect} with the robot {robot.name}: it has no {lacking}"
+        others = [name for name, other in INTERFACES.items() if not _lacking(spec, other)]
+        hint = f"set robotInterface {' or '.join(others)}"
+        if not others:
+            hint = "no robot has one; declare it in the robot's interface"
+        faults.append(node.element.fault(rule, text, hint))
     return faults
 
 

@@ -8,7 +8,7 @@ import itertools
 from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Set, Tuple
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.possible_results import FAILS, SKIPS, SUCCEEDS, by, chosen
+from behavior_controller.bt.possible_results import ANY, FAILS, SKIPS, SUCCEEDS, by, chosen
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import Fault
@@ -33,6 +33,7 @@ _ENDS = (SUCCEEDS, FAILS, SKIPS)
 class PathState(NamedTuple):
     """The state on a path to a node. ``mode`` is empty before one was set."""
 
+    is_heard: bool  # speech is recognised
     mode: str = ""
     missed_by: str = ""  # the node type that last looked for the visitor, if it found none
     has_answer: bool = False
@@ -52,12 +53,14 @@ def foresee(tree: Tree, settings: Settings) -> List[Fault]:
     nodes = list({id(node.element): node for node in tree.nodes}.values())  # each element once
     if max(levels.values()) > DEEPEST or len(nodes) > LARGEST:
         return []
-    heard, deaf = _Follower(tree, settings, True), _Follower(tree, settings, False)
-    faults = [fault for node in nodes for fault in _of_one(node, heard.seen_at(node), settings)]
+    follower = _Follower(tree, settings.tablet_tells)
+    heard, deaf = ({node: {state for state in follower.seen_at(node) if state.is_heard is is_heard}
+                    for node in nodes} for is_heard in (True, False))
+    faults = [fault for node in nodes for fault in _of_one(node, heard[node], settings)]
     return faults + list(_without_recognition(nodes, heard, deaf))
 
 
-def _of_one(node: Any, states: States, settings: Settings) -> Iterator[Fault]:
+def _of_one(node: Any, states: Set[PathState], settings: Settings) -> Iterator[Fault]:
     """Yield the warnings about a mission leaf that is reached with ``states``."""
     if isinstance(node, TopicCondition) and states and settings.interface.tells(node.sense):
         mode = settings.interface.evidence(node.sense).mode
@@ -65,48 +68,44 @@ def _of_one(node: Any, states: States, settings: Settings) -> Iterator[Fault]:
         if mode and mode not in modes:
             setter = next(name for name, state, _, _ in MODES if state == mode)
             others = " or ".join(sorted(modes - {""}))
-            yield node.element.fault(
-                rules.MODE_MISSING,
-                f"{node.registration_id} can never succeed: overtAttention reports "
-                f"{node.sense.noun} only in the mode {mode}",
-                f"the mode set last before it is {others}; {setter} sets that one" if others
-                else f"no node before it sets that mode, as {setter} does")
+            hint = f"the mode set last before it is {others}; {setter} sets that one"
+            if not others:
+                hint = f"no node before it sets that mode, as {setter} does"
+            text = (f"{node.registration_id} can never succeed: overtAttention reports "
+                    f"{node.sense.noun} only in the mode {mode}")
+            yield node.element.fault(rules.MODE_MISSING, text, hint)
     missed_by = sorted({state.missed_by for state in states} - {""})
     if missed_by and isinstance(node, MissionLeaf) and node.spec.says_goodbye(node.name):
-        yield node.element.fault(rules.FAREWELL_TO_NOBODY,
-                                 f"{node.registration_id} says goodbye to a visitor who has "
-                                 f"left: the mission goes on to it after {missed_by[0]} failed",
-                                 "end the mission, or the branch, with FAILURE before it")
+        text = (f"{node.registration_id} says goodbye to a visitor who has left: the mission goes "
+                f"on to it after {missed_by[0]} failed")
+        hint = "end the mission, or the branch, with FAILURE before it"
+        yield node.element.fault(rules.FAREWELL_TO_NOBODY, text, hint)
 
 
-def _without_recognition(
-        nodes: List[Any], heard: "_Follower", deaf: "_Follower") -> Iterator[Fault]:
+def _without_recognition(nodes: List[Any], heard: Dict[Any, Set[PathState]],
+                         deaf: Dict[Any, Set[PathState]]) -> Iterator[Fault]:
     """Yield a warning if the mission takes its stops with speech recognition alone."""
     stops = [node for node in nodes
              if isinstance(node, MissionLeaf) and node.spec.writes(CURRENT_EXHIBIT.name)]
-    if not any(map(heard.seen_at, stops)) or any(map(deaf.seen_at, stops)):
-        return
-    asked = [node for node in nodes
-             if isinstance(node, IsVisitorResponseYes) and heard.seen_at(node)]
-    node = (asked + stops)[0]
-    how = "never succeeds" if deaf.seen_at(node) else "is never reached"
-    yield node.element.fault(
-        rules.NO_STOP,
-        f"with asrEnabled false {node.registration_id} {how}, and the mission never comes to its "
-        "stops",
-        "without speech recognition, the mission stores no yes on a way to it")
+    if any(heard[node] for node in stops) and not any(deaf[node] for node in stops):
+        asked = [node for node in nodes if isinstance(node, IsVisitorResponseYes) and heard[node]]
+        node = (asked + stops)[0]
+        how = "never succeeds" if deaf[node] else "is never reached"
+        text = (f"with asrEnabled false {node.registration_id} {how}, and the mission never comes "
+                "to its stops")
+        hint = "without speech recognition, the mission stores no yes on a way to it"
+        yield node.element.fault(rules.NO_STOP, text, hint)
 
 
 class _Follower:
-    """Follows the paths through a tree; ``is_heard``: speech is recognised."""
+    """Follows the paths through a tree; ``tablet_stores``: an answer at the tablet is stored."""
 
-    def __init__(self, tree: Tree, settings: Settings, is_heard: bool):
-        self._is_heard = is_heard
-        self._tablet_stores = settings.tablet_tells
+    def __init__(self, tree: Tree, tablet_stores: bool):
+        self._tablet_stores = tablet_stores
         # by id() of the element: a tree is the same wherever it is used
         self._known: Dict[Tuple[int, States], Ways] = {}
         self._seen: Dict[int, States] = {}
-        self._ways(tree.root, frozenset([PathState()]))
+        self._ways(tree.root, frozenset([PathState(True), PathState(False)]))
 
     def seen_at(self, node: Any) -> States:
         """Return the states in which the element of ``node`` is reached, wherever its tree is used.
@@ -121,11 +120,14 @@ class _Follower:
         key = id(node.element), states
         if key not in self._known:
             self._seen[key[0]] = self.seen_at(node) | states
-            ways = self._inside(node, states)
+            if node.children:
+                ways = self._inside(node, states)
+            else:
+                ways = {way for state in states for way in self._leaf(node, state)}
             if is_conditional:
-                ways = ways | _each(_ENDS, states)
+                ways = ways | _each(ANY, states)
             if "_while" in node.attributes:
-                ways = ways | _each([SKIPS], _forgotten(self._during(node)))
+                ways = ways | _each(SKIPS, _forgotten(self._during(node)))
             self._known[key] = ways
         return self._known[key]
 
@@ -134,43 +136,46 @@ class _Follower:
         return frozenset().union(*map(self.seen_at, node.iterate()))
 
     def _inside(self, node: Any, states: States) -> Ways:
-        """Follow what a node does, again if it may begin anew with other states."""
-        if not node.children:
-            return {way for state in states for way in self._leaf(node, state)}
-        while True:
-            if node.spec.next_after:
-                ways, again = self._chain(node, states), states
-            elif node.spec.outcome is chosen:
-                ways, again = self._choice(node.children, states), states
-            elif len(node.children) == 1:
-                ways, again = self._decorator(node, states)
-            else:  # it may run any of its children in any order
-                after = _states(way for child in node.children for way in self._ways(child, states))
-                ways, again = _each(_ENDS, after), _forgotten(after)
+        """Follow what a node with children does, until no child is reached with further states."""
+        reached: List[Set[PathState]] = [set() for _ in node.children]
+        reached[0].update(states)
+        ways: Ways = set()
+        before = -1
+        while sum(map(len, reached)) > before:
+            before = sum(map(len, reached))
+            for index, child in enumerate(node.children):
+                for end, state in self._ways(child, frozenset(reached[index])):
+                    ends, following = _routes(node, index, end)
+                    ways |= _each(ends, [state])
+                    if ends == ANY:
+                        state = state._replace(missed_by="")
+                    for other in following:
+                        reached[other].add(state)
             if node.spec.is_reactive:
-                again = self._during(node)
-            if again <= states:
-                return ways
-            states |= again
+                reached[0] |= self._during(node)
+        if len(node.children) == 1:
+            # the ends that it has by itself, whatever its child does: a Timeout, for one
+            by_itself = by(node.spec.outcome, node.attributes, [0])
+            ways |= _each(by_itself, _forgotten(self._during(node)))
+        return ways
 
     def _leaf(self, node: Any, state: PathState) -> Ways:
+        can_end = by(node.spec.outcome, node.attributes, [])
         if isinstance(node, MissionLeaf):
             return {(end, self._after(node, state, end)) for end in (SUCCEEDS, FAILS)
-                    if self._may(node, state, end)}
-        can_end = by(node.spec.outcome, node.attributes, [])
+                    if end & can_end and self._may(node, state, end)}
         if can_end not in _ENDS:  # it may be a look for the visitor
             state = state._replace(missed_by="")
-        return {(end, state) for end in _ENDS if end & can_end}
+        return _each(can_end, [state])
 
-    def _may(self, node: MissionLeaf, state: PathState, end: int) -> bool:
-        """Return whether a mission leaf can end with ``end``."""
+    @staticmethod
+    def _may(node: MissionLeaf, state: PathState, end: int) -> bool:
+        """Return whether a mission leaf can end with ``end`` in that state."""
         if isinstance(node, IsASREnabled):
-            return (end == SUCCEEDS) == self._is_heard
+            return (end == SUCCEEDS) == state.is_heard
         if end == SUCCEEDS and isinstance(node, (IsVisitorResponseYes, HasVisitorResponded)):
             return state.has_answer
-        if end == SUCCEEDS and isinstance(node, IsYesNoUttered):
-            return self._is_heard
-        return bool(by(node.spec.outcome, node.attributes, []) & end)
+        return end == FAILS or not isinstance(node, IsYesNoUttered) or state.is_heard
 
     def _after(self, node: MissionLeaf, state: PathState, end: int) -> PathState:
         """Return ``state`` after a mission leaf has ended with ``end``. A mode that could not be
@@ -182,57 +187,37 @@ class _Follower:
             return state._replace(missed_by=node.registration_id) if is_look else state
         if node.spec.is_recovery or node.sense in (Sense.VISITOR, Sense.PRESENCE, Sense.GAZE):
             return state._replace(missed_by="")
-        return state._replace(has_answer=state.has_answer or self._stores_answer(node))
-
-    def _stores_answer(self, node: MissionLeaf) -> bool:
-        by_voice, by_tablet = Sense.UTTERANCE in node.spec.listens, Prompt in node.spec.calls
-        return (node.spec.writes(VISITOR_RESPONSE.name) and (self._is_heard or not by_voice)
-                and (self._tablet_stores or not by_tablet))
-
-    def _chain(self, node: Any, states: States) -> Ways:
-        """Follow a control that goes on to the next child after one end, and ends after the other.
-        """
-        goes_on, ended = node.spec.next_after, set()
-        children = node.children[:-1] if node.spec.last_is_apart else node.children
-        for child in children:
-            ways = self._ways(child, states)
-            states = _states(way for way in ways if way[0] & (goes_on | SKIPS))
-            ended |= {way for way in ways if not way[0] & (goes_on | SKIPS)}
-        if node.spec.last_is_apart:
-            ended = _each([FAILS], _states(self._ways(node.children[-1], _states(ended))))
-        return ended | _each([goes_on], states)
-
-    def _choice(self, children: List[Any], states: States) -> Ways:
-        """Follow an IfThenElse or a WhileDoElse."""
-        condition = self._ways(children[0], states)
-        yes, no = (_states(way for way in condition if way[0] == end) for end in (SUCCEEDS, FAILS))
-        otherwise = self._ways(children[2], no) if len(children) > 2 else _each([FAILS], no)
-        return (self._ways(children[1], yes) | otherwise) if len(children) > 1 else otherwise
-
-    def _decorator(self, node: Any, states: States) -> Tuple[Ways, States]:
-        """Follow a node with one child; return the states too with which it repeats that."""
-        # the ends that it has by itself, whatever its child does: a Timeout, for one
-        ways, again = self._ended(node, 0, _forgotten(self._during(node))), set()
-        for end, state in self._ways(node.children[0], states):
-            after = self._ended(node, end, [state])
-            ways |= after
-            if not after or end & node.spec.repeats_on:
-                again.add(state)
-        return ways, frozenset(again)
-
-    @staticmethod
-    def _ended(node: Any, end: int, states: Iterable[PathState]) -> Ways:
-        """Return how a node with one child ends when that ends with ``end``."""
-        can_end = by(node.spec.outcome, node.attributes, [end])
-        return _each([flag for flag in _ENDS if flag & can_end], states)
+        is_stored = (node.spec.writes(VISITOR_RESPONSE.name)
+                     and (state.is_heard or Sense.UTTERANCE not in node.spec.listens)
+                     and (self._tablet_stores or Prompt not in node.spec.calls))
+        return state._replace(has_answer=state.has_answer or is_stored)
 
 
-def _states(ways: Iterable[Tuple[int, PathState]]) -> States:
-    return frozenset(state for _, state in ways)
+def _routes(node: Any, index: int, end: int) -> Tuple[int, Iterable[int]]:
+    """Return how ``node`` can end when its child ``index`` has ended with ``end``, and the children
+    that it can tick then."""
+    spec, count = node.spec, len(node.children)
+    if spec.next_after:
+        last = count - 2 if spec.last_is_apart else count - 1
+        if index > last:
+            return FAILS, ()
+        if not end & (spec.next_after | SKIPS):
+            return (0, [count - 1]) if spec.last_is_apart else (end, ())
+        return (spec.next_after, ()) if index == last else (0, [index + 1])
+    if spec.outcome is chosen:
+        following = 1 if end == SUCCEEDS else 2
+        if index:
+            return end, ()
+        return (0, [following]) if following < count and end != SKIPS else (end & FAILS, ())
+    if count == 1:
+        ends = by(spec.outcome, node.attributes, [end])
+        return ends, () if ends and not end & spec.repeats_on else [0]
+    return ANY, range(count)  # it may run any of its children in any order
 
 
-def _each(ends: Iterable[int], states: Iterable[PathState]) -> Ways:
-    return set(itertools.product(ends, states))
+def _each(ends: int, states: Iterable[PathState]) -> Ways:
+    """Return each of the flags ``ends`` with each of ``states``."""
+    return set(itertools.product([end for end in _ENDS if end & ends], states))
 
 
 def _forgotten(states: Iterable[PathState]) -> States:

@@ -10,9 +10,9 @@ from behavior_controller.bt.engine.node import place_of
 from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError, MissionError
 from behavior_controller.execution.events import (
-    Noticed, PassFinished, PassStarted, RunFinished, RunStarted, Sources, Suspended)
+    Noticed, PassFinished, PassStarted, Paused, RunFinished, RunStarted, Sources, Suspended)
 from behavior_controller.leaves.base import MissionContext
-from behavior_controller.missions.pauses import Persistence
+from behavior_controller.robot.gateway import Cause
 
 SHORTEST_PASS = 1.0
 """Seconds: after a pass that ends sooner, the runner pauses that long; a mission that fails at once
@@ -43,6 +43,38 @@ class Running(NamedTuple):
     runs: int  # passes; 0: no limit
     # called when its nodes are set up, before anything else
     begins: Callable[[], None] = lambda: None
+
+
+class Persistence:
+    """Says after each pass what the next one has to wait for; the pauses grow until a pass
+    succeeds."""
+
+    def __init__(self) -> None:
+        self._pauses = 0  # since the last pass that succeeded
+
+    def reset(self) -> None:
+        """Let the next pause be the first one again."""
+        self._pauses = 0
+
+    def cause(self, mission: MissionContext, failed_at: float, now: float) -> Optional[Paused]:
+        """Return what still persists of a pass that failed at that time; None: nothing, or the
+        pause is over."""
+        failures, policy, health = mission.failures.of_pass(), mission.policy, mission.health
+        for failure in failures:
+            if health.is_gone(failure.resource):
+                return Paused(failure, health.gone_name(failure.resource))
+        # a cause whose end nothing tells: the budget is spent, or the types differ
+        paused, pause = None, policy.pause(self._pauses)
+        spent_for = mission.recovers_again_at() - failed_at
+        mismatches = [failure for failure in failures if failure.cause is Cause.TYPE_MISMATCH]
+        if failures and mission.failures.is_budget_spent and spent_for > 0.0:
+            paused = Paused(failures[-1], "", policy.spent, min(pause, spent_for))
+        elif mismatches:
+            paused = Paused(mismatches[-1], "", "", pause)
+        if paused is not None and failed_at + paused.limit <= now:
+            self._pauses += 1
+            return None
+        return paused
 
 
 class Runner:
@@ -117,24 +149,21 @@ class Runner:
         return self.is_stopped() or 0 < self.runs <= self._number
 
     def _is_replaced(self) -> bool:
-        """Go on with the mission that was reloaded, if there is one; return whether there is."""
+        """Go on with the mission that was reloaded, if there is one whose nodes can be set up;
+        return whether there is."""
         # the plan that is running at a stop must be halted, so it must not be replaced
         following = None if self.is_stopped() else self._successor()
-        if following is None or not self._is_set_up(following):
+        if following is None:
             return False
-        self._use(following)
-        self._persistence.reset()
-        self._begin()
-        return True
-
-    def _is_set_up(self, following: Running) -> bool:
-        """Set up the nodes of a reloaded mission; report it if that fails."""
         try:
             following.tree.setup(mission=following.mission)
         except MissionError as error:
             for fault in error.faults:
                 self._report(error, f"refused, the running mission stays: {fault}")
             return False
+        self._use(following)
+        self._persistence.reset()
+        self._begin()
         return True
 
     def _begin(self) -> None:
@@ -208,9 +237,11 @@ class Runner:
     def _report_exception(self, error: BehaviorControllerError, during: str = "") -> None:
         """Report an exception in a node, once: what a halt raises may have brought it about, and is
         raised again."""
-        origin = str(_origin(error))
-        if origin != self._reported:
-            self._reported = origin
+        origin: BaseException = error
+        while isinstance(origin.__cause__, BehaviorControllerError):
+            origin = origin.__cause__
+        if str(origin) != self._reported:
+            self._reported = str(origin)
             # foreign code fails at no attribute
             place = "" if _foreign(error) is not None else place_of(error)
             at = f" ({place})" if place not in str(error) else ""
@@ -232,14 +263,11 @@ class Runner:
         RUNNING after each round without a wake-up. A mission that changes something at every tick
         is ticked at that pace.
         """
+        self._rounds = self._rounds + 1 if has_changed else 0
         if not has_changed:
-            self._rounds = 0
             self._wait(None)
-        elif self._rounds < ROUNDS_AT_ONCE:
-            self._rounds += 1
-            self._wait(GIVE_WAY)
         else:
-            self._wait(PACE)
+            self._wait(GIVE_WAY if self._rounds <= ROUNDS_AT_ONCE else PACE)
 
     def wait(self, seconds: Optional[float]) -> None:
         """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run posted
@@ -318,13 +346,6 @@ class Runner:
             self._halt()
         self.is_stopping = True
         self.mission.events.emit(self.mission.ask_for_safe_state().wait(self._doze))
-
-
-def _origin(error: BehaviorControllerError) -> BehaviorControllerError:
-    """Return the first of our errors that led to ``error``."""
-    while isinstance(error.__cause__, BehaviorControllerError):
-        error = error.__cause__
-    return error
 
 
 def _foreign(error: BehaviorControllerError) -> Optional[BaseException]:

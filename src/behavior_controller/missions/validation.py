@@ -3,21 +3,19 @@ import contextlib
 import os
 import re
 from dataclasses import dataclass, field, replace
-from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
+from typing import Collection, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Union
 
 from behavior_controller import folders, leaves
-from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
+from behavior_controller.config import knowledge_files, phrases, settings
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.palette import (
     check_models, is_palette, models, stubs, used_types)
-from behavior_controller.bt.linter.findings import Findings, by_place
+from behavior_controller.bt.linter.structure import Findings, by_place
 from behavior_controller.bt.loader.document import Document, read, with_includes
-from behavior_controller.bt.registry import NodeSpec, Registry
 from behavior_controller.errors import ConfigurationError, Fault, MissionError, attempt
-from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.missions.load import (
-    POLICY, build_tree, find, keys_without_meaning, on_robot)
-from behavior_controller.text import Unreadable, clean, count, did_you_mean, first_names, read_text
+    build_tree, find, keys_without_meaning, on_robot, robot_files)
+from behavior_controller.text import Unreadable, clean, count, first_names, read_text
 
 ENDINGS = (".xml", ".btproj")
 _PERHAPS_MISSION = re.compile(r"<(?:root|BehaviorTree|TreeNodesModel)\b")
@@ -34,7 +32,6 @@ class Judgement:
     mains: Tuple[str, ...] = ()  # if more than one, each was checked as a main tree
     palette: Optional[int] = None  # node types of a file that contains only a palette
     part_of: str = ""
-    is_mission: bool = True
 
     @property
     def is_wrong(self) -> bool:
@@ -46,25 +43,23 @@ class Judgement:
         if self.part_of:
             return f"{clean(self.file)}: a part of {clean(self.part_of)}"
         warnings = sum(fault.is_warning for fault in self.faults)
-        is_good = not self.is_wrong and self.is_mission
-        counts = self._good() if is_good else [
-            count(len(self.faults) - warnings, "fault", "faults")]
-        if warnings or is_good:
-            counts.append(count(warnings, "warning", "warnings"))
+        counts = [count(warnings, "warning", "warnings")]
+        if not self.is_wrong and self.palette is not None:
+            counts.insert(0, f"a palette of {count(self.palette, 'node type', 'node types')}")
+        elif self.is_wrong or not self.nodes:
+            counts = counts if warnings else []
+            counts.insert(0, count(len(self.faults) - warnings, "fault", "faults"))
+        else:
+            done = "checked" if self.stubs else "can be run"
+            if len(self.mains) > 1:
+                done += f" from each of {', '.join(map(clean, self.mains))}"
+            counts[:0] = [done, count(self.nodes, "node", "nodes")]
         line = f"{clean(self.file)}: {', '.join(counts)}"
         if self.stubs:
             lacking = count(len(self.stubs), "node type", "node types")
             line += (f"; not a mission of this robot, which lacks {lacking} (taken as stubs): "
                      f"{first_names(map(clean, self.stubs))}")
         return line
-
-    def _good(self) -> List[str]:
-        if self.palette is not None:
-            return [f"a palette of {count(self.palette, 'node type', 'node types')}"]
-        done = "checked" if self.stubs else "can be run"
-        if len(self.mains) > 1:
-            done += f" from each of {', '.join(map(clean, self.mains))}"
-        return [done, count(self.nodes, "node", "nodes")]
 
 
 class Validation:
@@ -73,85 +68,95 @@ class Validation:
     lacks are taken from the other files of its folder. ``robot`` overrides the configuration.
     """
 
-    def __init__(self, main: Optional[str] = None, palettes: Sequence[str] = (),
+    def __init__(self, main: Optional[str] = None, palettes: Collection[str] = (),
                  ignored: Collection[str] = (), in_folder: bool = False, robot: str = ""):
+        """Raise BrokenExtension if what a package exports cannot be used."""
         self.main = main
         self.palettes = palettes
         self.ignored = ignored
         self.in_folder = in_folder
         self.files: Set[str] = set()  # that were read
-        self._robot = _ChosenRobot(robot)
-
-    @property
-    def head(self) -> str:
+        faults: List[Fault] = []
+        file = folders.config(settings.FILE_NAME)
+        chosen = attempt(lambda: settings.load(file), faults) if os.path.lexists(file) else None
+        said_by = file if chosen else "by default"
+        if faults:
+            said_by += ": the configuration has faults"
+        self._settings = chosen or settings.defaults()
+        if robot:
+            self._settings, said_by = replace(self._settings, robot_interface=robot), "--interface"
+        self.head = f"checked for the robot {self._settings.robot_interface} ({said_by})"
         """The line that says for which robot the files are checked."""
-        robot = self._robot
-        return f"checked for the robot {robot.settings.robot_interface} ({robot.said_by})"
+        self._knowledge, _, _ = robot_files(self._settings, "", faults)
+        faults += keys_without_meaning(self._settings, self._knowledge)
+        self._configuration: Dict[str, List[Fault]] = {}  # the faults of each of its files
+        for fault in faults:
+            self._configuration.setdefault(fault.file, []).append(fault)
 
     def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
         """Yield a judgement for the configuration if it is faulty, then for each file; a folder
         means all its files, and a name a mission of a data folder."""
-        yield from (Judgement(file, faults) for file, faults in self._robot.faults.items())
-        read_ones: Dict[str, List[Document]] = {}
-        done: Dict[str, Judgement] = {}  # without a mission
-        files = dict.fromkeys(self.palettes)
+        yield from (Judgement(file, faults) for file, faults in self._configuration.items())
+        files: Dict[str, Union[Judgement, List[Document]]] = {}
+        for path in self.palettes:
+            files[path] = self._read(path)
         for path in paths:
             try:
-                files.update(dict.fromkeys(expanded(named(path))))
+                for file in expanded(named(path)):
+                    files[file] = self._read(file)
             except ConfigurationError as error:
-                files[path] = None
-                done[path] = Judgement(path, [
+                files[path] = Judgement(path, [
                     fault._replace(file=path, code=rules.UNREADABLE_FILE.code)
                     for fault in error.faults])
-        for path in [path for path in files if path not in done]:
-            try:
-                knowledge = knowledge_files.check(path)
-                if knowledge is None:
-                    read_ones[path] = self._read(path)
-                else:
-                    done[path] = Judgement(path, knowledge, is_mission=False)
-            except MissionError as error:
-                done[path] = Judgement(path, self._told(error.faults))
-        parts = _parts(read_ones)
-        palettes = [documents[-1] for path, documents in read_ones.items()
+        missions = {path: read_one for path, read_one in files.items()
+                    if not isinstance(read_one, Judgement)}
+        parts = _parts(missions)
+        palettes = [documents[-1] for path, documents in missions.items()
                     if is_palette(documents) or path in self.palettes]
-        has_main = any(self.main in _trees(documents) for documents in read_ones.values())
-        for path in files:
-            if path in done:
-                yield done[path]
+        has_main = any(self.main in _trees(documents) for documents in missions.values())
+        for path, read_one in files.items():
+            if isinstance(read_one, Judgement):
+                yield read_one
             elif path in parts:
                 yield Judgement(path, part_of=parts[path])
-            elif is_palette(read_ones[path]):
-                yield self._palette(path, read_ones[path])
+            elif is_palette(read_one):
+                yield self._palette(path, read_one)
             elif path not in self.palettes:
-                main = self.main if not has_main or self.main in _trees(read_ones[path]) else None
-                yield self._mission(path, read_ones[path], palettes, main)
+                main = self.main if not has_main or self.main in _trees(read_one) else None
+                yield self._mission(path, read_one, palettes, main)
 
-    def _read(self, path: str) -> List[Document]:
+    def _read(self, path: str) -> Union[Judgement, List[Document]]:
+        """Return the documents of a mission or a palette; of any other file what is wrong."""
         if os.path.isdir(path):
-            raise MissionError([Fault(path, 0, 0, "the folder has no mission",
-                                      f"a mission ends with {' or '.join(ENDINGS)}",
-                                      code=rules.UNREADABLE_FILE.code)])
-        documents = with_includes(read(path))
-        if self.in_folder:
-            documents = _completed(documents)
+            return Judgement(path, [Fault(path, 0, 0, "the folder has no mission",
+                                          f"a mission ends with {' or '.join(ENDINGS)}",
+                                          code=rules.UNREADABLE_FILE.code)])
+        knowledge = knowledge_files.check(path)
+        if knowledge is not None:
+            return Judgement(path, knowledge)
+        try:
+            documents = with_includes(read(path))
+            if self.in_folder:
+                documents = _completed(documents)
+        except MissionError as error:
+            return Judgement(path, self._reported(error.faults))
         self.files.update(document.file for document in documents)
         return documents
 
-    def _told(self, faults: Iterable[Fault]) -> List[Fault]:
+    def _reported(self, faults: Iterable[Fault]) -> List[Fault]:
         return [fault for fault in dict.fromkeys(faults) if not fault.is_warning
                 or fault.code not in self.ignored]
 
     def _palette(self, path: str, documents: List[Document]) -> Judgement:
         findings = Findings()
         check_models(documents, leaves.registry(), findings)
-        faults = stubs(documents, Registry())[1] + [
+        faults = stubs(documents, leaves.registry())[1] + [
             fault for fault in findings.warnings if fault.code != rules.PALETTE_UNKNOWN_NODE.code]
         palette = documents[-1].root.children[0]
         if not palette.children:
             faults.append(palette.fault(rules.PALETTE_EMPTY, "the palette has no node types",
                                         "Groot2 writes them with Export Models"))
-        return Judgement(path, self._told(faults), palette=len(list(models(documents))))
+        return Judgement(path, self._reported(faults), palette=len(list(models(documents))))
 
     def _mission(self, path: str, documents: List[Document], palettes: List[Document],
                  main: Optional[str]) -> Judgement:
@@ -159,58 +164,24 @@ class Validation:
         specs, faults = stubs(documents + palettes, registry)
         registry.extend(specs)
         used = set(used_types(documents))
-        judgement = Judgement(path, faults, stubs=tuple(spec.id for spec in specs
-                                                        if spec.id in used),
-                              mains=_main_trees(documents, main))
+        lacking = tuple(spec.id for spec in specs if spec.id in used)
+        judgement = Judgement(path, stubs=lacking, mains=_main_trees(documents, main))
         for tree_id in judgement.mains or (main,):
-            tree = attempt(lambda: build_tree(documents, tree_id, registry=registry),
-                           judgement.faults)
+            tree = attempt(lambda: build_tree(documents, tree_id, registry=registry), faults)
             if tree is None:
                 continue
             judgement.nodes += len(tree.nodes)
-            judgement.faults += tree.warnings
-            if not judgement.stubs:
-                judgement.faults += on_robot(tree, self._robot.settings, self._robot.knowledge)
-                judgement.faults += self._robot.faults_of_phrases(path)
-        judgement.faults += list(_near_misses(documents, specs))
-        judgement.faults = sorted(self._told(judgement.faults), key=by_place)
+            faults += tree.warnings
+            if not lacking:
+                faults += on_robot(tree, self._settings, self._knowledge)
+        if not lacking and judgement.nodes:
+            of_mission: List[Fault] = []  # of what the robot says in it
+            mission = os.path.splitext(os.path.basename(path))[0]
+            language = (self._knowledge or self._settings).language
+            attempt(lambda: phrases.load(language, mission), of_mission)
+            faults += [fault for fault in of_mission if fault.file not in self._configuration]
+        judgement.faults = sorted(self._reported(faults), key=by_place)
         return judgement
-
-
-class _ChosenRobot:
-    """The robot of the configuration, or the one called ``name``, and the faults of its files."""
-
-    def __init__(self, name: str = ""):
-        """Raise BrokenExtension if what a package exports cannot be used."""
-        specs = leaves.mission_specs()
-        faults: List[Fault] = []
-        file = folders.config(settings.FILE_NAME)
-        chosen = attempt(lambda: settings.load(file), faults) if os.path.lexists(file) else None
-        self.settings = chosen or settings.defaults()
-        self.said_by = file if chosen else "by default"
-        if faults:
-            self.said_by += ": the configuration has faults"
-        if name:
-            self.settings = replace(self.settings, robot_interface=name)
-            self.said_by = "--interface"
-        self.knowledge: Optional[Knowledge] = None
-        if self.settings.interface.has_knowledge_files:
-            self.knowledge = attempt(knowledge_files.load, faults)
-        faults += keys_without_meaning(self.settings, self.knowledge)
-        self.faults: Dict[str, List[Fault]] = {}
-        faults += self.faults_of_phrases()
-        attempt(lambda: recovery_policy.load(folders.config(POLICY), specs), faults)
-        for fault in faults:
-            self.faults.setdefault(fault.file, []).append(fault)
-
-    def faults_of_phrases(self, path: str = "") -> List[Fault]:
-        """Return the faults of what the robot says in the mission of this path, or in any; those
-        that are known already are left out."""
-        language = self.settings.language if self.knowledge is None else self.knowledge.language
-        mission = os.path.splitext(os.path.basename(path))[0]
-        faults: List[Fault] = []
-        attempt(lambda: phrases.load(language, mission), faults)
-        return [fault for fault in faults if fault.file not in self.faults]
 
 
 def named(path: str) -> str:
@@ -258,7 +229,7 @@ def _trees(documents: Iterable[Document]) -> Dict[str, List[str]]:
             for tree in document.root.children if tree.tag == "BehaviorTree"}
 
 
-def _main_trees(documents: Sequence[Document], main: Optional[str]) -> Tuple[str, ...]:
+def _main_trees(documents: List[Document], main: Optional[str]) -> Tuple[str, ...]:
     """Return the trees of a project that no other calls, if nothing says which of several is the
     main tree."""
     root = documents[-1].root
@@ -275,13 +246,10 @@ def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
     """Return the files that another of them includes, and which."""
     included = {path: {os.path.realpath(document.file) for document in documents[:-1]}
                 for path, documents in read_ones.items()}
-    owners: Dict[str, str] = {}
-    for path in read_ones:
-        for owner, files in included.items():
-            # files that include each other are both judged: each reports the circle
-            if os.path.realpath(path) in files and os.path.realpath(owner) not in included[path]:
-                owners.setdefault(path, owner)
-    return owners
+    # files that include each other are both judged: each reports the circle
+    return {path: owner for owner in reversed(list(included)) for path in included
+            if os.path.realpath(path) in included[owner]
+            and os.path.realpath(owner) not in included[path]}
 
 
 def _completed(documents: List[Document]) -> List[Document]:
@@ -306,19 +274,7 @@ def _completed(documents: List[Document]) -> List[Document]:
         documents = [helper] + documents
 
 
-def _near_misses(documents: Sequence[Document], stub_specs: List[NodeSpec]) -> Iterator[Fault]:
-    """Yield a warning for each stub whose name is nearly that of a node type of ours."""
-    known = [spec.id for spec in leaves.registry().all()]
-    names = {spec.id for spec in stub_specs}
-    for model in models(documents):
-        name = model.attributes.get("ID", "")
-        hint = did_you_mean(name, known, likeness=0.93) if name in names else ""
-        if hint:
-            yield model.fault(rules.PALETTE_UNKNOWN_NODE,
-                              f"the palette has an unknown node {name}", hint, "ID")
-
-
-def as_json(fault: Fault) -> Dict[str, Any]:
+def as_json(fault: Fault) -> Dict[str, object]:
     """Return a fault in the form of ``--json`` (docs/faults.md)."""
     place = None
     if fault.line:

@@ -11,7 +11,7 @@ from py_trees.blackboard import Blackboard as Shown
 from py_trees.blackboard import Client
 from py_trees.common import Access
 
-from behavior_controller.bt.linter.dataflow import flow
+from behavior_controller.bt.linter.facts import Flow
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.registry import Registry
@@ -52,9 +52,10 @@ class Clients:
         is used by the nodes inside."""
         if node.element is None or node.registration_id == "SubTree":
             return []
-        uses = flow({"": [node.element]}, "@", {}, self._registry)
-        return ([(name, Access.READ) for name in sorted(map("".join, uses.reads))]
-                + [(name, Access.WRITE) for name in sorted(map("".join, uses.written))])
+        flow = Flow({"": [node.element]}, "@", {}, self._registry)
+        uses = sorted((use.tree + use.name, use) for use in flow.all())
+        return ([(name, Access.READ) for name, use in uses if use.read]
+                + [(name, Access.WRITE) for name, use in uses if use.write])
 
     def _entry(self, blackboard: Blackboard, name: str) -> _ShownEntry:
         home, key = blackboard.home(name)

@@ -1,9 +1,10 @@
 """Rules about what SubTrees are given and give back, and about entries that nothing writes."""
+import os
 from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.dataflow import Access
-from behavior_controller.bt.linter.facts import MissionFacts
+from behavior_controller.bt.linter.facts import (
+    CREATED, EXCUSED, READ, WRITTEN, Access, Name, MissionFacts)
 from behavior_controller.bt.linter.nodes import condition_meant, is_cut_short
 from behavior_controller.bt.linter.scripts import WORDS
 from behavior_controller.bt.linter.structure import given, is_port_name, remaps_all
@@ -20,24 +21,27 @@ def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
     model = facts.trees.models.get(called, [])
     texts = given(call, model)
     forgotten = [name for name in facts.needs[called] if name not in texts]
-    is_told = check_ignored(facts, call)
+    is_reported = check_ignored(facts, call)
     for name, text in call.attributes.items():
         if not is_port_name(name):
             continue
-        outer = ports.subtree_reference(text, name)
+        inner, outer = facts.flow.name(called, name), ports.subtree_reference(text, name)
         if outer is not None:
             _check_remapped(facts, call, name, outer, tree)
-        else:
-            _check_literal(facts, call, name, text, called)
-        if not check_braces(facts, call, name, tree):
-            used = facts.flow.used.get(called, set()) | {port.name for port in model}
-            if name not in used:
-                is_told |= _check_unused(facts, call, name, outer, tree, forgotten)
-            elif outer is None:
-                _check_result(facts, call, name, text, tree)
-    if not (is_told or remaps_all(call) or not facts.flow.is_known) and facts.is_host_known:
+        elif inner.read is not None:
+            _check_literal(facts, call, name, inner.read)
+        if check_braces(facts, call, name, tree):
+            continue
+        if not inner.mentions and name not in [port.name for port in model]:
+            is_reported |= _check_unused(facts, call, name, outer, tree, forgotten)
+        elif outer is None and text.isidentifier() and inner.is_own and not inner.read:
+            lost = f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there"
+            hint = f"the entry is written {{{text}}}"
+            facts.report(rules.BRACES_FORGOTTEN, call, f"{lost} is lost", hint, name)
+            facts.excuse(tree, text)
+    if facts.is_host_known and facts.flow.is_known and not is_reported and not remaps_all(call):
         for name in forgotten:
-            _tell_forgotten(facts, call, name, tree)
+            _check_forgotten(facts, call, name, tree)
 
 
 def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional[str], tree: str,
@@ -45,15 +49,13 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
     """Warn of an entry that a tree is given and does not use, and that is ``outer`` of the caller;
     return whether that was done."""
     called = call.attributes["ID"]
-    known = facts.flow.used.get(called, set())
+    known = facts.flow.used(called)
     model = sorted(port.name for port in facts.trees.models.get(called, []))
-    near = ""
-    if len(name) > 2:
-        near = facts.findings.nearest(name, known.union(model).difference(call.attributes))
-    rule = rules.SUBTREE_CONDITION
-    if condition_meant(name):
+    names = {*known, *model}.difference(call.attributes)
+    near = facts.findings.nearest(name, names) if len(name) > 2 else ""
+    rule, hint = rules.SUBTREE_CONDITION, condition_meant(name)
+    if hint:
         text = f"{name} is an entry of the tree {called}, no condition"
-        hint = condition_meant(name)
     elif name.lower() in ("autoremap", "auto_remap"):
         text = f"{name} is an entry of the tree {called}, and remaps nothing"
         hint = "did you mean _autoremap?"
@@ -72,49 +74,36 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
     return True
 
 
-def _check_result(facts: MissionFacts, call: Element, name: str, text: str, tree: str) -> None:
-    """Warn of a text in place of the entry that a tree writes its result to."""
-    called = call.attributes["ID"]
-    key = (called, name)
-    if text.isidentifier() and key in facts.flow.own and key not in facts.flow.reads:
-        lost = f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there is lost"
-        hint = f"the entry is written {{{text}}}"
-        facts.report(rules.BRACES_FORGOTTEN, call, lost, hint, name)
-        facts.excuse(tree, text)
-
-
-def _tell_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
-    called = call.attributes["ID"]
-    near = facts.findings.nearest(name, facts.written.get(tree, ()))
-    hint = f"write {name}=\"{{…}}\", or {name}=\"…\""
-    if name in facts.written.get(tree, ()):
+def _check_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
+    """Warn of an entry that the call does not give to its tree."""
+    near = facts.findings.nearest(name, facts.written[tree])
+    hint = f"write {name}=\"{{…}}\", or {name}=\"…\"" + (f"; {near}" if near else "")
+    if name in facts.written[tree]:
         hint = f"write {name}=\"{{{name}}}\""
-    elif name in facts.defaults.known or name in facts.written.get(facts.trees.main, ()):
+    elif name in facts.defaults or name in facts.written[facts.trees.main]:
         hint = f"write {name}=\"{{@{name}}}\""
-    elif facts.defaults.written_by(name) or near:
-        hint = f"{hint}; {near}"
-    text = f"the tree {called} needs the entry {name}, which this call does not give"
+    text = f"the tree {call.attributes['ID']} needs the entry {name}, which this call does not give"
     facts.report(rules.SUBTREE_PORT_MISSING, call, text, hint)
 
 
-def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, called: str) -> None:
+def _check_literal(facts: MissionFacts, call: Element, name: str, read: Access) -> None:
     """Warn of a literal that a port of the called tree reads in part, or cannot read."""
-    port = facts.flow.readers.get((called, name))
+    text = call.attributes[name]
+    port = facts.spec(read.element).port_named.get(read.attribute)
     if port is None or ports.subtree_literal(text)[0] != TEXT:
         return
     wrong = ports.literal_fault(text, port, {})
     if not is_cut_short(facts.report, call, name, port, port.type) and wrong is not None:
         refused = f"{name}=\"{text}\" cannot be of type {port.type}, as the port {port.name} there"
-        facts.report(rules.WRONG_LITERAL, call, refused, wrong, name, as_warning=True)
+        facts.report(rules.WRONG_LITERAL, call, refused, wrong, name)
 
 
 def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, tree: str) -> None:
     """Warn of an entry that occurs only here in the tree, if a similar name occurs."""
-    key = facts.flow.key(tree, outer)
-    known = facts.flow.used.get(key[0], set())
-    if facts.flow.mentions[key] > 1 or not facts.findings.may_compare(len(known)):
+    entry = facts.flow.name(tree, outer)
+    if entry.mentions > 1 or not facts.findings.may_compare(len(facts.flow.names[entry.tree])):
         return
-    near = _meant(key[1], known)
+    near = _meant(entry.name, facts.flow.used(entry.tree))
     if near:
         facts.excuse(tree, outer)
         text = f"the entry {outer} is named nowhere else"
@@ -130,68 +119,55 @@ def check_entries(facts: MissionFacts) -> None:
     if not facts.flow.is_known:
         return
     by_default: Set[int] = set()  # elements
-    for read in facts.flow.never_written(facts.defaults.given):
-        name = read.key[1]
+    for use in facts.flow.all():
+        if facts.is_host_known:
+            _check_written(facts, use)
+        read, name = use.read, use.name
         is_odd = name in WORDS or name != name.strip() or "{" in name
-        if is_odd or facts.flow.first(read.key) in facts.excused:
-            continue  # reported already by another warning
+        # what another tree reads, its callers must give it, if they can
+        is_of_callers = use.tree != facts.trees.main and is_port_name(name)
+        is_known = not use.entry.uses.isdisjoint((WRITTEN, EXCUSED))
+        if read is None or is_odd or is_of_callers or is_known:
+            continue
         if read.attribute not in read.element.attributes:
             if id(read.element) in by_default:
                 continue
             by_default.add(id(read.element))
-        _check_read(facts, read)
-    if facts.is_host_known:
-        _check_written(facts)
+        _check_read(facts, use, read)
 
 
-def _check_written(facts: MissionFacts) -> None:
+def _check_written(facts: MissionFacts, use: Name) -> None:
     """Warn of an entry that is only written, once, if one of a similar name is written and read."""
-    flow = facts.flow
-    read, written, created = ({flow.first(key) for key in keys}
-                              for keys in (flow.reads, flow.written, flow.created))
-    for (tree, name), place in flow.writes.items():
-        key, known = flow.first((tree, name)), flow.used[tree]
-        if flow.mentions[tree, name] > 1 or key in read or key not in created \
-                or name in facts.defaults.known or not facts.findings.may_compare(len(known)):
-            continue
-        near = _meant(name, {other for other in known  # x_max and y_max are two entries
-                             if other[:1] + other[-1:] == name[:1] + name[-1:]
-                             and flow.first((tree, other)) in read & written & created})
-        if near:
-            text = f"the entry {name} is written here, and read nowhere"
-            element, attribute, at = place.element, place.attribute, place.at
-            hint = f"did you mean {near}?"
-            facts.report(rules.ENTRY_MISSPELT, element, text, hint, attribute, at)
+    place, name, uses = use.write, use.name, use.entry.uses
+    others = facts.flow.names[use.tree].values()
+    if (place is None or use.mentions > 1 or READ in uses or CREATED not in uses
+            or name in facts.defaults or not facts.findings.may_compare(len(others))):
+        return
+    near = _meant(name, [other.name for other in others  # x_max and y_max are two entries
+                         if other.name[:1] + other.name[-1:] == name[:1] + name[-1:]
+                         and {READ, WRITTEN, CREATED} <= other.entry.uses])
+    if near:
+        text, hint = f"the entry {name} is written here, and read nowhere", f"did you mean {near}?"
+        element, attribute, at, _ = place
+        facts.report(rules.ENTRY_MISSPELT, element, text, hint, attribute, at)
 
 
-def _check_read(facts: MissionFacts, read: Access) -> None:
-    tree, name = read.key
-    written = facts.written.get(tree, set())
-    hint = _writer_elsewhere(facts, name)
+def _check_read(facts: MissionFacts, use: Name, read: Access) -> None:
+    name, written = use.name, facts.written[use.tree]
+    hint = next((f"the tree {tree} writes one of its own; that of the whole mission is @{name}"
+                 for tree, names in facts.written.items()
+                 if tree != facts.trees.main and name in names), "")
     if not hint and not facts.is_host_known and not _meant(name, written):
         return
-    hint = hint or facts.defaults.written_by(name) or facts.findings.nearest(name, written)
-    if not hint and _is_like_a_text(read):
-        hint = f"a text needs single quotes: '{name}'"
+    hint = hint or facts.written_by(name) or facts.findings.nearest(name, written)
+    if not hint and read.script is not None:
+        operands = [assignment.value for assignment in read.script.facts.assignments]
+        operands += [operation.right for operation in read.script.facts.operations]
+        # compared or assigned, as a text would be
+        if any(operand.kind == "name" and operand.word == name for operand in operands):
+            hint = f"a text needs single quotes: '{name}'"
     text = f"the entry {name} is read here, but nothing writes it"
     facts.report(rules.NEVER_WRITTEN, read.element, text, hint, read.attribute, read.at)
-
-
-def _is_like_a_text(read: Access) -> bool:
-    """Return whether a script compares an entry or assigns it, as it would do with a text."""
-    if read.script is None:
-        return False
-    operands = [assignment.value for assignment in read.script.facts.assignments]
-    operands += [operation.right for operation in read.script.facts.operations]
-    return any(operand.kind == "name" and operand.word == read.key[1] for operand in operands)
-
-
-def _writer_elsewhere(facts: MissionFacts, name: str) -> str:
-    """Return a hint if an entry of that name is written, but in another tree's blackboard."""
-    for tree, names in facts.written.items():
-        if tree != facts.trees.main and name in names:
-            return f"the tree {tree} writes one of its own; that of the whole mission is @{name}"
-    return ""
 
 
 def _meant(name: str, known: Collection[str]) -> str:
@@ -208,10 +184,8 @@ def is_misspelling(word: str, other: str) -> bool:
     """
     if word.rstrip("s0123456789") == other.rstrip("s0123456789"):
         return False
-    short, long = sorted((word, other), key=len)
-    at = next((index for index, pair in enumerate(zip(short, long)) if pair[0] != pair[1]),
-              len(short))
-    rest, longer = short[at:], long[at:]
-    if len(short) == len(long):
-        return rest[1:] == longer[1:] or (rest[1::-1] == longer[:2] and rest[2:] == longer[2:])
-    return rest == longer[1:]
+    begin = len(os.path.commonprefix([word, other]))
+    one, two = word[begin:], other[begin:]
+    end = len(os.path.commonprefix([one[::-1], two[::-1]]))
+    one, two = one[:len(one) - end], two[:len(two) - end]
+    return max(len(one), len(two)) < 2 or len(one) == 2 and one == two[::-1]

@@ -44,95 +44,81 @@ class Nodes:
     def __init__(self, trees: Trees):
         self.trees = trees
         self.report, self.nearest = trees.report, trees.nearest
-        # the tree being checked is part of the mission; in any other, what BehaviorTree.CPP notices
-        # only when it makes a node is a warning
-        self.is_used = True
-        self._known = {
-            spec.id: spec for spec in trees.registry.all() if spec.kind is not Kind.SUBTREE}
 
     def check(self, element: Element) -> None:
         """Check a node."""
-        spec = self._identified(element)
-        if spec is None:
-            return
-        if spec.warning:
-            self.report(rules.NODE_TYPE_WARNING, element, spec.warning)
-        if spec.refuses_explicit or spec.at_most_one:
-            self._kinds_of_children(element, spec)
-        if spec.names:
-            self._name(element, spec)
-        fewest, most = spec.child_range
-        if not fewest <= len(element.children) <= most:
-            self._children(element, spec, fewest, most)
-        for name, text in element.attributes.items():
-            if name != "name":
-                self._attribute(element, spec, name, text)
-
-    def report_if_used(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
-                       attribute: Optional[str] = None, at: int = 0) -> None:
-        """Record a fault of an element that may not be in use."""
-        self.report(rule, element, text, hint, attribute, at, as_warning=not self.is_used)
-
-    def _identified(self, element: Element) -> Optional[NodeSpec]:
-        """Return the node type that an element names; None if nothing more can be checked."""
-        spec = self._known.get(element.type_id)
+        spec = self.trees.registry.find(element.type_id)
         if element.tag == "SubTree":
             self._subtree(element)
         elif not element.type_id:
             self.trees.report_no_id(element, "", "the ID is the node type")
-        elif spec is None:
+        elif spec is None or spec.kind is Kind.SUBTREE:
             self._unknown(element, element.type_id)
-        return spec
+        else:
+            self._identified(element, spec)
+
+    def _identified(self, element: Element, spec: NodeSpec) -> None:
+        """Check a node whose type is known."""
+        if spec.warning:
+            self.report(rules.NODE_TYPE_WARNING, element, spec.warning)
+        if spec.names:
+            self._name(element, spec)
+        for child in element.children if spec.refuses_explicit else ():
+            if child.tag in EXPLICIT and child.type_id:
+                text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
+                self.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
+        tags = [child.tag for child in element.children] if spec.at_most_one else []
+        if tags.count(spec.at_most_one) > 1:
+            text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
+            self.report(rules.TWO_ASYNC, element, text)
+        self._children(element, spec)
+        for name, text in element.attributes.items():
+            if name != "name":
+                self._attribute(element, spec, name, text)
 
     def _name(self, element: Element, spec: NodeSpec) -> None:
         """Check the name of a node whose name is its argument."""
         name = element.attributes.get("name", "")
-        allowed = f"allowed: name=\"…\" with {', '.join(spec.names)}"
-        if not argument(name):
-            text = f"{spec.id} takes an argument in its name, which is not given"
-            self.report_if_used(rules.NAME_ARGUMENT, element, text, allowed)
-        elif argument(name) not in spec.names:
+        text = f"{spec.id} takes an argument in its name, which is not given"
+        if argument(name):
             text = f"the name of {spec.id} cannot be {name}"
-            self.report_if_used(rules.NAME_ARGUMENT, element, text, allowed, "name")
+        if argument(name) not in spec.names:
+            hint = f"allowed: name=\"…\" with {', '.join(spec.names)}"
+            attribute = "name" if argument(name) else None
+            self.report(rules.NAME_ARGUMENT, element, text, hint, attribute)
 
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
         if node_id == "BehaviorTree":
             text = "a <BehaviorTree> cannot stand inside another"
             hint = "call it with <SubTree ID=\"…\"/>"
-            self.report_if_used(rules.TREE_IN_TREE, element, text, hint)
+            self.report(rules.TREE_IN_TREE, element, text, hint)
         elif node_id in self.trees.trees:
             text = f"{node_id} is a tree, not a node"
             hint = f"it is called with <SubTree ID=\"{node_id}\"/>"
             self.report(rules.TREE_AS_NODE, element, text, hint, attribute)
         else:
             hint = (ELSEWHERE.get(node_id)
-                    or self.nearest(node_id, list(self._known) + ["SubTree"])
+                    or self.nearest(node_id, [spec.id for spec in self.trees.registry.all()])
                     or "exportNodeModel prints every node type with its ports")
             self.report(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
 
-    def _kinds_of_children(self, element: Element, spec: NodeSpec) -> None:
-        for child in element.children:
-            if child.tag in EXPLICIT and child.type_id:
-                text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
-                self.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
-        if sum(child.tag == spec.at_most_one for child in element.children) > 1:
-            text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
-            self.report(rules.TWO_ASYNC, element, text)
-
-    def _children(self, element: Element, spec: NodeSpec, fewest: int, most: int) -> None:
+    def _children(self, element: Element, spec: NodeSpec) -> None:
         count = len(element.children)
+        fewest, most = spec.child_range
+        if fewest <= count <= most:
+            return
         if most == 0:
-            text = f"{spec.id} is a leaf and cannot have children"
-            self.report(rules.LEAF_CHILDREN, element, text)
+            rule, text = rules.LEAF_CHILDREN, f"{spec.id} is a leaf and cannot have children"
         elif most == 1:
             text = f"{spec.id} has {count} children; a decorator must have exactly 1"
-            self.report(rules.DECORATOR_CHILDREN, element, text, AROUND_THEM if count else "")
+            rule = rules.DECORATOR_CHILDREN
         elif fewest > 1:
             text = f"{spec.id} must have at least {fewest} children: {spec.children}"
-            self.report(rules.FEW_CHILDREN, element, text)
+            rule = rules.FEW_CHILDREN
         else:
-            self.report(rules.NO_CHILD, element, f"{spec.id} has no child; it must have 1 or more")
+            rule, text = rules.NO_CHILD, f"{spec.id} has no child; it must have 1 or more"
+        self.report(rule, element, text, AROUND_THEM if most == 1 and count else "")
 
     def _attribute(self, element: Element, spec: NodeSpec, name: str, text: str) -> None:
         port = spec.port_named.get(name)
@@ -144,14 +130,14 @@ class Nodes:
             if element.tag not in EXPLICIT:
                 text = f"the attribute ID is not allowed in <{element.tag}>"
                 hint = "write name=\"…\" for the name of the node"
-                self.report_if_used(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
+                self.report(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
         elif is_port_name(name):
-            hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
-                    or self.nearest(name, spec.port_named, "its ports"))
-            if spec.names:
-                hint = f"its argument is its name: {', '.join(spec.names)}"
+            hint = f"its argument is its name: {', '.join(spec.names)}"
+            if not spec.names:
+                hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
+                        or self.nearest(name, spec.port_named, "its ports"))
             text = f"{spec.id} has no port {name}"
-            self.report_if_used(rules.UNKNOWN_PORT, element, text, hint, name)
+            self.report(rules.UNKNOWN_PORT, element, text, hint, name)
 
     def _port(self, element: Element, port: Port, text: str) -> None:
         wrong = ports.literal_fault(text, port, {})
@@ -160,7 +146,7 @@ class Nodes:
             if inner.isidentifier() and (inner != text or port.type != "bool"):
                 wrong = f"{wrong}; an entry is written {{{inner}}}"
             text = f"port {port.name} of type {port.type} cannot be \"{text}\""
-            self.report_if_used(rules.WRONG_LITERAL, element, text, wrong, port.name)
+            self.report(rules.WRONG_LITERAL, element, text, wrong, port.name)
         elif ports.reference(text, port.name) is not None:
             return
         elif port.direction is Direction.OUT:
@@ -181,7 +167,7 @@ class Nodes:
         except ScriptSyntaxError as wrong:
             said = f"the script of {name} cannot be read: {wrong}"
             hint = wrong.hint or text
-            self.report_if_used(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
+            self.report(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
 
     def _subtree(self, element: Element) -> None:
         tree_id = element.attributes.get("ID", "")
@@ -207,17 +193,21 @@ class Nodes:
             if self.trees.is_complete:
                 hint = self.nearest(tree_id, self.trees.trees, "the trees")
                 text = f"there is no tree {tree_id}"
-                self.report_if_used(rules.UNKNOWN_TREE, element, text, hint, "ID")
+                self.report(rules.UNKNOWN_TREE, element, text, hint, "ID")
         try:
             gets_all = remaps_all(element)
         except ValueFault as fault:
-            self.report_if_used(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
+            self.report(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
             return
         for port in self.trees.models.get(tree_id, ()):
             if not gets_all and port.default is None and port.name not in element.attributes:
                 self._missing(element, tree_id, port)
-        if element.document.root.attributes.get("BTCPP_format") != "4":
-            self._unbraced(element)
+        is_old = element.document.root.attributes.get("BTCPP_format") != "4"
+        for name, text in element.attributes.items() if is_old else ():
+            if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
+                said = f"{name}=\"{text}\" is the text {text} in version 4"
+                hint = f"the entry of that name is written {{{text}}}"
+                self.report(rules.UNBRACED, element, said, hint, name)
 
     def _missing(self, element: Element, tree_id: str, port: Port) -> None:
         """Record that a port of a tree's model is not given; at the attribute that is meant for it,
@@ -230,14 +220,7 @@ class Nodes:
         hint = f"write {port.name}=\"{{{port.name}}}\""
         if other:
             text, hint = f"{text}; it has no port {other}", meant
-        self.report_if_used(rules.MODEL_PORT_MISSING, element, text, hint, other)
-
-    def _unbraced(self, element: Element) -> None:
-        for name, text in element.attributes.items():
-            if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
-                said = f"{name}=\"{text}\" is the text {text} in version 4"
-                hint = f"the entry of that name is written {{{text}}}"
-                self.report(rules.UNBRACED, element, said, hint, name)
+        self.report(rules.MODEL_PORT_MISSING, element, text, hint, other)
 
 
 def is_cut_short(report: Callable[..., None], element: Element, attribute: str, port: Port,
@@ -246,26 +229,20 @@ def is_cut_short(report: Callable[..., None], element: Element, attribute: str, 
     text = element.attributes[attribute]
     rest = values.unread(text, type_name)
     if rest:
-        read = f"{attribute}=\"{text}\" is read only up to \"{rest}\": as {_read(text, type_name)}"
+        try:
+            value = values.TYPES[type_name].from_text(text, {})  # type: ignore[misc]
+        except ValueFault as fault:
+            value = fault
+        read = ";".join(map(str, value)) if isinstance(value, list) else value
+        wrong = f"{attribute}=\"{text}\" is read only up to \"{rest}\": as {read}"
         hint = _meant(text, port, type_name)
-        report(rules.NUMBER_CUT_SHORT, element, read, hint, attribute)
+        report(rules.NUMBER_CUT_SHORT, element, wrong, hint, attribute)
     return bool(rest)
 
 
-def _read(text: str, type_name: str) -> str:
-    """Return the value that a literal is read as, for a message."""
-    try:
-        value = values.TYPES[type_name].from_text(text, {})  # type: ignore[misc]
-    except ValueFault as fault:
-        return str(fault)
-    return ";".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
 _THOUSANDS = re.compile(r"-?[0-9]{1,3}(?:[,._' ][0-9]{3})+")
-_AMOUNT = re.compile(r"([0-9]+(?:[.,][0-9]+)?)\s*"
-                     "(?:(ms(?:ec)?)|(s(?:ec(?:onds?)?)?)|(min(?:utes?)?)|(h(?:ours?)?))",
-                     re.IGNORECASE)
-_MILLISECONDS = (1, 1000, 60_000, 3_600_000)  # of each unit of an amount
+_AMOUNT = re.compile(r"([0-9]+(?:[.,][0-9]+)?)\s*(ms|milli|s|min|h)[a-z]*", re.IGNORECASE)
+_MILLISECONDS = {"ms": 1, "milli": 1, "s": 1000, "min": 60_000, "h": 3_600_000}
 
 
 def _meant(text: str, port: Port, type_name: str) -> str:
@@ -273,8 +250,8 @@ def _meant(text: str, port: Port, type_name: str) -> str:
     amount = _AMOUNT.fullmatch(text.strip())
     number = values.whole_real(text.replace(",", "."))
     if amount is not None and port.name.endswith("msec"):
-        unit = _MILLISECONDS[(amount.lastindex or 0) - 2]
-        milliseconds = float(amount.group(1).replace(",", ".")) * unit
+        figure, unit = amount.groups()
+        milliseconds = float(figure.replace(",", ".")) * _MILLISECONDS[unit.lower()]
         return f"the number is of milliseconds: {text} is {milliseconds:.0f}"
     if _THOUSANDS.fullmatch(text):
         return f"a number has no separators: write {re.sub('[^-0-9]', '', text)}"

@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.nodes import ELSEWHERE
-from behavior_controller.bt.linter.findings import Findings
+from behavior_controller.bt.linter.structure import PORT_ELEMENTS, Findings
 from behavior_controller.bt.engine.builtins import AlwaysSuccess
 from behavior_controller.bt.engine.controls import Sequence as SequenceNode
 from behavior_controller.bt.engine.decorators import ForceSuccess
@@ -19,10 +19,8 @@ from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
 from behavior_controller.bt.script.values import ANY, TYPES
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault
-from behavior_controller.text import without_controls
+from behavior_controller.text import did_you_mean, without_controls
 
-_KINDS = {kind.value: kind for kind in Kind}
-_DIRECTIONS = {direction.value: direction for direction in Direction}
 _FACTORIES = {Kind.ACTION: AlwaysSuccess, Kind.CONDITION: AlwaysSuccess, Kind.CONTROL: SequenceNode,
               Kind.DECORATOR: ForceSuccess}
 _TYPES = {name: kind.name for kind in TYPES.values() for name in (kind.name, kind.cpp_name)}
@@ -85,39 +83,39 @@ def used_types(documents: Iterable[Document]) -> List[str]:
 
 def stubs(documents: Iterable[Document], registry: Registry) -> Tuple[List[NodeSpec], List[Fault]]:
     """Return a node type for each model in ``documents`` that ``registry`` lacks, and what is wrong
-    with models.
+    with models: also a name that is nearly one of ``registry``.
 
     The first model of a name counts. What an older version of BehaviorTree.CPP had is not taken.
     """
     made: Dict[str, NodeSpec] = {}
     faults: List[Fault] = []
+    known = [spec.id for spec in registry.all()]
     for model in models(documents):
         node_id = model.attributes.get("ID", "")
         if not node_id:
             text = f"<{model.tag}> in <TreeNodesModel> lacks the attribute ID"
             faults.append(model.fault(rules.ID_MISSING, text, is_warning=True))
-        elif registry.find(node_id) is None and node_id not in ELSEWHERE:
+        elif node_id not in known and node_id not in ELSEWHERE:
             made.setdefault(node_id, _stub(model, node_id))
+            hint = did_you_mean(node_id, known, likeness=0.93)
+            if hint:
+                text = f"the palette has an unknown node {node_id}"
+                faults.append(model.fault(rules.PALETTE_UNKNOWN_NODE, text, hint, "ID"))
     return list(made.values()), faults
 
 
 def _stub(model: Element, node_id: str) -> NodeSpec:
-    elements = [port for port in model.children if port.tag in _DIRECTIONS
-                and port.attributes.get("name")]
+    given = [(port.tag, port.attributes) for port in model.children
+             if port.tag in PORT_ELEMENTS and port.attributes.get("name")]
     # the library's own palettes do not tell which ports a node does without; one that does, of a
     # port, means the rest
-    tells = any("optional" in port.attributes for port in elements)
-    kind = _KINDS[model.tag]
-    ports = tuple(_port(port, tells) for port in elements)
+    tells = any("optional" in port for _, port in given)
+    ports = tuple(Port(port["name"], _TYPES.get(port.get("type", ANY), ANY), Direction(tag),
+                       port.get("default"),
+                       is_optional=not tells or port.get("optional") in ("true", "1"))
+                  for tag, port in given)
+    kind = Kind(model.tag)
     return NodeSpec(node_id, kind, partial(_FACTORIES[kind]), ports, is_stub=True)
-
-
-def _port(port: Element, tells: bool) -> Port:
-    given = port.attributes
-    is_optional = not tells or given.get("optional") in ("true", "1")
-    type_name = _TYPES.get(given.get("type") or ANY, ANY)
-    return Port(given["name"], type_name, _DIRECTIONS[port.tag], given.get("default"),
-                is_optional=is_optional)
 
 
 # ------------------------------------------------------------------------------------- stale models
@@ -131,31 +129,26 @@ def check_models(documents: Sequence[Document], registry: Registry, findings: Fi
         spec = registry.find(node_id)
         if spec is None:
             text = f"the palette has an unknown node {node_id}"
-            hint = findings.nearest(node_id, known)
-            findings.report(rules.PALETTE_UNKNOWN_NODE, model, text, hint, "ID")
-            continue
-        if model.tag != spec.kind.value:
-            kind, ours = _with_article(model.tag), _with_article(spec.kind.value)
-            text = f"the palette has {node_id} as {kind}; it is {ours}"
-            findings.report(rules.PALETTE_KIND, model, text)
-        _check_ports(model, spec, findings)
+            findings.report(rules.PALETTE_UNKNOWN_NODE, model, text,
+                            findings.nearest(node_id, known), "ID")
+        else:
+            _check_model(model, spec, findings)
 
 
-def _with_article(word: str) -> str:
-    return f"an {word}" if word[0] in "AEIOU" else f"a {word}"
-
-
-def _check_ports(model: Element, spec: NodeSpec, findings: Findings) -> None:
+def _check_model(model: Element, spec: NodeSpec, findings: Findings) -> None:
+    if model.tag != spec.kind.value:
+        kind, ours = (f"an {kind}" if kind[0] == "A" else f"a {kind}"
+                      for kind in (model.tag, spec.kind.value))
+        text = f"the palette has {spec.id} as {kind}; it is {ours}"
+        findings.report(rules.PALETTE_KIND, model, text)
     for element in model.children:
         name = element.attributes.get("name", "")
         port = spec.port_named.get(name)
-        if element.tag not in _DIRECTIONS:
-            continue
-        if port is None:
+        if element.tag in PORT_ELEMENTS and port is None:
             text = f"the palette has an unknown port {name} of {spec.id}"
             hint = findings.nearest(name, spec.port_named, "its ports")
             findings.report(rules.PALETTE_PORT, element, text, hint, "name")
-        elif port.direction is not _DIRECTIONS[element.tag]:
+        elif element.tag in PORT_ELEMENTS and port and port.direction.value != element.tag:
             direction = f"is an {port.direction.value}, not an {element.tag}"
             text = f"the port {name} of {spec.id} {direction}"
             findings.report(rules.PALETTE_DIRECTION, element, text)

@@ -17,10 +17,12 @@ class LintRule:
 
     meaning: str
     is_warning: bool
+    is_late: bool = False  # BehaviorTree.CPP notices it only when it makes a node
     code: str = ""
 
 
 error = partial(LintRule, is_warning=False)
+late = partial(error, is_late=True)
 warning = partial(LintRule, is_warning=True)
 
 # ------------------------------------------------------------------------------------------- markup
@@ -74,15 +76,15 @@ ID_BLANKS = warning("The ID of a tree holds a blank or a dot, which BehaviorTree
 NO_TREE = error("The file has neither a <BehaviorTree> nor a palette.")
 MAIN_TREE_UNKNOWN = error("The main tree does not exist.")
 MAIN_TREE_MISSING = error("Nothing says which of several trees is the main tree.")
-TREE_CIRCLE = error("A tree contains itself, directly or through others.")
+TREE_CIRCLE = late("A tree contains itself, directly or through others.")
 TREE_UNUSED = warning("No tree of the mission calls this tree.")
 
 # -------------------------------------------------------------------------------------------- nodes
 
 UNKNOWN_NODE = error("An element names a node type that is not known.")
 ID_MISSING = error("An explicit element, a SubTree or a model lacks the attribute ID.")
-ID_NOT_ALLOWED = error("The compact form of a node has no attribute ID.")
-TREE_IN_TREE = error("A <BehaviorTree> cannot stand inside another.")
+ID_NOT_ALLOWED = late("The compact form of a node has no attribute ID.")
+TREE_IN_TREE = late("A <BehaviorTree> cannot stand inside another.")
 TREE_AS_NODE = error("A tree is called as if it were a node type.")
 KIND_MISMATCH = warning("The explicit element names another kind than the node type is of.")
 NODE_TYPE_WARNING = warning("The node type has a warning for its users.")
@@ -100,12 +102,12 @@ SAME_PATH = error("Two SubTrees side by side have the same name.")
 
 # --------------------------------------------------------------------------------- ports and values
 
-UNKNOWN_PORT = error("The node type has no port of this name.")
-WRONG_LITERAL = error("The text cannot be a value of the port's type.")
+UNKNOWN_PORT = late("The node type has no port of this name.")
+WRONG_LITERAL = late("The text cannot be a value of the port's type.")
 NUMBER_CUT_SHORT = warning("Only the beginning of the text is read as a number.")
 OUTPUT_IS_TEXT = warning("What a node writes needs an entry, and the port has a fixed text.")
 PORT_MISSING = warning("A port that the node needs is not given.")
-NAME_ARGUMENT = error("The name of the node is its argument, and is missing or none that it takes.")
+NAME_ARGUMENT = late("The name of the node is its argument, and is missing or none that it takes.")
 NAME_CHOOSES_NOTHING = warning(
     "The name of the node looks as if it chose what the node does, and does not.")
 COUNT_TOO_HIGH = warning("There are fewer children than the number says.")
@@ -125,9 +127,9 @@ ENTRY_TYPE = error("An entry is used by ports of different types, or its name ca
 
 # ----------------------------------------------------------------------------------------- SubTrees
 
-UNKNOWN_TREE = error("A SubTree calls a tree that does not exist.")
-AUTOREMAP_VALUE = error("_autoremap must be true or false.")
-MODEL_PORT_MISSING = error("A port that the model of the tree asks for is not given.")
+UNKNOWN_TREE = late("A SubTree calls a tree that does not exist.")
+AUTOREMAP_VALUE = late("_autoremap must be true or false.")
+MODEL_PORT_MISSING = late("A port that the model of the tree asks for is not given.")
 MODEL_PORT_UNKNOWN = warning("The model of the tree has no port of this name.")
 MODEL_PORT_NAME = error("The name of a port in a model of a tree is missing or not allowed.")
 SUBTREE_PORT_UNKNOWN = warning("The tree uses no entry of this name.")
@@ -141,7 +143,7 @@ UNBRACED = warning(
 
 # ------------------------------------------------------------------------------------------ scripts
 
-SCRIPT_SYNTAX = error("A script cannot be read.")
+SCRIPT_SYNTAX = late("A script cannot be read.")
 SCRIPT_WORD = warning("A word that other languages know means nothing in a script.")
 SCRIPT_NO_EFFECT = warning("A statement is evaluated, and its value is used for nothing.")
 CONDITION_ASSIGNS = warning("A condition assigns a value instead of comparing with it.")

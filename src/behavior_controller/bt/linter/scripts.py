@@ -1,11 +1,14 @@
 """Rules about scripts that can be read, but hardly do what their author means."""
-from typing import List, Optional, Set, Tuple
+from typing import Iterator, List, Optional, Tuple
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.dataflow import Key, Use
 from behavior_controller.bt.linter.facts import (
-    NUMERAL, SOME_TEXT, MissionFacts, Write, literal_kind)
+    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, MissionFacts, Use,
+    literal_kind)
+from behavior_controller.bt.loader.document import Element
+from behavior_controller.bt.possible_results import SUCCEEDS
 from behavior_controller.bt.script.parser import Operand, Operation
+from behavior_controller.bt.script.values import GENERIC
 from behavior_controller.text import did_you_mean
 
 WORDS = {"not": "write !", "and": "write &&", "or": "write ||", "True": "write true",
@@ -18,149 +21,159 @@ _COMPARISONS = ("==", "!=", "<", ">", "<=", ">=")
 _TEXTS = {"text", NUMERAL, SOME_TEXT}
 
 
+Finding = Tuple[rules.LintRule, str, str, int]
+"""A rule, the text, the hint, and the position in the script."""
+
+
 def check_scripts(facts: MissionFacts) -> None:
     """Apply the rules to each script of a mission, and to what its scripts and texts write."""
-    _Scripts(facts).check()
+    for use in facts.flow.scripts:
+        findings = list(_words(facts, use)) or [*_effects(facts, use), *_assigning(use)]
+        not_created = list(_not_created(facts, use))
+        if not findings:
+            findings = not_created + list(_truth(facts, use))
+        findings += _mixed(facts, use)
+        for rule, text, hint, at in findings:
+            facts.report(rule, use.element, text, hint, use.attribute, at)
+    for entry in dict.fromkeys(name.entry for name in facts.flow.all()):
+        _check_changed(facts, entry)
+        _check_emptied(facts, entry)
 
 
-class _Scripts:
-    def __init__(self, facts: MissionFacts):
-        self.facts = facts
-        self.flow = facts.flow
-        self.given = facts.defaults.known
-        self.written = {name for _, name in facts.flow.written}.union(self.given)
-        self.created = {self.flow.first(key) for key in self.flow.created}
-        self.uncreated: Set[Key] = set()
-
-    def check(self) -> None:
-        """Apply the rules."""
-        for use in self.flow.scripts:
-            before = len(self.facts.findings.warnings)
-            if not self._words(use):
-                self._effects(use)
-                self._assigning(use)
-            is_excused = len(self.facts.findings.warnings) > before
-            self._not_created(use, is_excused)
-            if not is_excused:
-                self._truth(use)
-            self._mixed(use)
-        for writes in self.facts.kinds.all():
-            self._changed(writes)
-        for place in self.flow.texts:
-            if self.facts.kinds.emptied(place):
-                text = f"the entry {place.name} was made by a script: this text empties it"
-                hint = f"write it with a script: {place.name} := …"
-                self.facts.report(rules.TEXT_EMPTIES, place.element, text, hint, place.attribute)
-
-    def _warn(self, rule: rules.LintRule, use: Use, text: str, hint: str, at: int) -> None:
-        self.facts.report(rule, use.element, text, hint, use.attribute, at)
-
-    def _words(self, use: Use) -> bool:
-        for name, at in sorted(use.script.facts.read.items(), key=lambda item: item[1]):
-            if name in WORDS and name not in self.written:
-                text = f"{name} means nothing in a script"
-                self._warn(rules.SCRIPT_WORD, use, text, WORDS[name], at)
-                return True
-        return False
-
-    def _effects(self, use: Use) -> None:
-        statements = use.script.facts.statements
-        for statement in statements[:-1] if use.is_condition else statements:
-            if not statement.assigns:
-                text = f"a statement of {use.attribute} has no effect"
-                hint = "a value is assigned with :="
-                if use.is_condition:
-                    hint = "&& or || joins two conditions"
-                self._warn(rules.SCRIPT_NO_EFFECT, use, text, hint, statement.position)
-                for name in use.script.facts.read:
-                    self.facts.excuse(use.tree, name)
-                return
-
-    def _assigning(self, use: Use) -> None:
-        last = use.script.facts.statements[-1]
-        for assignment in use.script.facts.assignments if use.is_condition else ():
-            is_last = assignment.position >= last.position
-            if is_last and (last.is_assignment or assignment.sign == "="):
-                text = f"{use.attribute} assigns to {assignment.name} instead of comparing"
-                hint = f"write {assignment.name} == …"
-                self._warn(rules.CONDITION_ASSIGNS, use, text, hint, assignment.position)
-                return
-
-    def _not_created(self, use: Use, is_excused: bool) -> None:
-        """Warn of the first assignment to an entry that nothing creates; ``is_excused``: another
-        warning is about the script."""
-        if not self.flow.is_known or not self.facts.is_host_known:
+def _words(facts: MissionFacts, use: Use) -> Iterator[Finding]:
+    for name, at in sorted(use.script.facts.read.items(), key=lambda item: item[1]):
+        uses = facts.flow.name(use.tree, name).entry.uses
+        if name in WORDS and uses.isdisjoint((WRITTEN, TOUCHED)):
+            yield rules.SCRIPT_WORD, f"{name} means nothing in a script", WORDS[name], at
             return
-        for name, sign, _, position, _ in use.script.facts.assignments:
-            key = self.flow.first(self.flow.key(use.tree, name))
-            is_created = sign == ":=" or key in self.created or name.lstrip("@") in self.given
-            if is_created or key in self.uncreated:
-                continue
-            self.uncreated.add(key)
-            if not is_excused:
-                known = sorted(other for tree, other in self.created if tree == use.tree)
-                near = did_you_mean(name, known, likeness=0.75)
-                text = f"{name} {sign} …, but nothing creates the entry {name}"
-                hint = near or f"create it first: {name} := …"
-                self._warn(rules.NOT_CREATED, use, text, hint, position)
 
-    # ---------------------------------------------------------------------------- texts and numbers
 
-    def _truth(self, use: Use) -> None:
-        """Warn of a number that is neither 0 nor 1 where a script needs a truth value."""
-        facts = use.script.facts
-        operands = [operand for sign, *both in facts.operations if sign in ("&&", "||")
-                    for operand in both]
-        if use.is_condition and facts.statements:
-            operands.append(facts.statements[-1].value)
-        for operand in operands:
-            words = [operand.word]
-            if operand.kind == "name":
-                is_number = self._kind(use, operand) == "number"
-                writes = self.facts.kinds.writes(use.tree, operand.word)
-                words = [write.word for write in writes if is_number]
-            wrong = _no_truth(words)
-            if wrong:
-                what = operand.word
-                if operand.kind == "name":
-                    what = f"{operand.word}, which holds {wrong},"
-                text = f"{what} is neither true nor false"
-                hint = f"compare it, as in {operand.word} > 0"
-                self._warn(rules.NUMBER_AS_TRUTH, use, text, hint, operand.position)
-                return
+def _effects(facts: MissionFacts, use: Use) -> Iterator[Finding]:
+    statements = use.script.facts.statements
+    for statement in statements[:-1] if use.is_condition else statements:
+        if not statement.assigns:
+            text = f"a statement of {use.attribute} has no effect"
+            hint = "a value is assigned with :="
+            if use.is_condition:
+                hint = "&& or || joins two conditions"
+            yield rules.SCRIPT_NO_EFFECT, text, hint, statement.position
+            for name in use.script.facts.read:
+                facts.excuse(use.tree, name)
+            return
 
-    def _changed(self, writes: List[Write]) -> None:
-        known = [write for write in writes if write.kind in ("text", "number")
-                 and not (write.is_own and write.kind == "number")]
-        for write in known:
-            if write.kind != known[0].kind and write.use is not None and write.assignment:
-                name, kind, first = write.assignment.name, write.kind, known[0].kind
-                text = f"{name} is assigned a {kind}, but elsewhere a {first}"
-                hint = "the first value decides the kind of an entry"
-                self._warn(rules.KIND_CHANGES, write.use, text, hint, write.assignment.position)
-                return
 
-    def _mixed(self, use: Use) -> None:
-        facts = use.script.facts
-        operations = list(facts.operations)
-        for assignment in facts.assignments:
-            if assignment.sign not in (":=", "="):
-                target = Operand("name", assignment.name, assignment.position)
-                operations.append(Operation(assignment.sign, target, assignment.value))
-        for operation in operations:
-            kinds = self._kind(use, operation.left), self._kind(use, operation.right)
-            wrong = _wrong(operation, *kinds)
-            if wrong:
-                self._warn(rules.TEXT_AND_NUMBER, use, *wrong, operation.left.position)
-        for signs, operand in facts.prefixed:
-            if self._kind(use, operand) in _TEXTS:
-                text = f"{signs}{operand.word} needs a number, and gets a text"
-                self._warn(rules.TEXT_AND_NUMBER, use, text, "", operand.position)
+def _assigning(use: Use) -> Iterator[Finding]:
+    last = use.script.facts.statements[-1]
+    for assignment in use.script.facts.assignments if use.is_condition else ():
+        is_last = assignment.position >= last.position
+        if is_last and (last.is_assignment or assignment.sign == "="):
+            text = f"{use.attribute} assigns to {assignment.name} instead of comparing"
+            hint = f"write {assignment.name} == …"
+            yield rules.CONDITION_ASSIGNS, text, hint, assignment.position
+            return
 
-    def _kind(self, use: Use, operand: Operand) -> str:
+
+def _not_created(facts: MissionFacts, use: Use) -> Iterator[Finding]:
+    """Warn of the first assignment to an entry that nothing creates, and note the entry."""
+    for name, sign, _, position, _ in use.script.facts.assignments:
+        uses = facts.flow.name(use.tree, name).entry.uses
+        is_created = not uses.isdisjoint((CREATED, TOUCHED, UNCREATED))
+        if not is_created and facts.flow.is_known and facts.is_host_known:
+            uses.add(UNCREATED)
+            known = sorted(other.name for other in facts.flow.names[use.tree].values()
+                           if CREATED in other.entry.uses)
+            text = f"{name} {sign} …, but nothing creates the entry {name}"
+            hint = did_you_mean(name, known, likeness=0.75) or f"create it first: {name} := …"
+            yield rules.NOT_CREATED, text, hint, position
+
+
+# -------------------------------------------------------------------------------- texts and numbers
+
+
+def _truth(facts: MissionFacts, use: Use) -> Iterator[Finding]:
+    """Warn of a number that is neither 0 nor 1 where a script needs a truth value."""
+    script = use.script.facts
+    operands = [operand for sign, *both in script.operations if sign in ("&&", "||")
+                for operand in both]
+    if use.is_condition:
+        operands.append(script.statements[-1].value)
+    for operand in operands:
+        words, what = [operand.word], operand.word
         if operand.kind == "name":
-            return self.facts.kinds.of(use.tree, operand.word)
-        return literal_kind(operand)
+            entry = facts.flow.name(use.tree, operand.word).entry
+            words = [value.word for value in entry.known_values if entry.kind == "number"]
+            what = f"{operand.word}, which holds {_no_truth(words)},"
+        if _no_truth(words):
+            hint = f"compare it, as in {operand.word} > 0"
+            yield (rules.NUMBER_AS_TRUTH, f"{what} is neither true nor false", hint,
+                   operand.position)
+            return
+
+
+def _mixed(facts: MissionFacts, use: Use) -> Iterator[Finding]:
+    script = use.script.facts
+    operations = list(script.operations)
+    for assignment in script.assignments:
+        if assignment.sign not in (":=", "="):
+            target = Operand("name", assignment.name, assignment.position)
+            operations.append(Operation(assignment.sign, target, assignment.value))
+    for operation in operations:
+        kinds = _kind(facts, use, operation.left), _kind(facts, use, operation.right)
+        wrong = _wrong(operation, *kinds)
+        if wrong:
+            yield (rules.TEXT_AND_NUMBER, *wrong, operation.left.position)
+    for signs, operand in script.prefixed:
+        if _kind(facts, use, operand) in _TEXTS:
+            text = f"{signs}{operand.word} needs a number, and gets a text"
+            yield rules.TEXT_AND_NUMBER, text, "", operand.position
+
+
+def _kind(facts: MissionFacts, use: Use, operand: Operand) -> str:
+    if operand.kind == "name":
+        return facts.flow.name(use.tree, operand.word).entry.kind
+    return literal_kind(operand)
+
+
+def _check_changed(facts: MissionFacts, entry: EntryFacts) -> None:
+    """Warn of the first assignment of a number to an entry that holds a text, or the
+    reverse."""
+    known = [value for value in entry.known_values if value.kind in ("text", "number")
+             and not (value.is_own and value.kind == "number")]
+    for name, element, attribute, kind, _, assignment in known:
+        if kind != known[0].kind and assignment is not None:
+            text = f"{name} is assigned a {kind}, but elsewhere a {known[0].kind}"
+            hint = "the first value decides the kind of an entry"
+            at = assignment.position
+            facts.report(rules.KIND_CHANGES, element, text, hint, attribute, at)
+            return
+
+
+def _check_emptied(facts: MissionFacts, entry: EntryFacts) -> None:
+    """Warn of each text that is written to an entry that a script before it has made, which
+    knows no conversion."""
+    if not entry.types <= set(GENERIC):
+        return
+    made = [value.element for value in entry.known_values
+            if value.assignment is not None and value.assignment.sign == ":="]
+    for value in entry.known_values if made else ():
+        if value.assignment is None and any(_is_before(facts, element, value.element)
+                                            for element in made):
+            text = f"the entry {value.name} was made by a script: this text empties it"
+            hint = f"write it with a script: {value.name} := …"
+            facts.report(rules.TEXT_EMPTIES, value.element, text, hint, value.attribute)
+
+
+def _is_before(facts: MissionFacts, one: Element, other: Element) -> bool:
+    """Return whether a Sequence ticks ``one`` before ``other``."""
+    if one.document is not other.document or one.last >= other.number:
+        return False
+    inner: Optional[Element] = one.document.root
+    while inner is not None:
+        around = inner
+        inner = next((child for child in around.children if child.number <= one.number
+                      and other.number <= child.last), None)
+    spec = facts.registry.find(around.type_id)
+    return spec is not None and spec.next_after == SUCCEEDS
 
 
 def _no_truth(words: List[str]) -> str:

@@ -1,23 +1,21 @@
 """The trees of a mission: their IDs, models and calls, and which one is the main tree (BT.CPP
-12.3).
-"""
+12.3); and the findings about the mission, to which each rule adds."""
 import re
-from typing import Counter, Dict, Iterable, List, Optional, Tuple
+from typing import Collection, Counter, Dict, Iterable, List, Optional, Set, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
-from behavior_controller.bt.linter.findings import MOST_FAULTS, Findings
-from behavior_controller.bt.registry import Port, Registry
+from behavior_controller.bt.registry import Direction, Port, Registry
 from behavior_controller.bt.script.values import TYPES
 from behavior_controller.errors import Fault
-from behavior_controller.text import first_names
+from behavior_controller.text import did_you_mean, first_names
 
 _FORBIDDEN = re.compile(r"[\x00- \x7f<>&\"'/\\:*?|.]")  # in names
 _SIGNS = "any of <>&\"'/\\:*?|."
 AROUND_THEM = "put a Sequence around them"
 CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
-PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
+PORT_ELEMENTS = tuple(direction.value for direction in Direction)
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
 
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
@@ -25,6 +23,62 @@ _MANY = 10 ** 9  # nodes: counted no further
 _BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
 STRUCTURE = EXPLICIT + _BELOW_ROOT + ("root",)
 """Elements that cannot be node types."""
+
+MOST_FAULTS = 1_000  # errors that are reported, and as many warnings
+_COMPARISONS = 40_000  # names compared for suggestions: each takes some 10 microseconds
+
+
+class Findings:
+    """Collects findings, and makes suggestions, both at a bounded cost."""
+
+    def __init__(self) -> None:
+        self.errors: List[Fault] = []
+        self.warnings: List[Fault] = []
+        self.faulty: Set[int] = set()  # id() of elements that cannot be instantiated
+        # what is noticed late is an error, as in the trees that are part of the mission
+        self.refuses_late = True
+        self._unrecorded = 0
+        self._comparisons = _COMPARISONS
+
+    def report(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
+               attribute: Optional[str] = None, at: int = 0) -> None:
+        """Record a finding; an element with an error cannot be instantiated."""
+        is_warning = rule.is_warning or (rule.is_late and not self.refuses_late)
+        if not is_warning:
+            self.faulty.add(id(element))
+        found = self.warnings if is_warning else self.errors
+        if len(found) < MOST_FAULTS:
+            found.append(element.fault(rule, text, hint, attribute, is_warning, at))
+        elif not is_warning:
+            self._unrecorded += 1
+
+    def all(self, file: str) -> List[Fault]:
+        """Return the findings in the order of the files; the last may say that ``file`` has more.
+        """
+        faults = sorted(dict.fromkeys(self.errors + self.warnings), key=by_place)
+        if self._unrecorded:
+            text = f"{self._unrecorded} more faults are not shown"
+            faults.append(Fault(file, 0, 0, text, code=rules.TOO_LARGE.code))
+        return faults
+
+    def may_compare(self, number: int) -> bool:
+        """Return whether a name may be compared with so many others."""
+        self._comparisons -= number
+        return self._comparisons > 0
+
+    def nearest(self, word: str, known: Collection[str], otherwise: str = "") -> str:
+        """Return ``did you mean …?``, or ``otherwise`` and the known names."""
+        may_compare = len(word) < 60 and self.may_compare(len(known))
+        near = did_you_mean(word, sorted(known)) if may_compare else ""
+        if near or not otherwise:
+            return near
+        return f"{otherwise}: {first_names(known) or 'none'}"
+
+
+def by_place(fault: Fault) -> Tuple[str, int, int, str, str]:
+    """Return the key by which findings are ordered."""
+    return fault.file, fault.line, fault.column, fault.code, fault.text
+
 
 
 class Trees:
@@ -65,7 +119,13 @@ class Trees:
             text = f"the first element is <{root.tag}>; it must be <root>"
             self.report(rules.WRONG_ROOT, root, text)
             return
-        self._format(root)
+        version = root.attributes.get("BTCPP_format")
+        if version is None:
+            text, hint = "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4"
+            self.report(rules.FORMAT_MISSING, root, text, hint)
+        elif version != "4":
+            text = f"BTCPP_format is {version}; the file is read as version 4"
+            self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
         warnings = self.findings.warnings
         warnings.extend(document.stray_text(MOST_FAULTS - len(warnings)))
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
@@ -83,22 +143,12 @@ class Trees:
         for model in models:
             self._models(model)
 
-    def _format(self, root: Element) -> None:
-        version = root.attributes.get("BTCPP_format")
-        if version is None:
-            text, hint = "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4"
-            self.report(rules.FORMAT_MISSING, root, text, hint)
-        elif version != "4":
-            text = f"BTCPP_format is {version}; the file is read as version 4"
-            self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
-
     def _tree(self, tree: Element, root: Element) -> None:
         tree_id = tree.attributes.get("ID", "")
         if not tree_id:
             if len(root.children) > 1:
-                text = "<BehaviorTree> lacks the attribute ID"
                 hint = "only a file with nothing else may go without"
-                self.report(rules.TREE_WITHOUT_ID, tree, text, *_instead_of_id(tree, hint))
+                self.report_no_id(tree, hint=hint, rule=rules.TREE_WITHOUT_ID)
             tree_id = f"BehaviorTree_{len(self.trees) + 1}"
         else:
             self.check_id(tree, tree_id)
@@ -114,10 +164,13 @@ class Trees:
         self.trees[tree_id] = tree
         self.bodies.append((tree_id, tree))
 
-    def report_no_id(self, element: Element, where: str = "", hint: str = "") -> None:
-        """Report that an element lacks the attribute ID."""
-        text = f"<{element.tag}>{where} lacks the attribute ID"
-        self.report(rules.ID_MISSING, element, text, *_instead_of_id(element, hint))
+    def report_no_id(self, element: Element, where: str = "", hint: str = "",
+                     rule: rules.LintRule = rules.ID_MISSING) -> None:
+        """Report that an element lacks the attribute ID, at the one that is written for it."""
+        name = next((name for name in element.attributes if name.lower() == "id"), None)
+        if name is not None:
+            hint = f"did you mean ID? write ID=\"{element.attributes[name]}\""
+        self.report(rule, element, f"<{element.tag}>{where} lacks the attribute ID", hint, name)
 
     def check_id(self, element: Element, tree_id: str) -> None:
         """Check the ID of a <BehaviorTree> or <SubTree>."""
@@ -142,14 +195,13 @@ class Trees:
 
     def _models(self, models: Element) -> None:
         for model in models.children:
-            if model.tag != "SubTree":
-                continue
-            if "ID" not in model.attributes:
+            if model.tag == "SubTree" and "ID" not in model.attributes:
                 self.report_no_id(model, " in <TreeNodesModel>")
-                continue
-            self.models[model.attributes["ID"]] = [
-                Port(port.attributes["name"], default=port.attributes.get("default"))
-                for port in model.children if port.tag in PORT_ELEMENTS and self._usable_port(port)]
+            elif model.tag == "SubTree":
+                self.models[model.attributes["ID"]] = [
+                    Port(port.attributes["name"], default=port.attributes.get("default"))
+                    for port in model.children
+                    if port.tag in PORT_ELEMENTS and self._usable_port(port)]
 
     def _usable_port(self, port: Element) -> bool:
         name = port.attributes.get("name")
@@ -175,73 +227,66 @@ class Trees:
         """
         self.calls = {tree_id: [element for element in tree.below if element.tag == "SubTree"]
                       for tree_id, tree in self.trees.items()}
-        self.main = self._main_tree(wanted, guess)
-
-    def _main_tree(self, wanted: Optional[str], guess: bool) -> str:
         root = self.documents[-1].root
         named = wanted or root.attributes.get("main_tree_to_execute")
-        if named in self.trees:
-            return named
         own = [tree_id for tree_id, tree in self.trees.items() if tree.document.root is root]
+        called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
+        free = [tree_id for tree_id in self.trees if tree_id not in called]
+        choices = [[named]] if named else [own, list(self.trees), free if guess else []]
+        self.main = next((choice[0] for choice in choices
+                          if len(choice) == 1 and choice[0] in self.trees), "")
+        if self.main or (root.tag != "root" and not named):
+            return
         if named:
             text, attribute = f"there is no tree {named} to execute", "main_tree_to_execute"
             hint = self.nearest(named, self.trees, "the trees")
             self.report(rules.MAIN_TREE_UNKNOWN, root, text, hint, None if wanted else attribute)
-            return ""
-        called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
-        free = [tree_id for tree_id in self.trees if tree_id not in called]
-        for choice in (own, list(self.trees), free if guess else []):
-            if len(choice) == 1:
-                return choice[0]
-        why = "each tree is called by another"
-        if free:
-            why = f"these trees are called by no other: {first_names(free)}"
-        if root.tag == "root" and not self.trees:
+        elif not self.trees:
             self.report(rules.NO_TREE, root, "the file has no <BehaviorTree>")
-        elif root.tag == "root":
+        else:
+            why = "each tree is called by another"
+            if free:
+                why = f"these trees are called by no other: {first_names(free)}"
             text = f"main_tree_to_execute is not given, and {why}"
             hint = "name the main tree in <root main_tree_to_execute=\"…\">"
             self.report(rules.MAIN_TREE_MISSING, root, text, hint)
-        return ""
 
     def check_calls(self) -> None:
         """Note the used trees; find SubTrees that contain themselves, and missions that are too
         large."""
         main = self.main
         sizes: Counter[str] = Counter()
-        for start in [main] if main else list(self.trees):
-            self._unfold(start, sizes, is_used=True)
+        for start in [main] if main else self.trees:
+            self._unfold(start, sizes)
         self.used = dict(sizes)
         if sizes[main] > MOST_NODES:
             size = "a billion or more" if sizes[main] >= _MANY else str(sizes[main])
             text = f"the mission unfolds to {size} nodes; at most {MOST_NODES} are allowed"
             self.report(rules.TOO_LARGE, self.trees[main], text, "call fewer SubTrees")
+        self.findings.refuses_late = False
         for start in self.trees:
-            self._unfold(start, sizes, is_used=False)
+            self._unfold(start, sizes)
 
-    def _unfold(self, start: str, sizes: Counter[str], is_used: bool) -> None:
+    def _unfold(self, start: str, sizes: Counter[str]) -> None:
         """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each
         tree, unfolded."""
-        path: List[str] = []
-        opened: Dict[str, int] = {}  # where in the path a tree is
-        waiting: List[Tuple[str, Optional[Element]]] = [(start, None)]
-        while waiting:
-            tree_id, call = waiting.pop()
-            if tree_id in opened and call is None:
-                del opened[path.pop()]
+        if start in sizes:
+            return
+        path = {start: iter(self.calls[start])}  # with the calls that are still to be followed
+        while path:
+            tree_id = next(reversed(path))
+            call = next(path[tree_id], None)
+            called = "" if call is None else call.attributes.get("ID", "")
+            if call is None:
+                del path[tree_id]
                 inner = sum(sizes[call.attributes.get("ID", "")] for call in self.calls[tree_id])
                 sizes[tree_id] = min(len(self.trees[tree_id].below) + inner, _MANY)
-            elif tree_id in opened and call is not None:
-                begin = opened[tree_id]
-                shown = path[begin:begin + 8] + ["…"] * (len(path) > begin + 8) + [tree_id]
-                text = f"the tree {tree_id} contains itself: {' > '.join(shown)}"
-                self.report(rules.TREE_CIRCLE, call, text, attribute="ID", as_warning=not is_used)
-            elif tree_id in self.calls and tree_id not in sizes:
-                opened[tree_id] = len(path)
-                path.append(tree_id)
-                waiting.append((tree_id, None))
-                waiting.extend((call.attributes.get("ID", ""), call)
-                               for call in reversed(self.calls[tree_id]))
+            elif called in path:
+                circle = " > ".join([*path, called][list(path).index(called):])
+                text = f"the tree {called} contains itself: {circle}"
+                self.report(rules.TREE_CIRCLE, call, text, attribute="ID")
+            elif called in self.calls and called not in sizes:
+                path[called] = iter(self.calls[called])
 
     def check_unused(self) -> None:
         """Warn of trees of the mission file itself that the mission does not use; what is included
@@ -250,14 +295,6 @@ class Trees:
             if tree.document is self.documents[-1] and tree_id not in self.used:
                 text, hint = f"the tree {tree_id} is not used", f"the main tree is {self.main}"
                 self.report(rules.TREE_UNUSED, tree, text, hint)
-
-
-def _instead_of_id(element: Element, otherwise: str) -> Tuple[str, Optional[str]]:
-    """Return a hint and the attribute it is about, for an element without the attribute ID."""
-    for name, text in element.attributes.items():
-        if name.lower() == "id":
-            return f"did you mean ID? write ID=\"{text}\"", name
-    return otherwise, None
 
 
 def given(call: Element, model: Iterable[Port]) -> Dict[str, Optional[str]]:

@@ -4,7 +4,7 @@ each of them.
 ``check`` accepts what BehaviorTree.CPP's loader accepts, reports every fault in one pass, and warns
 of what version 4 ignores. ``lint`` warns of what loads, but is probably a mistake.
 """
-from typing import Collection, List, Optional, Sequence
+from typing import List, Optional, Sequence
 
 from behavior_controller.bt.linter.calls import check_call, check_entries
 from behavior_controller.bt.linter.facts import MissionFacts
@@ -34,21 +34,19 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
     trees.check_calls()
     nodes = Nodes(trees)
     for tree_id, tree in trees.bodies:
-        nodes.is_used = tree_id in trees.used and trees.trees[tree_id] is tree
+        trees.findings.refuses_late = tree_id in trees.used and trees.trees[tree_id] is tree
         for element in tree.below:
             nodes.check(element)
+    trees.findings.refuses_late = False
     return trees
 
 
-def lint(trees: Trees, given: Collection[str] = ()) -> List[Fault]:
-    """Return the findings about a checked mission; if it has no errors, with warnings.
-
-    ``given`` are entries of the root's blackboard that the host provides, and names of enums.
-    """
+def lint(trees: Trees) -> List[Fault]:
+    """Return the findings about a checked mission; if it has no errors, with warnings."""
     if not trees.findings.errors:
         check_models(trees.documents, trees.registry, trees.findings)
         trees.check_unused()
-        facts = MissionFacts(trees, given)
+        facts = MissionFacts(trees)
         for tree, element in facts.walk():
             (check_call if element.tag == "SubTree" else check_node)(facts, element, tree)
         check_scripts(facts)

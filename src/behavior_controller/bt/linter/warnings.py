@@ -4,7 +4,7 @@ Only the NodeSpecs say what nodes do. A warning must be worth reading: if the fi
 types do not decide, there is none.
 """
 import re
-from typing import Iterator
+from typing import Iterator, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.facts import MissionFacts
@@ -22,6 +22,12 @@ _REPEATS = {SUCCEEDS: ("repeats", "succeeds", "repeats forever and never waits",
                        "put a Sleep inside"),
             FAILS: ("retries", "fails", "asks again and again without waiting",
                     "a ReactiveFallback of the condition and a Sleep waits for it")}
+_CHAINS = {
+    SUCCEEDS: ("succeeds",
+               "is reached only if all before it succeeded: there is no failure to look at",
+               "it belongs into a Fallback, after the step that may fail"),
+    FAILS: ("fails", "comes first: there is no failure before it to look at",
+            "it belongs after the step that may fail")}
 WILL_FAIL = "will fail when it is ticked"
 _ODD_BRACES = re.compile(r"^\{[^{}]*$|^[^{}]*\}$|\$\{|\{=?[A-Za-z_@][A-Za-z0-9_]*\}")
 
@@ -32,7 +38,7 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
     check_ignored(facts, element)
     for port in spec.ports:
         if port.name in element.attributes:
-            _check_port(facts, element, spec, port, tree)
+            _check_port(facts, element, port, tree)
         else:
             _check_missing(facts, element, spec, port)
     if element.tag in EXPLICIT and element.tag != spec.kind.value:
@@ -70,28 +76,32 @@ def check_ignored(facts: MissionFacts, element: Element) -> bool:
 # -------------------------------------------------------------------------------------------- ports
 
 
-def _check_port(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port,
-                tree: str) -> None:
-    text, report = element.attributes[port.name], facts.report
-    is_literal = ports.reference(text, port.name) is None
+def _check_port(facts: MissionFacts, element: Element, port: Port, tree: str) -> None:
+    text, name, report = element.attributes[port.name], port.name, facts.report
+    is_literal = ports.reference(text, name) is None
     if port.type == "NodeStatus" and text not in BY_NAME and is_literal:
-        wrong, hint = f"{port.name}=\"{text}\" is not a status", f"allowed: {' '.join(BY_NAME)}"
-        report(rules.STATUS_UNKNOWN, element, wrong, hint, port.name)
+        wrong, hint = f"{name}=\"{text}\" is not a status", f"allowed: {' '.join(BY_NAME)}"
+        report(rules.STATUS_UNKNOWN, element, wrong, hint, name)
     elif port.role is Role.CHILDREN:
-        _check_count(facts, element, port, text)
+        count = len(element.children)
+        if text.isdigit() and int(text[:9]) > count:
+            wrong = f"{name}=\"{text}\", but there are only {count} children"
+            report(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
+        elif text == "0":
+            wrong = f"{name}=\"0\" {port.if_zero}"
+            report(rules.COUNT_ZERO, element, wrong, "-1 is all children", name)
     elif port.role is Role.WATCHED and is_literal and set(text) & set("{}$"):
-        hint = f"write {port.name}=\"{{{text.strip('{}$ ')}}}\""
-        report(rules.BRACES_ODD, element, f"{port.name}=\"{text}\" names no entry", hint, port.name)
+        hint = f"write {name}=\"{{{text.strip('{}$ ')}}}\""
+        report(rules.BRACES_ODD, element, f"{name}=\"{text}\" names no entry", hint, name)
     elif port.role is Role.CASE:
-        _check_case(facts, element, spec, port, tree)
+        _check_case(facts, element, port, tree)
     elif port.role in (Role.WRITES, Role.NAMES):
         _check_name(facts, element, port, tree)
     elif port.role in (Role.DATA, Role.CHOICE):
-        is_odd = check_braces(facts, element, port.name, tree)
+        is_odd = check_braces(facts, element, name, tree)
         if port.role is Role.CHOICE and is_literal and not is_odd:
-            wrong = f"{port.name} compares the text {text}, which never changes"
-            hint = f"an entry is written {{{text}}}"
-            report(rules.SWITCH_VARIABLE, element, wrong, hint, port.name)
+            wrong = f"{name} compares the text {text}, which never changes"
+            report(rules.SWITCH_VARIABLE, element, wrong, f"an entry is written {{{text}}}", name)
 
 
 def _check_missing(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port) -> None:
@@ -111,7 +121,7 @@ def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: st
     text = element.attributes[attribute]
     key = ports.reference(text, attribute)
     inner = text.strip("${} \t")
-    is_written = text in facts.written.get(tree, ()) and text.isidentifier()
+    is_written = text in facts.written[tree] and text.isidentifier()
     is_stub = element.tag != "SubTree" and facts.spec(element).is_stub
     rule = rules.BRACES_ODD
     if key is None and is_written and not is_stub:
@@ -132,45 +142,32 @@ def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: st
 def _check_name(facts: MissionFacts, element: Element, port: Port, tree: str) -> None:
     """Warn of an entry that is taken for the name of another, and holds a number."""
     key = ports.reference(element.attributes[port.name], port.name)
-    if key is not None and facts.kinds.is_number(tree, key):
+    if key is not None and facts.flow.name(tree, key).entry.is_number:
         text = f"{port.name}=\"{{{key}}}\" is the entry whose name {key} holds, which is a number"
         hint = f"the entry itself is written {port.name}=\"{key}\""
         facts.report(rules.NAME_IS_NUMBER, element, text, hint, port.name)
 
 
-def _check_case(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port,
-                tree: str) -> None:
-    text = element.attributes[port.name]
+def _check_case(facts: MissionFacts, element: Element, port: Port, tree: str) -> None:
+    spec, text = facts.spec(element), element.attributes[port.name]
     bare = text.strip(" \t,;'\"")
-    earlier = spec.ports[:spec.ports.index(port)]
-    same = next((other.name for other in earlier if other.role is Role.CASE
-                 and element.attributes.get(other.name) == text), None)
+    same = next(other.name for other in spec.ports if other.role is Role.CASE
+                and element.attributes.get(other.name) == text)
     choice = next(other.name for other in spec.ports if other.role is Role.CHOICE)
     key = ports.reference(element.attributes.get(choice, ""), choice)
-    if same is not None:
-        wrong, hint = f"{port.name} is never chosen: {same} is the same", ""
+    wrong, hint = f"{port.name} is never chosen: ", ""
+    if same != port.name:
+        wrong += f"{same} is the same"
     elif ports.reference(text, port.name) is not None:
         return
     elif bare != text:
         wrong = f"{port.name}=\"{text}\" is compared with all that stands in it"
         hint = f"write {port.name}=\"{bare}\""
-    elif (key is not None and whole_real(text) is None and text not in facts.defaults.given
-          and facts.kinds.is_number(tree, key)):
-        wrong = f"{port.name} is never chosen: {key} holds a number, and {text} is none"
-        hint = "write the number"
+    elif key and whole_real(text) is None and facts.flow.name(tree, key).entry.is_number:
+        wrong, hint = f"{wrong}{key} holds a number, and {text} is none", "write the number"
     else:
         return
     facts.report(rules.SWITCH_CASE, element, wrong, hint, port.name)
-
-
-def _check_count(facts: MissionFacts, element: Element, port: Port, text: str) -> None:
-    name, count = port.name, len(element.children)
-    if text.isdigit() and int(text[:9]) > count:
-        wrong = f"{name}=\"{text}\", but there are only {count} children"
-        facts.report(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
-    elif text == "0":
-        wrong = f"{name}=\"0\" {port.if_zero}"
-        facts.report(rules.COUNT_ZERO, element, wrong, "-1 is all children", name)
 
 
 # ----------------------------------------------------------------------------------------- children
@@ -180,13 +177,8 @@ def _check_chain(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     """Apply the rules of a control that ticks its next child after a certain end of the last one.
     """
     children = element.children[:-1] if spec.last_is_apart else element.children
-    is_sequence = spec.next_after == SUCCEEDS
-    wrong = "comes first: there is no failure before it to look at"
-    hint = "it belongs after the step that may fail"
-    if is_sequence:
-        wrong = "is reached only if all before it succeeded: there is no failure to look at"
-        hint = "it belongs into a Fallback, after the step that may fail"
-    what, wanted = "succeeds" if is_sequence else "fails", spec.next_after | SKIPS
+    is_sequence, wanted = spec.next_after == SUCCEEDS, spec.next_after | SKIPS
+    what, wrong, hint = _CHAINS[spec.next_after]
     for child, following in zip(children, children[1:]):
         if not facts.ends[id(child)] & wanted:
             text = f"{_called(following)} is never reached: {_called(child)} before it never {what}"
@@ -195,7 +187,7 @@ def _check_chain(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     # the first of a Sequence may follow the failure of what is before the Sequence
     for child in children[1:] if is_sequence else children[:1]:
         if facts.spec(child).is_recovery:
-            facts.report(rules.RECOVERY_MISPLACED, child, child.type_id + " " + wrong, hint)
+            facts.report(rules.RECOVERY_MISPLACED, child, f"{child.type_id} {wrong}", hint)
 
 
 def _check_repeat(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
@@ -216,14 +208,13 @@ def _check_pause(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     fails."""
     _, _, endlessly, hint = _REPEATS[spec.repeats_on]
     inside = list(facts.inside(element.children[0]))
-    asks = [element for element in inside if facts.spec(element).may_fail_at_once]
-    goes_on = spec.repeats_on == FAILS or not facts.ends[id(element.children[0])] & FAILS
-    if not all(_is_instant(facts.spec(element)) for element in inside):
+    asking = next((inner for inner in inside if facts.spec(inner).may_fail_at_once), None)
+    if not all(_is_instant(facts.spec(inner)) for inner in inside):
         return
-    if not asks:
+    if asking is None:
         facts.report(rules.NEVER_WAITS, element, f"{spec.id} {endlessly}", hint, spec.rounds)
-    elif goes_on:
-        called = _called(asks[0])
+    elif spec.repeats_on == FAILS or not facts.ends[id(element.children[0])] & FAILS:
+        called = _called(asking)
         text = f"{spec.id} never ends and never pauses if {called} fails at once"
         hint = f"give {spec.rounds} a limit, and put a Delay around {called}"
         facts.report(rules.RETRIES_FOR_EVER, element, text, hint, spec.rounds)
@@ -249,8 +240,8 @@ def _check_reactive(facts: MissionFacts, element: Element, spec: NodeSpec) -> No
     for index, child in enumerate(element.children if spec.next_after else element.children[:1]):
         if not any(_may_run(facts, later) for later in element.children[index + 1:]):
             return
-        for leaf in _done_first(facts, child):
-            if _ends_after(facts, child, leaf) & goes_on:
+        for leaf, ends in _done_first(facts, child):
+            if ends & goes_on:
                 text = (f"{leaf.type_id} succeeds and is done again, at every tick of {spec.id} "
                         "while a later child runs")
                 facts.report(rules.DONE_AGAIN, leaf, text, f"put it before {spec.id}")
@@ -259,30 +250,30 @@ def _check_reactive(facts: MissionFacts, element: Element, spec: NodeSpec) -> No
 
 def _may_run(facts: MissionFacts, element: Element) -> bool:
     """Return whether a node is known to take time."""
-    known = (spec for spec in map(facts.spec, facts.inside(element)) if not spec.is_stub)
-    kinds = Kind.ACTION, Kind.DECORATOR
-    return any(spec.kind in kinds and not spec.is_instant for spec in known)
+    return any(spec.kind in (Kind.ACTION, Kind.DECORATOR) and not (spec.is_instant or spec.is_stub)
+               for spec in map(facts.spec, facts.inside(element)))
 
 
-def _done_first(facts: MissionFacts, element: Element) -> Iterator[Element]:
+def _done_first(facts: MissionFacts, element: Element) -> Iterator[Tuple[Element, int]]:
     """Yield the actions below ``element`` that are done whenever it begins anew, if none of them
-    fails: not those that a condition, or a failure, leads to."""
-    spec = facts.spec(element)
+    fails, each with the ways in which it can end after that one has succeeded: not actions that a
+    condition, or a failure, leads to."""
+    spec, children = facts.spec(element), element.children
     if not element.attributes.keys().isdisjoint(CONDITIONS):
         return
-    if spec.kind is Kind.ACTION:
-        if not spec.is_stub and not spec.is_recovery and _does_more(facts, element, spec):
-            yield element
-        return
-    children = element.children
     if spec.kind is Kind.SUBTREE:
-        children = facts.elements[element.attributes["ID"]][:1]
-    elif spec.kind is Kind.DECORATOR and by(spec.outcome, element.attributes, [0]):
-        return  # it may leave its child out
-    elif spec.kind is Kind.CONTROL and spec.next_after != SUCCEEDS:
-        children = children[:1]
-    for child in children:
-        yield from _done_first(facts, child)
+        yield from _done_first(facts, facts.elements[element.attributes["ID"]][0])
+    elif spec.kind is Kind.ACTION:
+        if not spec.is_stub and not spec.is_recovery and _does_more(facts, element, spec):
+            yield element, SUCCEEDS
+    # else it may leave its child out
+    elif spec.kind is not Kind.DECORATOR or not by(spec.outcome, element.attributes, [0]):
+        is_sequence = spec.next_after == SUCCEEDS
+        for index, child in enumerate(children if is_sequence else children[:1]):
+            after = [facts.ends[id(later)] for later in children[index + 1:]]
+            for leaf, ends in _done_first(facts, child):
+                all_ends = [SUCCEEDS] * index + [ends] + after
+                yield leaf, by(spec.outcome, element.attributes, all_ends)
 
 
 def _does_more(facts: MissionFacts, leaf: Element, spec: NodeSpec) -> bool:
@@ -291,22 +282,6 @@ def _does_more(facts: MissionFacts, leaf: Element, spec: NodeSpec) -> bool:
     if not spec.is_instant or any(port.direction is Direction.INOUT
                                   and port.role is not Role.WRITES for port in spec.ports):
         return True
-    scripts = [use.script for use in facts.flow.scripts if use.element is leaf]
     return any(assignment.is_own or assignment.sign not in (":=", "=")
-               for script in scripts for assignment in script.facts.assignments)
-
-
-def _ends_after(facts: MissionFacts, element: Element, leaf: Element) -> int:
-    """Return how ``element`` can end after ``leaf`` in it has succeeded."""
-    if element is leaf:
-        return SUCCEEDS
-    spec = facts.spec(element)
-    if spec.kind is Kind.SUBTREE:
-        return _ends_after(facts, facts.elements[element.attributes["ID"]][0], leaf)
-    ends, before = [], True
-    for child in element.children:
-        holds = any(element is leaf for element in facts.inside(child))
-        before = before and not holds
-        after = _ends_after(facts, child, leaf) if holds else facts.ends[id(child)]
-        ends.append(spec.next_after if before and spec.next_after else after)
-    return by(spec.outcome, element.attributes, ends)
+               for use in facts.flow.scripts if use.element is leaf
+               for assignment in use.script.facts.assignments)
