@@ -1,7 +1,10 @@
-"""What a record says of the ends of leaves, of decisions and of entries, beside what had to be; it
-is compared after each traversal."""
+"""What a record says of a traversal: of ends of leaves, decisions and entries, beside what had to
+be; it is compared after each traversal."""
 import itertools
+from collections import Counter
 from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Union
+
+from msgspec.structs import asdict
 
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.tree import Tree
@@ -15,14 +18,21 @@ from unit_tests.judge.foreign import Foreign
 from unit_tests.judge.reference import Decision, Duty
 
 
-class Reports:
-    """Ends of leaves and decisions since the last comparison: on record, and as they had to be."""
+class Traversal:
+    """One traversal of the tree and what was reported since the one before: on record, and as it
+    had to be."""
 
-    def __init__(self) -> None:
+    def __init__(self, last: str = ""):
+        self.last = last  # the leaf that had ended last before
+        # changes of status: the node's number and a letter, or 0 and what is wrong with a request
+        self.recorded: Sequence[Tuple[int, str]] = ()
+        self.changes: List[Tuple[int, str]] = []
+        # of each node, how many changes of status it has taken from the record
+        self.copied: Dict[int, int] = Counter()
         self.finished: List[LeafFinished] = []
         self.decisions: List[Decision] = []
-        self._ends: Dict[int, List[str]] = {}
         self.due: List[Decision] = []
+        self._ends: Dict[int, List[str]] = {}
 
     def ended(self, node: Duty, end: str) -> None:
         """Note how a leaf had to end: SUCCESS, IDLE, or the cause of its failure."""
@@ -38,19 +48,8 @@ class Reports:
         self.due.append(Decision(node.registration_id, node.full_path,
                                  cause.value if cause else "", step, handler))
 
-    def differences(self, nodes: Sequence[Any]) -> Iterator[str]:
-        """Yield what the record says otherwise, and forget both sides."""
-        yield from self._unlike_ends(nodes)
-        # decisions of recoveries first, then what is begun: of both the order counts
-        for due, other in itertools.zip_longest(*(
-                sorted(decisions, key=lambda decision: not decision.cause)
-                for decisions in (self.due, self.decisions))):
-            if due != other:
-                yield f"this had to happen: {due or 'nothing'}; on record is: {other or 'nothing'}"
-        for notes in (self.finished, self._ends, self.due, self.decisions):
-            notes.clear()
-
-    def _unlike_ends(self, nodes: Sequence[Any]) -> Iterator[str]:
+    def unlike_reports(self, nodes: Sequence[Any]) -> Iterator[str]:
+        """Yield what was reported otherwise than it had to be."""
         reported: Dict[int, List[str]] = {}
         for event in self.finished:
             reported.setdefault(event.uid, []).append(_value(event))
@@ -64,6 +63,12 @@ class Reports:
             if values != wanted and not (is_quiet and set(values) <= set(wanted)):
                 yield "{} ended with {}; on record is {}".format(
                     label(node), ", ".join(wanted) or "nothing", ", ".join(values) or "nothing")
+        # decisions of recoveries first, then what is begun: of both the order counts
+        for due, other in itertools.zip_longest(*(
+                sorted(decisions, key=lambda decision: not decision.cause)
+                for decisions in (self.due, self.decisions))):
+            if due != other:
+                yield f"this had to happen: {due or 'nothing'}; on record is: {other or 'nothing'}"
 
 
 def _value(ended: LeafFinished) -> str:
@@ -73,25 +78,20 @@ def _value(ended: LeafFinished) -> str:
     return ended.status if ended.failure is None else ended.failure.cause.value
 
 
+STEPS = {StepStarted: reference.BEGINS, StopChanged: reference.STOP, Recovering: reference.RETRY,
+         Retried: reference.FAILED_AGAIN, Recovered: reference.ENDED}
+"""What an event on record says of a step."""
+
+
 def decision(event: Union[StepStarted, StopChanged, Recovering, Retried, Recovered]) -> Decision:
     """Return what the record says of a step, a stop or a recovery."""
-    failure = getattr(event, "failure", None)
+    facts = asdict(event)
+    step = reference.INSTEAD if facts.get("substitute") else STEPS[type(event)]
+    gives_up = facts.get("policy", "").partition(": ")[0].endswith("give up")
+    step = step.format(rule="give up" if gives_up else "skip", **facts)
     handler = event.uid if isinstance(event, (Recovering, Recovered)) else 0
-    if isinstance(event, StepStarted):
-        step = reference.BEGINS
-    elif isinstance(event, StopChanged):
-        step = reference.STOP.format(event.number, event.of, event.name, event.state)
-    elif isinstance(event, Retried):
-        step = reference.FAILED_AGAIN.format(event.attempt)
-    elif isinstance(event, Recovered):
-        gives_up = event.policy.partition(": ")[0].endswith("give up")
-        step = reference.ENDED.format(event.outcome, event.attempts,
-                                      "give up" if gives_up else "skip")
-    elif event.attempt:
-        step = reference.RETRY.format(event.attempt, event.of)
-    else:
-        step = reference.INSTEAD.format(event.substitute)
-    return Decision(event.node, event.path, failure.cause.value if failure else "", step, handler)
+    cause = facts["failure"].cause.value if facts.get("failure") else ""
+    return Decision(event.node, event.path, cause, step, handler)
 
 
 class WrittenEntries:

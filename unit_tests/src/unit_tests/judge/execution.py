@@ -14,8 +14,7 @@ than ``Facts.late`` before (a timer, the next traversal, the next pass), and ear
 """
 import itertools
 import math
-from collections import Counter
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
@@ -33,7 +32,7 @@ from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 
 from unit_tests.judge import reference
 from unit_tests.judge.calls import Calls, Query, described
-from unit_tests.judge.comparison import Reports, WrittenEntries, decision, label
+from unit_tests.judge.comparison import Traversal, WrittenEntries, decision, label
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE, SAFE_STATE, TaskContext, Duty
@@ -56,64 +55,49 @@ TABLE = {spec.id for spec in reference.ROWS}
 """The node types that have a row."""
 
 
-class CannotRepeat(Exception):
-    """The mission of the record cannot be built again; the text says why."""
-
-
-class Traversal:
-    """One traversal of the tree: the changes of status on record, and those that had to be, each as
-    the node's number and a letter."""
-
-    def __init__(self, recorded: Sequence[Tuple[int, str]] = (), last: str = ""):
-        self.recorded = list(recorded)
-        self.due: List[Tuple[int, str]] = []
-        # requests: after how many changes, what is wrong
-        self.wrong: List[Tuple[int, str]] = []
-        self.last = last  # the leaf that had ended last before
-        # of each node, how many changes of status it has taken from the record
-        self.copied: Dict[int, int] = Counter()
-
-    @property
-    def misstep(self) -> Optional[int]:
-        """The place of the first change that differs; None: none does."""
-        pairs = enumerate(itertools.zip_longest(self.due, self.recorded))
-        return next((place for place, (due, other) in pairs if due != other), None)
-
-
 class Execution(TaskContext):
-    """One mission of a record, done again line by line. ``difference`` is the first one, and
-    ``differs_at`` its time; empty: none."""
+    """A record, done again line by line. ``difference`` is the first one, and ``differs_at`` its
+    time; empty: none."""
 
-    def __init__(self, begins: Line, passes: int, facts: Facts, shown: Sequence[TreeShown]):
-        """``passes`` have ended before; ``shown`` has the tree on record. Raises CannotRepeat."""
-        began, started = begins.time, begins.event
-        assert isinstance(started, RunStarted)
+    def __init__(self, facts: Facts):
+        self.test, self._facts = facts.test, facts
+        self.now = self.differs_at = self._pass_began = 0.0
+        self.difference, self.passes = "", 0
+        self.offset: Optional[float] = None  # from the mission's clock to Unix time
+        self.calls, self.signs = Calls(), Signs()
+        self.tree: Any = None
+        self._shown: List[TreeShown] = []
+        self._next = math.inf, ""  # what is due next, and when
+        self._outcome, self._is_in_pass = "", False  # of the last pass
+        self._delays: Dict[str, List[float]] = {}  # of retries, by node type
+        for line in facts.run.lines:
+            self._take(line)
+
+    def _begin(self, started: RunStarted) -> None:
+        """Begin the mission whose tree was shown; a node may take up another one while it runs."""
+        self._pass_began = self.now
         try:
             self._build(started)
         except BehaviorControllerError as error:
-            raise CannotRepeat(f"the mission on record cannot be done again: {error}") from error
-        self.began = self.now = began  # times of its first and its newest line
-        self.difference, self.differs_at = "", began
-        self.passes, self.test, self._facts = passes, facts.test, facts
-        self.offset: Optional[float] = None  # from the mission's clock to Unix time
-        self.calls, self.signs = Calls(), Signs(self.clock)
-        self.reports, self.entries = Reports(), WrittenEntries(self.tree)
-        self._next = began, "the first pass"  # what is due next, and when
+            self._differ(f"the mission on record cannot be done again: {error}")
+            return
+        self.signs.begin(self.clock, self.now)
+        self.entries, self.traversal = WrittenEntries(self.tree), Traversal()
+        self._next = self.now, "the first pass"
         self._is_in_pass = self._is_over = False
-        self._pass_began, self._visit_began = began, 0.0
+        self._visit_began = 0.0
         self._clock_began: Optional[float] = None  # the offset at the first traversal of a pass
         self._result = ""  # of the tree in the newest traversal, if it has ended
         self._outcome, self._ready, self._pauses = "", 0.0, 0  # after the last pass
-        self._traversal = Traversal()
         self._last = ""  # the leaf that ended last
-        self._delays: Dict[str, List[float]] = {}  # of retries, by node type
         self.tree.subscribe(
-            lambda node, old, new: self._traversal.due.append((node.uid, LETTERS[new])))
+            lambda node, old, new: self.traversal.changes.append((node.uid, LETTERS[new])))
         places = [(node.full_path, node.registration_id) for node in self.tree.nodes]
         leaves = [place for place, node in zip(places, self.tree.nodes) if isinstance(node, Duty)]
         if leaves != list(map(tuple, started.leaves)) or [places] != [
-                [(node.path, node.type) for node in tree.nodes] for tree in shown]:
+                [(node.path, node.type) for node in tree.nodes] for tree in self._shown]:
             self._differ("the tree on record is not that of the mission file")
+        self._shown.clear()
 
     def _build(self, started: RunStarted) -> None:
         """Set the mission up. Raises BehaviorControllerError."""
@@ -131,12 +115,14 @@ class Execution(TaskContext):
 
     # ----------------------------------------------------------------------------------- the record
 
-    def take(self, line: Line) -> None:
+    def _take(self, line: Line) -> None:
         """Go on with the next event of the record."""
         event, self.now = line.event, line.time
         if isinstance(event, PACING):
             self._differ(self.overdue(self.now))
-        if type(event) in _HANDLERS and (not self.difference or isinstance(event, WITNESSED)):
+        is_begun = self.tree is not None or isinstance(event, (TreeShown, RunStarted))
+        is_of_use = is_begun and (not self.difference or isinstance(event, WITNESSED))
+        if type(event) in _HANDLERS and is_of_use:
             _HANDLERS[type(event)](self, event)
 
     def _note_asked(self, event: Asked) -> None:
@@ -174,7 +160,7 @@ class Execution(TaskContext):
     def _note_leaf(self, event: LeafFinished) -> None:
         if not self._is_of(event):
             self._differ(f"node {event.uid} is not {event.node} {event.path}")
-        self.reports.finished.append(event)
+        self.traversal.finished.append(event)
 
     def _is_of(self, event: Union[LeafFinished, Recovering, Recovered]) -> bool:
         """Return whether the number of a node is that of its path and type."""
@@ -185,7 +171,7 @@ class Execution(TaskContext):
     def _note_step(self, event: Union[StepStarted, StopChanged]) -> None:
         is_request = isinstance(event, StopChanged) or not (event.is_wait or event.goes_on)
         if event.node in TABLE and is_request:
-            self.reports.decisions.append(decision(event))
+            self.traversal.decisions.append(decision(event))
 
     def _note_recovery(self, event: Union[Recovering, Retried, Recovered]) -> None:
         if isinstance(event, Recovered):
@@ -194,7 +180,7 @@ class Execution(TaskContext):
             if event.success is (event.outcome == reference.GIVEN_UP):
                 self._differ(f"the recovery of {event.node} is {event.outcome}; on record its "
                              f"success is {event.success}")
-        self.reports.decisions.append(decision(event))
+        self.traversal.decisions.append(decision(event))
 
     # ----------------------------------------------------------------------------------- the passes
 
@@ -222,7 +208,8 @@ class Execution(TaskContext):
         if (event.number, event.outcome) != (self.passes + 1, self._result):
             self._differ("pass {} ended with {}; its tree ends with {}".format(
                 event.number, event.outcome, self._result or "nothing yet"))
-        self._differ(next(self.reports.differences(self.tree.nodes), ""))
+        self._differ(next(self.traversal.unlike_reports(self.tree.nodes), ""))
+        self.traversal = Traversal(self._last)
         self.passes += 1
         self._is_in_pass, self._outcome = False, event.outcome
         self._ready = now + (SHORTEST_PASS if event.seconds < SHORTEST_PASS else 0.0)
@@ -245,7 +232,7 @@ class Execution(TaskContext):
         self._next = ready, f"pass {self.passes + 1}"
 
     def _note_safe_state(self, event: SafeStateReported) -> None:
-        self.reports.decisions.append(SAFE)
+        self.traversal.decisions.append(SAFE)
         reported = {part.service: part for part in event.parts}
         since = self.now - event.seconds - self._facts.late
         for request in SAFE_STATE:
@@ -270,13 +257,12 @@ class Execution(TaskContext):
         if sorted(map(str, asked)) != sorted(map(str, SAFE_STATE)):
             self._differ("at the end the safe state is due, once; what was asked: {}".format(
                 ", ".join(map(described, asked)) or "nothing"))
-        elif self.reports.decisions != [SAFE]:
+        elif self.traversal.decisions != [SAFE]:
             self._differ(f"at the end {SAFE}; it was not")
         elif not event.outcome.endswith(self._outcome):
             self._differ(
                 f"the last pass ended with {self._outcome}; at the end it was {event.outcome}")
         self.calls.unexplained.clear()
-        self.reports.decisions.clear()
         self._is_over, self._next = True, (math.inf, "")
 
     # ----------------------------------------------------------------------------------- traversals
@@ -284,7 +270,7 @@ class Execution(TaskContext):
     def _traverse(self, tick: Tick) -> None:
         self._check_clock(tick)
         self.clock.set_to(tick.at)
-        self._traversal = Traversal(tick.changes, self._last)
+        self.traversal.recorded, self.traversal.changes = tick.changes, []
         result: Any = None
         changes = self.tree.changes
         try:
@@ -296,6 +282,7 @@ class Execution(TaskContext):
                 self._differ(f"the mission cannot be done again: {error}")
             result = FAILURE  # of a script, say: the pass is over
         self._differ(self._first_difference())
+        self.traversal = Traversal(self._last)
         self._expect_traversal(result is RUNNING, self.tree.changes != changes)
         self._result = result.name if result in (SUCCESS, FAILURE) else ""
         if self._result:
@@ -354,36 +341,39 @@ class Execution(TaskContext):
             self.difference = f"pass {self.passes + 1}, {at:.1f} s: {text}"
 
     def _first_difference(self) -> str:
-        """Return the first difference of the traversal: a request, a change of status, then what
+        """Return the first difference of the traversal: a request or a change of status, then what
         else is on record."""
-        wrong, misstep = min(self._traversal.wrong, default=None), self._traversal.misstep
-        if wrong is not None and (misstep is None or wrong[0] <= misstep):
-            return wrong[1]
-        if misstep is not None:
-            return self._described_misstep(misstep)
+        traversal = self.traversal
+        pairs = itertools.zip_longest(traversal.changes, traversal.recorded, fillvalue=(None, ""))
+        for place, (due, came) in enumerate(pairs):
+            if due != came:
+                return self._misstep(place, *due, *came)
         for query in self.calls.unexplained:
             return (f"after {self.calls.asker or self._last}, while {self.under_way()} goes on, "
                     f"nothing more was due; what was asked: {self.calls.described(query)}")
-        return next(itertools.chain(self.reports.differences(self.tree.nodes),
+        return next(itertools.chain(traversal.unlike_reports(self.tree.nodes),
                                     self.entries.differences(self._last)), "")
 
-    def _described_misstep(self, place: int) -> str:
-        """Return which change of status had to come there, and which came."""
+    def _misstep(self, place: int, uid: Optional[int], letter: str, other: Optional[int],
+                 other_letter: str) -> str:
+        """Return which change of status had to come at a place, and which other one came."""
+        if uid == 0:  # a request was wrong
+            return letter
         due, came = "nothing more had to be", "nothing"
-        for uid, letter in self._traversal.due[place:place + 1]:
-            node, cause = self.tree.nodes[uid - 1], self.reports.cause(uid)
+        if uid is not None:
+            node, cause = self.tree.nodes[uid - 1], self.traversal.cause(uid)
             reason = f" ({cause})" if cause and letter == "F" else ""
             place_of = f" (in {label(node.parent)})" if node.parent is not None else ""
             due = f"{self._label(uid)} had to be {WORDS[letter]}{reason}{place_of}"
-        for uid, letter in self._traversal.recorded[place:place + 1]:
-            came = f"{self._label(uid)} {WORDS[letter]}"
+        if other is not None:
+            came = f"{self._label(other)} {WORDS[other_letter]}"
         return f"{self._after(place)}{due}; on record is {came}"
 
     def _after(self, place: int) -> str:
         """Return which leaf had ended before a change of status."""
-        before = [uid for uid, letter in self._traversal.due[:place]
+        before = [uid for uid, letter in self.traversal.changes[:place]
                   if letter in "SF" and isinstance(self.tree.nodes[uid - 1], Duty)]
-        last = self._label(before[-1]) if before else self._traversal.last
+        last = self._label(before[-1]) if before else self.traversal.last
         return f"after {last}, " if last else ""
 
     def _label(self, uid: int) -> str:
@@ -401,12 +391,12 @@ class Execution(TaskContext):
         """Return a request with its answer, if that has come; of a node without a row only the
         request's kind is known."""
         if node.registration_id in TABLE and not isinstance(node, reference.RecoveryTask):
-            self.reports.decided(node, reference.BEGINS)
+            self.traversal.decided(node, reference.BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
             answer = Answer(exhibits=self.knowledge[request.what])
             return Query(0, request, "", self._unix_now, result=answer)
         if not self.calls.next_is(request):
-            after = self._after(len(self._traversal.due))
+            after = self._after(len(self.traversal.changes))
             self._wrong(f"{after}{label(node)} {self.calls.unlike(request)}")
             return Query(0, request, "", self._unix_now)
         query = self.calls.take(node)
@@ -416,7 +406,7 @@ class Execution(TaskContext):
         return query
 
     def _wrong(self, text: str) -> None:
-        self._traversal.wrong.append((len(self._traversal.due), text))
+        self.traversal.changes.append((0, text))
 
     @property
     def _unix_now(self) -> float:
@@ -439,16 +429,16 @@ class Execution(TaskContext):
 
     def ended(self, node: Duty, cause: Optional[Cause]) -> None:
         """Note that a leaf ended; ``cause`` None: it succeeded."""
-        self.reports.ended(node, "SUCCESS" if cause is None else cause.value)
+        self.traversal.ended(node, "SUCCESS" if cause is None else cause.value)
         self._last = label(node)
 
     def of_record(self, node: Duty) -> Tuple[str, Optional[Cause]]:
         """Return the next status of a node in this traversal, and why it failed, if it did."""
-        traversal = self._traversal
+        traversal = self.traversal
         mine = [letter for uid, letter in traversal.recorded if uid == node.uid and letter != "-"]
         place = traversal.copied[node.uid]
         traversal.copied[node.uid] += 1
-        causes = [event.failure.cause for event in self.reports.finished
+        causes = [event.failure.cause for event in traversal.finished
                   if event.uid == node.uid and event.failure]
         kinds = tuple(getattr(node.spec, "calls", ()))
         if node.status is not RUNNING and self.calls.next_is(kinds):
@@ -465,7 +455,8 @@ _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     PassStarted: Execution._start_pass, PassFinished: Execution._end_pass,
     RunFinished: Execution._end_run, SafeStateReported: Execution._note_safe_state,
     StepStarted: Execution._note_step, StopChanged: Execution._note_step,
-    Suspended: Execution._note_suspension, Tick: Execution._traverse
+    RunStarted: Execution._begin, Suspended: Execution._note_suspension, Tick: Execution._traverse,
+    TreeShown: lambda execution, event: execution._shown.append(event)
 }
 """What is done again, until the first difference."""
 
@@ -474,20 +465,3 @@ WITNESSED = (Asked, Answered, Message)
 
 PACING = (PassStarted, Tick, PassFinished, RunFinished)
 """What comes late if nothing else has come when it was due."""
-
-
-def execute(facts: Facts) -> List[Execution]:
-    """Do all missions of a record again: a node may take up another one while it runs. Raises
-    CannotRepeat."""
-    executions: List[Execution] = []
-    shown: List[TreeShown] = []
-    for line in facts.run.lines:
-        if isinstance(line.event, TreeShown):
-            shown.append(line.event)
-        elif isinstance(line.event, RunStarted):
-            passes = executions[-1].passes if executions else 0
-            executions.append(Execution(line, passes, facts, shown))
-            shown = []
-        elif executions:
-            executions[-1].take(line)
-    return executions

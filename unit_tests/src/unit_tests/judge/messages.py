@@ -9,13 +9,14 @@ from behavior_controller.robot.declarations import Topic
 
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts
-from unit_tests.judge.signs import Holding, SignWait
+from unit_tests.judge.signs import Look
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import TOPICS
 
 
 def objections(facts: Facts, execution: Execution, end: float) -> Iterator[str]:
-    """Object to messages that were not published, and to signs that were not seen until ``end``."""
+    """Object to messages that were not published, and to signs that were not seen until ``end``;
+    empty: no objection."""
     offset, signs = execution.offset, execution.signs
     if offset is None:
         return
@@ -27,14 +28,11 @@ def objections(facts: Facts, execution: Execution, end: float) -> Iterator[str]:
         if topic in published and not published[topic].has(event):
             yield (f"the controller read {event.value!r} from {event.topic}, and nobody published "
                    "that")
-    waiting = [search._replace(until=max(search.until, end - offset))
-               for search in signs.waiting.values()]
-    for search in signs.searches + waiting:
-        if search.topic in published:
-            yield from published[search.topic].missed(search, execution)
-    for holding in signs.holdings:
-        if holding.topic in published:
-            yield from published[holding.topic].outdated(holding)
+    for look in signs.waiting.values():
+        look.until = max(look.until, end - offset)
+    for look in signs.looks:
+        if look.topic in published:
+            yield published[look.topic].objection(look, execution.settings.topic_max_age)
 
 
 class JournalMessages:
@@ -59,43 +57,31 @@ class JournalMessages:
         lines = self._lines[first:self._until(arrived + self._late)]
         return any(value == event.value for _, value in lines)
 
-    def missed(self, search: SignWait, execution: Execution) -> Iterator[str]:
-        """Object to a sign that was there for ``Facts.late`` and was not seen."""
-        offset, began = self._offset, execution.began
-        at, until = search.at + offset, search.until + offset
-        after = max(search.after + offset, began)
-        if search.topic.is_continuous:
-            time, value = self._newest(at - self._late)
-            earliest = max(began + self._late, search.newest + offset + EARLY)
-            if self._is_heard(time) and time > earliest:
-                yield (f"{search.node.registration_id} did not read what {search.topic.name} said "
-                       f"{at - time:.1f} s before: {value!r}")
-                return
-            after = max(after, at - execution.settings.topic_max_age + EARLY)
+    def objection(self, look: Look, max_age: float) -> str:
+        """Object to a sign that was there for ``Facts.late`` and was not seen, and to one that had
+        been over for so long; empty: neither."""
+        topic, name = look.topic, look.node.registration_id
+        at, until = look.at + self._offset, look.until + self._offset
+        place = self._until(at - self._late)
+        time, value = self._lines[place - 1] if place else (-math.inf, None)
+        is_newer = topic.is_continuous and time > look.newest + self._offset + EARLY
+        if look.has_sign:
+            is_over = is_newer and topic.is_event is None and not look.is_sign(value)
+            return f"{name} held, {at - time:.1f} s after {topic.name} said {value!r}" * is_over
+        if is_newer and self._is_heard(time) and time > look.began + self._late:
+            return f"{name} did not read what {topic.name} said {at - time:.1f} s before: {value!r}"
+        after = max(look.after + self._offset, look.began)
+        if topic.is_continuous:
+            after = max(after, at - max_age + EARLY)
         for place in range(self._until(after), self._until(until - self._late)):
             time, value = self._lines[place]
             # a state has to stay the sign until it could have been seen
-            last = place + 1
-            if search.topic.is_continuous:
-                last = self._until(max(at, time + self._late))
+            last = self._until(max(at, time + self._late)) if topic.is_continuous else place + 1
             if self._is_heard(time) and all(
-                    search.is_sign(later) for _, later in self._lines[place:last]):
-                yield (f"{search.node.registration_id} did not see what {search.topic.name} said "
-                       f"{until - time:.1f} s before: {value!r}")
-                return
-
-    def outdated(self, holding: Holding) -> Iterator[str]:
-        """Object to a sign that was over ``Facts.late`` before it was read."""
-        at = holding.at + self._offset
-        time, value = self._newest(at - self._late)
-        if time > holding.arrived + self._offset + EARLY and not holding.is_sign(value):
-            yield (f"{holding.node.registration_id} held, {at - time:.1f} s after "
-                   f"{holding.topic.name} said {value!r}")
-
-    def _newest(self, time: float) -> Tuple[float, Any]:
-        """Return time and value of the newest message at that time."""
-        place = self._until(time)
-        return self._lines[place - 1] if place else (-math.inf, None)
+                    look.is_sign(later) for _, later in self._lines[place:last]):
+                return (f"{name} did not see what {topic.name} said {until - time:.1f} s before: "
+                        f"{value!r}")
+        return ""
 
     def _is_heard(self, time: float) -> bool:
         return not any(crash < time < crash + RETURN for crash in self._crashes)

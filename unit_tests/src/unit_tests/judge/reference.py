@@ -118,11 +118,12 @@ class Decision(NamedTuple):
         return f"{node} {self.step}".strip()
 
 
-BEGINS, STOP = "begins", "is at stop {} of {}, {}: {}"
+BEGINS, STOP = "begins", "is at stop {number} of {of}, {name}: {state}"
 """What is reported of a step that asks, and of one that begins, ends or leaves out a stop."""
 
-RETRY, INSTEAD, ENDED = "retry {} of {}", "{} instead", "{} after {} retries, by a rule to {}"
-FAILED_AGAIN = "failed too, after {} retries"
+RETRY, INSTEAD = "retry {attempt} of {of}", "{substitute} instead"
+ENDED = "{outcome} after {attempts} retries, by a rule to {rule}"
+FAILED_AGAIN = "failed too, after {attempt} retries"
 """What a recovery does about a step."""
 
 SAFE = Decision("", "", "", "what was reached of the safe state is reported")
@@ -308,7 +309,7 @@ class Task(Duty, ActionLeaf):
     on_start = on_running = Duty.go_on
 
     def on_halted(self) -> None:
-        self.course.reports.ended(self, "IDLE")
+        self.course.traversal.ended(self, "IDLE")
 
 
 class Asking(Task):
@@ -417,9 +418,9 @@ def _look(node: Any, topic: Topic, evidence: SignRule, after: float) -> Optional
     is_sign = partial(evidence.is_sign, course)
     for sample in counting:
         if is_sign(sample.value):
-            course.signs.saw(node, topic, sample, is_sign)
+            course.signs.looked(node, topic, after, is_sign, True)
             return sample
-    course.signs.sought(node, topic, after, is_sign)
+    course.signs.looked(node, topic, after, is_sign, False)
     if any(evidence.is_given_up(course, sample.value) for sample in counting):
         raise Fails(Cause.CONDITION_FALSE)
     return None
@@ -558,7 +559,7 @@ class RecoveryTask(Task):
         if self.failed is None:
             return ""
         is_other = self._work not in (None, self.failed.node)
-        instead = ", " + INSTEAD.format(self._work.registration_id) if is_other else ""
+        instead = ", " + INSTEAD.format(substitute=self._work.registration_id) if is_other else ""
         return (f"{self.failed.node.registration_id} failed: {self._cause.value}; {self._retries} "
                 f"of {self._rule.retries} retries made{instead}")
 
@@ -596,9 +597,9 @@ class RecoveryTask(Task):
             queries = [self.ask(request) for request in SAFE_STATE]
             while any(query.result is None for query in queries):
                 yield
-            course.reports.due.append(SAFE)
+            course.traversal.due.append(SAFE)
         rule = "give up" if self._rule.then == "giveUp" else "skip"
-        self._decided(ENDED.format(outcome, self._retries, rule))
+        self._decided(ENDED.format(outcome=outcome, attempts=self._retries, rule=rule))
         if outcome == GIVEN_UP:
             course.unrecovered.append((self._cause, self.failed.resource))
             raise Fails(self._cause)
@@ -615,7 +616,7 @@ class RecoveryTask(Task):
             course.is_spent = True
 
     def _decided(self, step: str) -> None:
-        self.course.reports.decided(self.failed.node, step, self._cause, self.uid)
+        self.course.traversal.decided(self.failed.node, step, self._cause, self.uid)
 
     def _repair(self) -> Generator[None, None, str]:
         """Try the step again, then its substitute; return the outcome, empty: neither helped."""
@@ -623,19 +624,20 @@ class RecoveryTask(Task):
         while step.parent is self.parent and isinstance(step, Asking):
             if self._retries < self._rule.retries:
                 self._work = step
-                self._decided(RETRY.format(self._retries + 1, self._rule.retries))
+                self._decided(RETRY.format(attempt=self._retries + 1, of=self._rule.retries))
                 yield from self._wait()
             elif self._rule.then in ("skip", "giveUp") or self._work not in (None, step):
                 break
             else:
                 self._work = self._substitute(self._rule.then)
-                self._decided(INSTEAD.format(self._rule.then))
+                self._decided(INSTEAD.format(substitute=self._rule.then))
             cause = yield from self._work.attempt()
             if self._work is step:
                 self._retries += 1
             if cause is None:
                 return DONE if self._work is step else SUBSTITUTED
-            self.course.reports.decided(self._work, FAILED_AGAIN.format(self._retries), cause)
+            step = FAILED_AGAIN.format(attempt=self._retries)
+            self.course.traversal.decided(self._work, step, cause)
             if self._work is step:
                 self._cause, self._rule = cause, self.course.policy.rule(step, cause)
         return ""
@@ -721,8 +723,9 @@ def _begin(node: Any) -> None:
 
 def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    step = STOP.format(index + 1, len(exhibits), exhibits[index].name, state)
-    node.course.reports.decided(node, step)
+    step = STOP.format(
+        number=index + 1, of=len(exhibits), name=exhibits[index].name, state=state)
+    node.course.traversal.decided(node, step)
 
 
 def _has_next(node: Any) -> bool:

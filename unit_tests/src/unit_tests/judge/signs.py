@@ -1,7 +1,8 @@
-"""The messages on record as the nodes read them, and the signs of a visitor that they saw or waited
-for."""
+"""The messages on record as the nodes read them, and what the nodes looked for in
+them."""
 import math
-from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, List, Sequence, Tuple
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.status import RUNNING
@@ -11,47 +12,39 @@ from behavior_controller.robot.gateway import Sample
 
 from unit_tests.judge.reference import Duty, is_asked_again
 
-IsSign = Callable[[Any], bool]
-
-
-class SignWait(NamedTuple):
-    """A node that saw no sign at a moment of the mission's clock, and until when it went on
-    waiting; ``newest``: when the newest message arrived that it had read."""
+@dataclass(eq=False)
+class Look:
+    """A node's look for its sign among the messages later than ``after``, at a moment of the
+    mission's clock. Without a sign it goes on waiting ``until`` another moment."""
 
     node: Duty
     topic: Topic
     after: float
-    is_sign: IsSign
+    is_sign: Callable[[Any], bool]
+    has_sign: bool
+    newest: float  # when the newest message arrived that it had read
     at: float
     until: float
-    newest: float
-
-
-class Holding(NamedTuple):
-    """A sign that a condition on a state held for: when it arrived and when it was read, by the
-    mission's clock."""
-
-    node: Duty
-    topic: Topic
-    is_sign: IsSign
-    arrived: float
-    at: float
+    began: float  # Unix time at which the mission began
 
 
 class Signs:
-    """The messages of one mission."""
+    """The messages of a record."""
 
-    def __init__(self, clock: Clock):
+    def __init__(self) -> None:
         self.read: List[Message] = []
-        self.searches: List[SignWait] = []
-        self.holdings: List[Holding] = []
-        self.waiting: Dict[int, SignWait] = {}  # that have not ended, by the uid of the node
-        self._clock = clock
+        self.looks: List[Look] = []
+        self.waiting: Dict[int, Look] = {}  # looks that have not ended, by the uid of the node
+
+    def begin(self, clock: Clock, began: float) -> None:
+        """Begin a mission."""
+        self._clock, self._began = clock, began
+        self.waiting.clear()
         self._news: List[Tuple[Topic, int, Sample]] = []
         self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
         self._heard: List[str] = []  # topics on which the robot still hears something
         self._reads: Dict[Topic, int] = {}  # in this traversal
-        self._sought: List[SignWait] = []  # in this traversal
+        self._newest: List[Look] = []  # in this traversal
 
     def note(self, event: Message, topic: Topic) -> None:
         """Note a message on record."""
@@ -78,31 +71,30 @@ class Signs:
         self._heard.remove(topic.name)
         return True
 
-    def sought(self, node: Duty, topic: Topic, after: float, is_sign: IsSign) -> None:
-        """Note that a node saw no sign among the messages later than ``after``."""
+    def looked(self, node: Duty, topic: Topic, after: float, is_sign: Callable[[Any], bool],
+               has_sign: bool) -> None:
+        """Note that a node looked for its sign, and whether it was there."""
         now, recent = self._clock.now(), self._recent.get(topic, ())
         newest = recent[-1].arrived if recent else -math.inf
-        self._sought.append(SignWait(node, topic, after, is_sign, now, now, newest))
-
-    def saw(self, node: Duty, topic: Topic, sample: Sample, is_sign: IsSign) -> None:
-        """Note that a message was the sign."""
-        if topic.is_continuous and topic.is_event is None:
-            self.holdings.append(Holding(node, topic, is_sign, sample.arrived, self._clock.now()))
+        self._newest.append(
+            Look(node, topic, after, is_sign, has_sign, newest, now, now, self._began))
 
     def end_traversal(self) -> None:
         """Note which nodes go on waiting for a sign, and which wait no more."""
         before, self.waiting = self.waiting, {}
-        for search in self._sought:
-            known = before.get(search.node.uid, search)
-            if not _waits(search.node):
-                self.searches.append(search)
-            elif known.after == search.after:
-                self.waiting[search.node.uid] = before.pop(search.node.uid, search)
+        for look in before.values():
+            look.until = self._clock.now()
+        for look in self._newest:
+            earlier = before.get(look.node.uid)
+            is_waiting = not look.has_sign and _waits(look.node)
+            if is_waiting and earlier is not None and earlier.after == look.after:
+                look = earlier
             else:
-                self.waiting[search.node.uid] = search
-        self.searches += [search._replace(until=self._clock.now()) for search in before.values()]
+                self.looks.append(look)
+            if is_waiting:
+                self.waiting[look.node.uid] = look
         self._reads.clear()
-        self._sought.clear()
+        self._newest.clear()
 
 
 def _waits(node: Any) -> bool:

@@ -50,16 +50,15 @@ class Pair(NamedTuple):
 class Witness:
     """The journal beside the record."""
 
-    def __init__(self, facts: Facts, executions: Sequence[Execution]):
+    def __init__(self, facts: Facts, execution: Execution):
         self._facts, self._interface = facts, facts.world.settings.interface
-        self._executions, self._crashes = executions, facts.crashes
-        self._late = facts.late
+        self._execution, self._crashes, self._late = execution, facts.crashes, facts.late
         lines = list(facts.journal) + facts.run.lines[-1:]
         self.end = max((line.time for line in lines), default=0.0)
         self._answers = self._answers_of_nodes()
-        deadlines = executions[0].settings.deadlines if executions else {}
-        self._safe_limit = max((deadlines[self._interface.service(type(request)).deadline_key]
-                                for request in SAFE_STATE if deadlines), default=0.0)
+        self._deadlines = facts.world.settings.deadlines
+        self._safe_limit = max(self._deadlines[self._interface.service(type(request)).deadline_key]
+                               for request in SAFE_STATE)
         self.pairs: List[Pair] = []
         for service in self._interface.services:
             self.pairs += self._pair(service)
@@ -84,8 +83,8 @@ class Witness:
         lines = [
             line for line in self._facts.journal if line.call and line.resource == service.name
         ]
-        queries = [query for execution in self._executions
-                   for query in execution.calls.queries.values() if query.service == service.name]
+        queries = [query for query in self._execution.calls.queries.values()
+                   if query.service == service.name]
         queries.sort(key=lambda query: query.asked)
         for query, following in itertools.zip_longest(queries, queries[1:]):
             while lines and lines[0].time < query.asked - EARLY:
@@ -121,8 +120,7 @@ class Witness:
             if self._is_witnessed(pair.service):
                 yield from self._of_pair(pair, asker)
         yield from self._of_health()
-        for execution in self._executions:
-            yield from messages.objections(self._facts, execution, self.end)
+        yield from filter(None, messages.objections(self._facts, self._execution, self.end))
 
     def _of_pair(self, pair: Pair, asker: str) -> Iterator[str]:
         """Object to a request; ``asker`` is what has made the newest one on record."""
@@ -189,8 +187,7 @@ class Witness:
         name, result, fault = query.asker, query.result, line.fault
         if line.time > query.asked + self._late:
             yield f"{name}: {service.name} got the request {line.time - query.asked:.1f} s late"
-        until, deadline = self._until(query), query.asked + self._executions[
-            0].settings.deadlines[service.deadline_key]
+        until, deadline = self._until(query), query.asked + self._deadlines[service.deadline_key]
         due = deadline if fault == UNANSWERED else min(line.time + line.seconds, deadline)
         # of the safe state all results are read when the last one is there
         latest = query.asked + self._safe_limit if query.is_for_safety else due
