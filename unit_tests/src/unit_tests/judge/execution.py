@@ -134,13 +134,10 @@ class Execution(TaskContext):
     def _note_answer(self, event: Answered) -> None:
         self._differ(self.calls.note_answer(event, self.now))
 
-    def _note_message(self, event: Message) -> None:
-        self.signs.note(event, self.interface.topic(event.topic))
-
     def _note_hearing(self, event: StillHearing) -> None:
         if self.test.recognise_by != ACTION:
             self._differ(f"{event.topic} is no action that goes on hearing")
-        self.signs.note_hearing(event.topic)
+        self.signs.heard.append(event.topic)
 
     def _note_entries(self, event: EntriesWritten) -> None:
         if self.entries.note(event):
@@ -448,19 +445,20 @@ class Execution(TaskContext):
 
 _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     Asked: Execution._note_asked, Answered: Execution._note_answer,
-    Message: Execution._note_message, StillHearing: Execution._note_hearing,
-    EntriesWritten: Execution._note_entries, HealthChanged: Execution._note_health,
-    LeafFinished: Execution._note_leaf, Recovered: Execution._note_recovery,
-    Recovering: Execution._note_recovery, Retried: Execution._note_recovery,
-    PassStarted: Execution._start_pass, PassFinished: Execution._end_pass,
+    Message: lambda execution, event: execution.signs.news.append(event),
+    StillHearing: Execution._note_hearing, EntriesWritten: Execution._note_entries,
+    HealthChanged: Execution._note_health, LeafFinished: Execution._note_leaf,
+    Recovered: Execution._note_recovery, Recovering: Execution._note_recovery,
+    Retried: Execution._note_recovery, PassStarted: Execution._start_pass,
+    PassFinished: Execution._end_pass, RunStarted: Execution._begin,
     RunFinished: Execution._end_run, SafeStateReported: Execution._note_safe_state,
     StepStarted: Execution._note_step, StopChanged: Execution._note_step,
-    RunStarted: Execution._begin, Suspended: Execution._note_suspension, Tick: Execution._traverse,
+    Suspended: Execution._note_suspension, Tick: Execution._traverse,
     TreeShown: lambda execution, event: execution._shown.append(event)
 }
 """What is done again, until the first difference."""
 
-WITNESSED = (Asked, Answered, Message)
+WITNESSED = (Asked, Answered)
 """What is kept after the first difference too, for the witness."""
 
 PACING = (PassStarted, Tick, PassFinished, RunFinished)

@@ -418,9 +418,9 @@ def _look(node: Any, topic: Topic, evidence: SignRule, after: float) -> Optional
     is_sign = partial(evidence.is_sign, course)
     for sample in counting:
         if is_sign(sample.value):
-            course.signs.looked(node, topic, after, is_sign, True)
+            course.signs.searched(node, topic, after, is_sign, True)
             return sample
-    course.signs.looked(node, topic, after, is_sign, False)
+    course.signs.searched(node, topic, after, is_sign, False)
     if any(evidence.is_given_up(course, sample.value) for sample in counting):
         raise Fails(Cause.CONDITION_FALSE)
     return None
@@ -636,8 +636,8 @@ class RecoveryTask(Task):
                 self._retries += 1
             if cause is None:
                 return DONE if self._work is step else SUBSTITUTED
-            step = FAILED_AGAIN.format(attempt=self._retries)
-            self.course.traversal.decided(self._work, step, cause)
+            again = FAILED_AGAIN.format(attempt=self._retries)
+            self.course.traversal.decided(self._work, again, cause)
             if self._work is step:
                 self._cause, self._rule = cause, self.course.policy.rule(step, cause)
         return ""

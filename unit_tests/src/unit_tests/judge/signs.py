@@ -1,5 +1,5 @@
-"""The messages on record as the nodes read them, and what the nodes looked for in
-them."""
+"""The messages on record as the nodes read them, and how the nodes searched them for signs of a
+visitor."""
 import math
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Sequence, Tuple
@@ -12,9 +12,10 @@ from behavior_controller.robot.gateway import Sample
 
 from unit_tests.judge.reference import Duty, is_asked_again
 
+
 @dataclass(eq=False)
-class Look:
-    """A node's look for its sign among the messages later than ``after``, at a moment of the
+class SignSearch:
+    """A node's search for its sign among the messages later than ``after``, at a moment of the
     mission's clock. Without a sign it goes on waiting ``until`` another moment."""
 
     node: Duty
@@ -32,67 +33,58 @@ class Signs:
     """The messages of a record."""
 
     def __init__(self) -> None:
-        self.read: List[Message] = []
-        self.looks: List[Look] = []
-        self.waiting: Dict[int, Look] = {}  # looks that have not ended, by the uid of the node
+        self.searches: List[SignSearch] = []
+        self.waiting: Dict[int, SignSearch] = {}  # that go on, by the uid of the node
 
     def begin(self, clock: Clock, began: float) -> None:
         """Begin a mission."""
         self._clock, self._began = clock, began
         self.waiting.clear()
-        self._news: List[Tuple[Topic, int, Sample]] = []
+        self.news: List[Message] = []  # that no node has read yet
+        self.heard: List[str] = []  # topics on which the robot still hears something
         self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
-        self._heard: List[str] = []  # topics on which the robot still hears something
         self._reads: Dict[Topic, int] = {}  # in this traversal
-        self._newest: List[Look] = []  # in this traversal
-
-    def note(self, event: Message, topic: Topic) -> None:
-        """Note a message on record."""
-        self.read.append(event)
-        self._news.append((topic, event.read, Sample(event.value, event.arrived)))
-
-    def note_hearing(self, topic: str) -> None:
-        """Note that the robot still hears something."""
-        self._heard.append(topic)
+        self._newest: List[SignSearch] = []  # in this traversal
 
     def messages(self, topic: Topic) -> Sequence[Sample]:
         """Return the messages of a topic that the node may read now, oldest first."""
         self._reads[topic] = self._reads.get(topic, 0) + 1
-        for entry in list(self._news):
-            if entry[0] is topic and entry[1] <= self._reads[topic]:
-                self._recent[topic] = topic.kept(self._recent.get(topic, ()), entry[2])
-                self._news.remove(entry)
+        for event in list(self.news):
+            if event.topic == topic.name and event.read <= self._reads[topic]:
+                sample = Sample(event.value, event.arrived)
+                self._recent[topic] = topic.kept(self._recent.get(topic, ()), sample)
+                self.news.remove(event)
         return self._recent.get(topic, ())
 
     def is_hearing(self, topic: Topic) -> bool:
         """Return whether the robot still hears what began in time."""
-        if topic.name not in self._heard:
+        if topic.name not in self.heard:
             return False
-        self._heard.remove(topic.name)
+        self.heard.remove(topic.name)
         return True
 
-    def looked(self, node: Duty, topic: Topic, after: float, is_sign: Callable[[Any], bool],
-               has_sign: bool) -> None:
-        """Note that a node looked for its sign, and whether it was there."""
+    def searched(self, node: Duty, topic: Topic, after: float, is_sign: Callable[[Any], bool],
+                 has_sign: bool) -> None:
+        """Note that a node searched for its sign, and whether it was there."""
         now, recent = self._clock.now(), self._recent.get(topic, ())
         newest = recent[-1].arrived if recent else -math.inf
         self._newest.append(
-            Look(node, topic, after, is_sign, has_sign, newest, now, now, self._began))
+            SignSearch(node, topic, after, is_sign, has_sign, newest, now, now, self._began))
 
     def end_traversal(self) -> None:
         """Note which nodes go on waiting for a sign, and which wait no more."""
         before, self.waiting = self.waiting, {}
-        for look in before.values():
-            look.until = self._clock.now()
-        for look in self._newest:
-            earlier = before.get(look.node.uid)
-            is_waiting = not look.has_sign and _waits(look.node)
-            if is_waiting and earlier is not None and earlier.after == look.after:
-                look = earlier
+        for search in before.values():
+            search.until = self._clock.now()
+        for search in self._newest:
+            earlier = before.get(search.node.uid)
+            is_waiting = not search.has_sign and _waits(search.node)
+            if is_waiting and earlier is not None and earlier.after == search.after:
+                search = earlier
             else:
-                self.looks.append(look)
+                self.searches.append(search)
             if is_waiting:
-                self.waiting[look.node.uid] = look
+                self.waiting[search.node.uid] = search
         self._reads.clear()
         self._newest.clear()
 

@@ -63,8 +63,8 @@ class Case:
         offset = self.execution.offset
         if offset is None or self.overdue:
             return 0.0, ""
-        return max(((self.witness.end - offset - look.at, look.node.registration_id)
-                    for look in self.execution.signs.waiting.values()), default=(0.0, ""))
+        return max(((self.witness.end - offset - search.at, search.node.registration_id)
+                    for search in self.execution.signs.waiting.values()), default=(0.0, ""))
 
     @property
     def waiting_for(self) -> str:
