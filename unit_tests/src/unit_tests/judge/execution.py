@@ -27,6 +27,7 @@ from behavior_controller.execution.events import (
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
+from behavior_controller.monitoring.record.replay import RecordedTopics
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 
@@ -82,6 +83,7 @@ class Execution(TaskContext):
             self._differ(f"the mission on record cannot be done again: {error}")
             return
         self.signs.begin(self.clock, self.now)
+        self.topics = RecordedTopics(self.interface)
         self.entries, self.traversal = WrittenEntries(self.tree), Traversal()
         self._next = self.now, "the first pass"
         self._is_in_pass = self._is_over = False
@@ -137,7 +139,7 @@ class Execution(TaskContext):
     def _note_hearing(self, event: StillHearing) -> None:
         if self.test.recognise_by != ACTION:
             self._differ(f"{event.topic} is no action that goes on hearing")
-        self.signs.heard.append(event.topic)
+        self.topics.take(event)
 
     def _note_entries(self, event: EntriesWritten) -> None:
         if self.entries.note(event):
@@ -267,6 +269,7 @@ class Execution(TaskContext):
     def _traverse(self, tick: Tick) -> None:
         self._check_clock(tick)
         self.clock.set_to(tick.at)
+        self.topics.begin()
         self.traversal.recorded, self.traversal.changes = tick.changes, []
         result: Any = None
         changes = self.tree.changes
@@ -445,7 +448,7 @@ class Execution(TaskContext):
 
 _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     Asked: Execution._note_asked, Answered: Execution._note_answer,
-    Message: lambda execution, event: execution.signs.news.append(event),
+    Message: lambda execution, event: execution.topics.take(event),
     StillHearing: Execution._note_hearing, EntriesWritten: Execution._note_entries,
     HealthChanged: Execution._note_health, LeafFinished: Execution._note_leaf,
     Recovered: Execution._note_recovery, Recovering: Execution._note_recovery,

@@ -413,17 +413,14 @@ def _look(node: Any, topic: Topic, evidence: SignRule, after: float) -> Optional
     came after what it answers."""
     course, now = node.course, node.clock.now()
     limit = course.settings.topic_max_age if topic.is_continuous else math.inf
-    counting = [sample for sample in course.signs.messages(topic)
+    messages, is_sign = course.topics.recent(topic), partial(evidence.is_sign, course)
+    counting = [sample for sample in messages
                 if sample.arrived > after and now - sample.arrived <= limit]
-    is_sign = partial(evidence.is_sign, course)
-    for sample in counting:
-        if is_sign(sample.value):
-            course.signs.searched(node, topic, after, is_sign, True)
-            return sample
-    course.signs.searched(node, topic, after, is_sign, False)
-    if any(evidence.is_given_up(course, sample.value) for sample in counting):
+    sign = next((sample for sample in counting if is_sign(sample.value)), None)
+    course.signs.searched(node, topic, messages, after, is_sign, sign is not None)
+    if sign is None and any(evidence.is_given_up(course, sample.value) for sample in counting):
         raise Fails(Cause.CONDITION_FALSE)
-    return None
+    return sign
 
 
 def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
@@ -432,7 +429,7 @@ def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
         for _ in node.pause(min(seconds, 1e9)):
             yield True
         node.timer(RESULT_WAIT)
-        while node.course.signs.is_hearing(topic):
+        while node.course.topics.is_hearing(topic):
             yield True
 
 

@@ -1,12 +1,10 @@
-"""The messages on record as the nodes read them, and how the nodes searched them for signs of a
-visitor."""
+"""How the nodes searched the messages on record for signs of a visitor."""
 import math
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Sequence
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.status import RUNNING
-from behavior_controller.execution.events import Message
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.gateway import Sample
 
@@ -30,7 +28,7 @@ class SignSearch:
 
 
 class Signs:
-    """The messages of a record."""
+    """The searches of a record."""
 
     def __init__(self) -> None:
         self.searches: List[SignSearch] = []
@@ -40,34 +38,12 @@ class Signs:
         """Begin a mission."""
         self._clock, self._began = clock, began
         self.waiting.clear()
-        self.news: List[Message] = []  # that no node has read yet
-        self.heard: List[str] = []  # topics on which the robot still hears something
-        self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
-        self._reads: Dict[Topic, int] = {}  # in this traversal
         self._newest: List[SignSearch] = []  # in this traversal
 
-    def messages(self, topic: Topic) -> Sequence[Sample]:
-        """Return the messages of a topic that the node may read now, oldest first."""
-        self._reads[topic] = self._reads.get(topic, 0) + 1
-        for event in list(self.news):
-            if event.topic == topic.name and event.read <= self._reads[topic]:
-                sample = Sample(event.value, event.arrived)
-                self._recent[topic] = topic.kept(self._recent.get(topic, ()), sample)
-                self.news.remove(event)
-        return self._recent.get(topic, ())
-
-    def is_hearing(self, topic: Topic) -> bool:
-        """Return whether the robot still hears what began in time."""
-        if topic.name not in self.heard:
-            return False
-        self.heard.remove(topic.name)
-        return True
-
-    def searched(self, node: Duty, topic: Topic, after: float, is_sign: Callable[[Any], bool],
-                 has_sign: bool) -> None:
-        """Note that a node searched for its sign, and whether it was there."""
-        now, recent = self._clock.now(), self._recent.get(topic, ())
-        newest = recent[-1].arrived if recent else -math.inf
+    def searched(self, node: Duty, topic: Topic, messages: Sequence[Sample], after: float,
+                 is_sign: Callable[[Any], bool], has_sign: bool) -> None:
+        """Note that a node searched messages for its sign, and whether it was there."""
+        now, newest = self._clock.now(), messages[-1].arrived if messages else -math.inf
         self._newest.append(
             SignSearch(node, topic, after, is_sign, has_sign, newest, now, now, self._began))
 
@@ -85,7 +61,6 @@ class Signs:
                 self.searches.append(search)
             if is_waiting:
                 self.waiting[search.node.uid] = search
-        self._reads.clear()
         self._newest.clear()
 
 
