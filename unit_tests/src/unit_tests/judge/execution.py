@@ -393,8 +393,9 @@ class Execution(TaskContext):
         if node.registration_id in TABLE and not isinstance(node, reference.RecoveryTask):
             self.traversal.decided(node, reference.BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
-            answer = Answer(exhibits=self.knowledge[request.what])
-            return Query(0, request, "", self._unix_now, result=answer)
+            tour = self.known.tour
+            places = {"exhibits": tour, "home": tour[:1], "entrance": tour[-1:]}[request.what]
+            return Query(0, request, "", self._unix_now, result=Answer(exhibits=places))
         if not self.calls.next_is(request):
             after = self._after(len(self.traversal.changes))
             self._wrong(f"{after}{label(node)} {self.calls.unlike(request)}")

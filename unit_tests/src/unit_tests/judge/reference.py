@@ -22,7 +22,7 @@ from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.ports import NoValue, PortError, defaults
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, argument
 from behavior_controller.bt.script.values import PortType, TEXT, whole_real
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.settings import Settings
@@ -79,16 +79,17 @@ TYPES: Dict[str, str] = {
 }
 """The entries of one visitor: their names and types."""
 
-_DIRECTIONS = {"<": Direction.IN, ">": Direction.OUT, "=": Direction.INOUT}
+_DIRECTIONS = {"<": Direction.IN, "?": Direction.IN, ">": Direction.OUT, "=": Direction.INOUT}
 
 
 def _ports(text: str) -> Iterator[Port]:
     """Yield the ports of a row: ``<`` reads, ``>`` writes, ``=`` does both; ``<port:entry`` if its
-    name is another."""
+    name is another. ``?`` reads a text of the mission file."""
     for word in text.split():
         name, _, entry = word[1:].partition(":")
         entry = entry or name
-        yield Port(name, TYPES[entry], _DIRECTIONS[word[0]], "{@" + entry + "}", is_optional=True)
+        default = None if word[0] == "?" else "{@" + entry + "}"
+        yield Port(name, TYPES.get(entry, TEXT), _DIRECTIONS[word[0]], default, is_optional=True)
 
 
 # ------------------------------------------------------------------------------ what a node goes by
@@ -191,14 +192,6 @@ class TaskContext:
         for name in ("questionAskedAt", "attentionSetAt"):
             board.set(name, at, TYPES[name])
 
-    @property
-    def knowledge(self) -> Dict[str, Tuple[Exhibit, ...]]:
-        """The places of the robot's files, by query; empty if a node answers such queries."""
-        known = self.known
-        return {} if known is None else {
-            "exhibits": known.tour, "home": known.tour[:1], "entrance": known.tour[-1:]
-        }
-
 
 # ------------------------------------------------------------------------------ how it is done
 
@@ -249,7 +242,7 @@ class Duty(Node):
 
     def conclude(self, cause: Optional[Cause]) -> Result:
         """End the node; without a cause it has succeeded."""
-        if cause is not None:
+        if cause is not None and not self.spec.is_recovery:
             self.course.failed(self, cause, self.resource)
         self.course.ended(self, cause)
         return SUCCESS if cause is None else FAILURE
@@ -314,14 +307,6 @@ class Task(Duty, ActionLeaf):
 
 class Asking(Task):
     """An action that asks the robot; a recovery may try it again."""
-
-
-class Starting(Asking):
-    """StartOfTree: a pass begins, once, even if setting the language is retried."""
-
-    def on_start(self) -> Result:
-        _begin(self)
-        return self.go_on()
 
 
 @dataclass(frozen=True)
@@ -408,21 +393,6 @@ ENDING = SignRule(lambda course, text: is_error(text) or _is_answer(course, text
 """What ends listening: an answer, or an error of the recognition."""
 
 
-def _look(node: Any, topic: Topic, evidence: SignRule, after: float) -> Optional[Sample]:
-    """Return the message that is the sign, the newest one of a state, each one of events, if it
-    came after what it answers."""
-    course, now = node.course, node.clock.now()
-    limit = course.settings.topic_max_age if topic.is_continuous else math.inf
-    messages, is_sign = course.topics.recent(topic), partial(evidence.is_sign, course)
-    counting = [sample for sample in messages
-                if sample.arrived > after and now - sample.arrived <= limit]
-    sign = next((sample for sample in counting if is_sign(sample.value)), None)
-    course.signs.searched(node, topic, messages, after, is_sign, sign is not None)
-    if sign is None and any(evidence.is_given_up(course, sample.value) for sample in counting):
-        raise Fails(Cause.CONDITION_FALSE)
-    return sign
-
-
 def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
     """Yield True while the node listens: for so many seconds, and for what began within them."""
     if seconds:
@@ -435,13 +405,22 @@ def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
 
 def _sense(node: Any, sense: Sense, evidence: SignRule, seconds: float,
            after: Callable[[], float]) -> Generator[None, None, Optional[Sample]]:
-    """Return the message that is the sign; None: there was none in time."""
-    topic = node.course.interface.evidence(sense).topic
+    """Return the message that is the sign, the newest one of a state, each one of events, if it
+    came after what it answers; None: there was none in time."""
+    course, topic = node.course, node.course.interface.evidence(sense).topic
     node.resource, listening = topic.name, _listening(node, topic, seconds)
+    limit = course.settings.topic_max_age if topic.is_continuous else math.inf
+    is_sign = partial(evidence.is_sign, course)
     while True:
-        sample = _look(node, topic, evidence, after())
-        if sample is not None or not next(listening, False):
-            return sample
+        messages, since, now = course.topics.recent(topic), after(), node.clock.now()
+        counting = [sample for sample in messages
+                    if sample.arrived > since and now - sample.arrived <= limit]
+        sign = next((sample for sample in counting if is_sign(sample.value)), None)
+        course.signs.searched(node, topic, messages, since, is_sign, sign is not None)
+        if sign is None and any(evidence.is_given_up(course, sample.value) for sample in counting):
+            raise Fails(Cause.CONDITION_FALSE)
+        if sign is not None or not next(listening, False):
+            return sign
         yield
 
 
@@ -560,26 +539,19 @@ class RecoveryTask(Task):
         return (f"{self.failed.node.registration_id} failed: {self._cause.value}; {self._retries} "
                 f"of {self._rule.retries} retries made{instead}")
 
-    def conclude(self, cause: Optional[Cause]) -> Result:
-        """End the node; its own failure is none to recover from."""
-        self.course.ended(self, cause)
-        return SUCCESS if cause is None else FAILURE
-
-    def _before(self) -> List[Any]:
-        """Return the nodes before this one below the nearest ancestor that has any."""
-        before: List[Any] = []
+    @property
+    def _first(self) -> int:
+        """The uid of the first node before this one below the nearest ancestor that has any."""
         node: Any = self
-        while node.parent is not None and not before:
-            before = node.parent.children[:node.parent.children.index(node)]
+        while node.parent is not None and node is node.parent.children[0]:
             node = node.parent
-        return before
+        return node.parent.children[0].uid if node.parent is not None else self.uid
 
     def recover(self) -> Steps:
         """Do one thing after the other about the newest failure."""
-        course, before, self.failed = self.course, self._before(), None
-        first = before[0].uid if before else self.uid
+        course, self.failed = self.course, None
         failures = [failed for uid, failed in course.failures.items()
-                    if first <= uid < self.uid and failed.number > self._last]
+                    if self._first <= uid < self.uid and failed.number > self._last]
         self._last = course.newest
         if not failures:
             raise Fails(Cause.MISSING_DATA)
@@ -588,7 +560,7 @@ class RecoveryTask(Task):
         if self._patience is not None:
             self._patience.cancel()
         if not outcome:
-            outcome = SKIPPED if self._may_skip(before) else GIVEN_UP
+            outcome = SKIPPED if self._may_skip() else GIVEN_UP
         if outcome == GIVEN_UP and self.failed.number != course.given_up:
             course.given_up = self.failed.number
             queries = [self.ask(request) for request in SAFE_STATE]
@@ -661,10 +633,10 @@ class RecoveryTask(Task):
             setattr(node, name, getattr(self, name))
         return node
 
-    def _may_skip(self, before: Sequence[Any]) -> bool:
+    def _may_skip(self) -> bool:
         """Note that the mission goes on without the step; return whether it does."""
-        below = (node for step in before for node in step.iterate())
-        if any(node.registration_id in OF_A_VISIT for node in below):
+        before = self.course.tree.nodes[self._first - 1:self.uid - 1]
+        if any(node.registration_id in OF_A_VISIT for node in before):
             with suppress(PortError):
                 if not self._leave_out():
                     self._rule = self._rule._replace(then="giveUp")
@@ -834,21 +806,27 @@ def _language(node: Any) -> Optional[Request]:
     return SetRecognitionLanguage(course.language) if course.settings.asr_enabled else None
 
 
+def _start(node: Any) -> Steps:
+    if node.status is IDLE:  # it is not retried
+        _begin(node)
+    return ask(node, SetRecognitionLanguage, _language)
+
+
 # -------------------------------------------------------------------------------------------- table
 
 
 def _row(node_id: str, node: Callable[[str], Any], ports: str,
-         steps: Callable[[Any], Optional[Steps]], *more: Port) -> Row:
+         steps: Callable[[Any], Optional[Steps]]) -> Row:
     """Return a row: a node type, the class of its nodes, the entries that they read and write, and
     their steps."""
     kind = Kind.CONDITION if node_id.startswith(("Is", "Has")) else Kind.ACTION
-    return Row(node_id, kind, node, (*_ports(ports), *more), is_recovery=node is RecoveryTask,
+    return Row(node_id, kind, node, tuple(_ports(ports)), is_recovery=node is RecoveryTask,
                steps=steps)
 
 
-def _asks(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "", *more: Port,
-          node: Callable[[str], Any] = Asking, **facts: Any) -> Row:
-    return _row(node_id, node, ports, partial(ask, kind=kind, rule=rule, **facts), *more)
+def _asks(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "",
+          **facts: Any) -> Row:
+    return _row(node_id, Asking, ports, partial(ask, kind=kind, rule=rule, **facts))
 
 
 def _is_so(node_id: str, condition: Callable[[Any], Any], ports: str = "") -> Row:
@@ -890,8 +868,8 @@ ROWS: Tuple[Row, ...] = (
     *(_mode(name + "OvertAttentionMode", mode) for name, mode in MODES.items()),
     *(_row(name, RecoveryTask, "<exhibits <targetLocation =nextExhibit =leftOutExhibits",
            RecoveryTask.recover) for name in HANDLERS),
-    _asks("DescribeExhibitSpeech", Say, _describe, "<currentExhibit <description1 <description2",
-          Port("part", TEXT, is_optional=True)),
+    _asks("DescribeExhibitSpeech", Say, _describe,
+          "<currentExhibit <description1 <description2 ?part"),
     _asks("DisableAnimateBehavior", SetAnimation, lambda node: SetAnimation("disabled")),
     _asks("EnableAnimateBehavior", SetAnimation, lambda node: SetAnimation("enabled")),
     _asks("GoodbyeGesture", PerformGesture, partial(_iconic, which="goodbye")),
@@ -913,7 +891,7 @@ ROWS: Tuple[Row, ...] = (
           ">exhibits >nextExhibit >leftOutExhibits", keep=_keep_list),
     _row("SelectExhibit", Check,
          "<exhibits =nextExhibit >currentExhibit >targetLocation >gestureTarget >description1 "
-         ">description2", _select, Port("stop", TEXT, is_optional=True)),
+         ">description2 ?stop", _select),
     _row("START_OF_TREE", Check, "", _begin),
     _asks("WelcomeGesture", PerformGesture, partial(_iconic, which="welcome")),
     # other names and extensions
@@ -923,7 +901,7 @@ ROWS: Tuple[Row, ...] = (
     _asks("DescribeExhibitSpeech_2", Say, partial(_describe, part="2"),
           "<currentExhibit <description2"),
     # release 1.0: the argument is the node's name
-    _asks("StartOfTree", SetRecognitionLanguage, _language, node=Starting),
+    _row("StartOfTree", Asking, "", _start),
     _asks("SayText", Say, _say_utility, ">questionAskedAt", is_question=True),
     _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, argument(node.name)),
           ">attentionSetAt <target:gestureTarget", keep=_keep_time),
