@@ -60,7 +60,7 @@ def asked_by(of_test):
     """Return what each node asked in a sound tour, of each the first request."""
     from unit_tests.judge.execution import Execution
     found = {}
-    for query in Execution(of_test).calls.queries.values():
+    for query in Execution(of_test).queries.values():
         found.setdefault(query.node, query.request)
     return found
 

@@ -32,7 +32,7 @@ from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 
 from unit_tests.judge import reference
-from unit_tests.judge.calls import Calls, Query, described
+from unit_tests.judge.calls import Query, described, unlike
 from unit_tests.judge.comparison import Traversal, WrittenEntries, decision, label
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
@@ -65,7 +65,10 @@ class Execution(TaskContext):
         self.now = self.differs_at = self._pass_began = 0.0
         self.difference, self.passes = "", 0
         self.offset: Optional[float] = None  # from the mission's clock to Unix time
-        self.calls, self.signs = Calls(), Signs()
+        self.queries: Dict[int, Query] = {}
+        self._unexplained: List[Query] = []  # that no node has made yet
+        self._asker = ""  # the node that made the newest request
+        self.signs = Signs()
         self.tree: Any = None
         self._shown: List[TreeShown] = []
         self._next = math.inf, ""  # what is due next, and when
@@ -128,13 +131,19 @@ class Execution(TaskContext):
             _HANDLERS[type(event)](self, event)
 
     def _note_asked(self, event: Asked) -> None:
-        query = self.calls.note_asked(event, self.now)
+        query = self.queries.setdefault(
+            event.call, Query(event.call, event.request, event.service, self.now))
+        self._unexplained.append(query)
         if self._is_over:
             self._differ("after the end of the run nothing is due; what was asked: "
-                         f"{self.calls.described(query)}")
+                         f"{self._described(query)}")
 
     def _note_answer(self, event: Answered) -> None:
-        self._differ(self.calls.note_answer(event, self.now))
+        query = self.queries.get(event.call)
+        if query is not None and (query.result, query.dropped) != (None, None):
+            self._differ(f"{query.node} has an answer on record that nothing waits for: {query}")
+        elif query is not None:
+            query.answered, query.result = self.now, event.result
 
     def _note_hearing(self, event: StillHearing) -> None:
         if self.test.recognise_by != ACTION:
@@ -188,8 +197,8 @@ class Execution(TaskContext):
         if self._is_in_pass or event.number != self.passes + 1:
             self._differ("pass {} began, and pass {} had to {}".format(
                 event.number, self.passes + 1, "end" if self._is_in_pass else "begin"))
-        for query in self.calls.unexplained:
-            asked = self.calls.described(query)
+        for query in self._unexplained:
+            asked = self._described(query)
             self._differ(f"before the pass nothing is due; what was asked: {asked}")
         early = self._ready - event.at
         if early > 0.01 or self._next[0] == math.inf:
@@ -236,7 +245,7 @@ class Execution(TaskContext):
         since = self.now - event.seconds - self._facts.late
         for request in SAFE_STATE:
             # of each handler the newest request, and of the end of the run
-            newest = {query.path: query for query in self.calls.queries.values()
+            newest = {query.path: query for query in self.queries.values()
                       if query.request == request and query.is_for_safety and query.asked > since}
             for query in newest.values():
                 query.drop(self.now)
@@ -252,7 +261,7 @@ class Execution(TaskContext):
                     part.what, "failed" if part.failure else "reached"))
 
     def _end_run(self, event: RunFinished) -> None:
-        asked = [query.request for query in self.calls.unexplained]
+        asked = [query.request for query in self._unexplained]
         if sorted(map(str, asked)) != sorted(map(str, SAFE_STATE)):
             self._differ("at the end the safe state is due, once; what was asked: {}".format(
                 ", ".join(map(described, asked)) or "nothing"))
@@ -261,7 +270,7 @@ class Execution(TaskContext):
         elif not event.outcome.endswith(self._outcome):
             self._differ(
                 f"the last pass ended with {self._outcome}; at the end it was {event.outcome}")
-        self.calls.unexplained.clear()
+        self._unexplained.clear()
         self._is_over, self._next = True, (math.inf, "")
 
     # ----------------------------------------------------------------------------------- traversals
@@ -348,9 +357,9 @@ class Execution(TaskContext):
         for place, (due, came) in enumerate(pairs):
             if due != came:
                 return self._misstep(place, *due, *came)
-        for query in self.calls.unexplained:
-            return (f"after {self.calls.asker or self._last}, while {self.under_way()} goes on, "
-                    f"nothing more was due; what was asked: {self.calls.described(query)}")
+        for query in self._unexplained:
+            return (f"after {self._asker or self._last}, while {self.under_way()} goes on, "
+                    f"nothing more was due; what was asked: {self._described(query)}")
         return next(itertools.chain(traversal.unlike_reports(self.tree.nodes),
                                     self.entries.differences(self._last)), "")
 
@@ -396,18 +405,39 @@ class Execution(TaskContext):
             tour = self.known.tour
             places = {"exhibits": tour, "home": tour[:1], "entrance": tour[-1:]}[request.what]
             return Query(0, request, "", self._unix_now, result=Answer(exhibits=places))
-        if not self.calls.next_is(request):
+        if not self._is_next(request):
+            what = "" if isinstance(request, type) else ": " + described(request)
+            came = "nothing was asked"
+            for asked in self._unexplained[:1]:
+                came = f"what was asked: {self._described(asked)}{unlike(asked.request, request)}"
             after = self._after(len(self.traversal.changes))
-            self._wrong(f"{after}{label(node)} {self.calls.unlike(request)}")
+            self.traversal.changes.append((0, f"{after}{label(node)} was due{what}; {came}"))
             return Query(0, request, "", self._unix_now)
-        query = self.calls.take(node)
+        query = self._take_next(node)
         early = self._unix_now - query.asked
         if early > EARLY:
-            self._wrong(f"{label(node)} asked {early:.1f} s too early: {query}")
+            wrong = f"{label(node)} asked {early:.1f} s too early: {query}"
+            self.traversal.changes.append((0, wrong))
         return query
 
-    def _wrong(self, text: str) -> None:
-        self.traversal.changes.append((0, text))
+    def _is_next(self, request: Union[Request, type, Tuple[type, ...]]) -> bool:
+        """Return whether the next request is that one, or of that kind or one of these."""
+        asked = [query.request for query in self._unexplained[:1]]
+        if isinstance(request, Request):
+            return asked == [request]
+        return bool(asked) and isinstance(asked[0], request)
+
+    def _take_next(self, node: Duty) -> Query:
+        """Return the next request, which is that of the node."""
+        self._asker, query = label(node), self._unexplained.pop(0)
+        query.node, query.path = node.registration_id, node.full_path
+        return query
+
+    def _described(self, asked: Query) -> str:
+        """Return a request in words, and which node has made the same before."""
+        before = [query.node for query in self.queries.values()
+                  if query.request == asked.request and query.node]
+        return f"{asked}, as {before[-1]} did before" if before else str(asked)
 
     @property
     def _unix_now(self) -> float:
@@ -442,8 +472,8 @@ class Execution(TaskContext):
         causes = [event.failure.cause for event in traversal.finished
                   if event.uid == node.uid and event.failure]
         kinds = tuple(getattr(node.spec, "calls", ()))
-        if node.status is not RUNNING and self.calls.next_is(kinds):
-            self.calls.take(node)
+        if node.status is not RUNNING and self._is_next(kinds):
+            self._take_next(node)
         return mine[place] if place < len(mine) else "", causes[0] if causes else None
 
 

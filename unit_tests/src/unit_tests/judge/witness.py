@@ -83,7 +83,7 @@ class Witness:
         lines = [
             line for line in self._facts.journal if line.call and line.resource == service.name
         ]
-        queries = [query for query in self._execution.calls.queries.values()
+        queries = [query for query in self._execution.queries.values()
                    if query.service == service.name]
         queries.sort(key=lambda query: query.asked)
         for query, following in itertools.zip_longest(queries, queries[1:]):
