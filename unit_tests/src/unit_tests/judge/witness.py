@@ -15,11 +15,11 @@ from behavior_controller.robot.declarations import Action, Publication, Service,
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, Prompt
 
-from unit_tests.judge import messages
 from unit_tests.judge.calls import Query
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
 from unit_tests.judge.reference import SAFE_STATE, SENT
+from unit_tests.judge.signs import objections
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import SERVICES
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
@@ -120,7 +120,9 @@ class Witness:
             if self._is_witnessed(pair.service):
                 yield from self._of_pair(pair, asker)
         yield from self._of_health()
-        yield from filter(None, messages.objections(self._facts, self._execution, self.end))
+        signs, offset = self._execution.signs, self._execution.offset
+        if offset is not None:
+            yield from filter(None, objections(self._facts, signs, offset, self.end))
 
     def _of_pair(self, pair: Pair, asker: str) -> Iterator[str]:
         """Object to a request; ``asker`` is what has made the newest one on record."""
