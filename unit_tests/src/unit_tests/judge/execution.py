@@ -73,7 +73,8 @@ class Execution(TaskContext):
         self._shown: List[TreeShown] = []
         self._next = math.inf, ""  # what is due next, and when
         self._outcome, self._is_in_pass = "", False  # of the last pass
-        self._delays: Dict[str, List[float]] = {}  # of retries, by node type
+        # seconds after the pause of each retry, by node type
+        self.delays: Dict[str, List[float]] = {}
         for line in facts.run.lines:
             self._take(line)
 
@@ -404,7 +405,7 @@ class Execution(TaskContext):
         if isinstance(request, QueryKnowledge) and self.known is not None:
             tour = self.known.tour
             places = {"exhibits": tour, "home": tour[:1], "entrance": tour[-1:]}[request.what]
-            return Query(0, request, "", self._unix_now, result=Answer(exhibits=places))
+            return Query(0, request, "", self.unix_now, result=Answer(exhibits=places))
         if not self._is_next(request):
             what = "" if isinstance(request, type) else ": " + described(request)
             came = "nothing was asked"
@@ -412,9 +413,9 @@ class Execution(TaskContext):
                 came = f"what was asked: {self._described(asked)}{unlike(asked.request, request)}"
             after = self._after(len(self.traversal.changes))
             self.traversal.changes.append((0, f"{after}{label(node)} was due{what}; {came}"))
-            return Query(0, request, "", self._unix_now)
+            return Query(0, request, "", self.unix_now)
         query = self._take_next(node)
-        early = self._unix_now - query.asked
+        early = self.unix_now - query.asked
         if early > EARLY:
             wrong = f"{label(node)} asked {early:.1f} s too early: {query}"
             self.traversal.changes.append((0, wrong))
@@ -440,22 +441,15 @@ class Execution(TaskContext):
         return f"{asked}, as {before[-1]} did before" if before else str(asked)
 
     @property
-    def _unix_now(self) -> float:
+    def unix_now(self) -> float:
+        """The time of the traversal."""
         return self.clock.now() + (self.offset or 0.0)
-
-    def drop(self, query: Query) -> None:
-        """Note that nothing waits for an answer any more."""
-        query.drop(self._unix_now)
-
-    def retried(self, node: Duty, late: float) -> None:
-        """Note a retry, and how many seconds after its pause it was made."""
-        self._delays.setdefault(node.registration_id, []).append(late)
 
     @property
     def late_retries(self) -> List[str]:
         """The nodes that were tried again more than once, and too late every time."""
         return [f"{node} was tried again {min(delays):.1f} s later than the policy says"
-                for node, delays in self._delays.items()
+                for node, delays in self.delays.items()
                 if len(delays) > 1 and min(delays) > LATE_RETRY + self._facts.stall]
 
     def ended(self, node: Duty, cause: Optional[Cause]) -> None:

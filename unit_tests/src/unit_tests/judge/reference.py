@@ -96,9 +96,8 @@ def _ports(text: str) -> Iterator[Port]:
 
 
 class TaskFailure(NamedTuple):
-    """One failure of a node, with its number in the order of time."""
+    """One failure of a node."""
 
-    number: int
     node: "Duty"
     cause: Cause
     resource: str
@@ -140,22 +139,19 @@ class TaskContext:
         self.interface = settings.interface
         self.language = settings.language if known is None else known.language
         self.gone: Set[str] = set()  # services that are known to be gone
-        self.failures: Dict[int, TaskFailure] = {}  # the newest of each node, by uid
-        self.newest = 0
-        # number of the failure for which the robot was left in the safe state last
-        self.given_up = 0
+        self.failures: List[TaskFailure] = []
+        # the failure for which the robot was left in the safe state last
+        self.given_up: Optional[TaskFailure] = None
         self.recoveries: List[float] = []
         self.is_spent = False  # the budget, so that a failure of this pass was given up
         self.unrecovered: List[Tuple[Cause, str]] = []  # causes and resources, in this pass
-        self._first = 1  # number of the first failure of this pass
+        self._before = 0  # number of failures before this pass
 
     @property
     def failures_of_pass(self) -> List[Tuple[Cause, str]]:
         """The causes and resources for which the last pass may have failed."""
-        newest = max(self.failures.values(), default=None)
-        if newest is None or newest.number < self._first:
-            return self.unrecovered
-        return self.unrecovered + [(newest.cause, newest.resource)]
+        newest = self.failures[self._before:][-1:]
+        return self.unrecovered + [(failed.cause, failed.resource) for failed in newest]
 
     def pause(self, number: int, at: float) -> float:
         """Return the seconds that the next pass waits after a number of passes that failed for a
@@ -179,14 +175,9 @@ class TaskContext:
             return 0.0
         return len(request.text.split()) / self.settings.speech_pace
 
-    def failed(self, node: "Duty", cause: Cause, resource: str) -> None:
-        """Keep a failure for the recovery."""
-        self.newest += 1
-        self.failures[node.uid] = TaskFailure(self.newest, node, cause, resource)
-
     def begin_visit(self, board: Blackboard, at: float) -> None:
         """Forget the last visitor: answers and gazes from before do not count."""
-        self.is_spent, self.unrecovered, self._first = False, [], self.newest + 1
+        self.is_spent, self.unrecovered, self._before = False, [], len(self.failures)
         for name in TYPES:
             board.unset(name)
         for name in ("questionAskedAt", "attentionSetAt"):
@@ -243,7 +234,7 @@ class Duty(Node):
     def conclude(self, cause: Optional[Cause]) -> Result:
         """End the node; without a cause it has succeeded."""
         if cause is not None and not self.spec.is_recovery:
-            self.course.failed(self, cause, self.resource)
+            self.course.failures.append(TaskFailure(self, cause, self.resource))
         self.course.ended(self, cause)
         return SUCCESS if cause is None else FAILURE
 
@@ -256,7 +247,7 @@ class Duty(Node):
     def ask(self, request: Any) -> Any:
         """Return the query of a request, which is dropped with the attempt."""
         query = self.course.ask(self, request)
-        self._at_end.callback(self.course.drop, query)
+        self._at_end.callback(lambda: query.drop(self.course.unix_now))
         return query
 
     def timer(self, seconds: float) -> Timer:
@@ -527,7 +518,7 @@ class RecoveryTask(Task):
     """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
 
     failed: Any = None  # the failure that it recovers from
-    _last = 0  # number of the newest failure when it was begun
+    _known = 0  # number of failures when it was begun last
 
     @property
     def remark(self) -> str:
@@ -550,19 +541,19 @@ class RecoveryTask(Task):
     def recover(self) -> Steps:
         """Do one thing after the other about the newest failure."""
         course, self.failed = self.course, None
-        failures = [failed for uid, failed in course.failures.items()
-                    if self._first <= uid < self.uid and failed.number > self._last]
-        self._last = course.newest
+        failures = [failed for failed in course.failures[self._known:]
+                    if self._first <= failed.node.uid < self.uid]
+        self._known = len(course.failures)
         if not failures:
             raise Fails(Cause.MISSING_DATA)
-        self._take_up(max(failures))
+        self._take_up(failures[-1])
         outcome = yield from self._repair()
         if self._patience is not None:
             self._patience.cancel()
         if not outcome:
             outcome = SKIPPED if self._may_skip() else GIVEN_UP
-        if outcome == GIVEN_UP and self.failed.number != course.given_up:
-            course.given_up = self.failed.number
+        if outcome == GIVEN_UP and self.failed is not course.given_up:
+            course.given_up = self.failed
             queries = [self.ask(request) for request in SAFE_STATE]
             while any(query.result is None for query in queries):
                 yield
@@ -622,7 +613,8 @@ class RecoveryTask(Task):
                 break
             yield
         if self._patience is None:
-            self.course.retried(self.failed.node, self.clock.now() - due)
+            late = self.clock.now() - due
+            self.course.delays.setdefault(self.failed.node.registration_id, []).append(late)
 
     def _substitute(self, node_id: str) -> Duty:
         # the policy was checked when the mission was loaded
