@@ -517,18 +517,8 @@ class PolicyTable:
 class RecoveryTask(Task):
     """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
 
-    failed: Any = None  # the failure that it recovers from
+    remark = ""  # what it has done last
     _known = 0  # number of failures when it was begun last
-
-    @property
-    def remark(self) -> str:
-        """What it recovers from, and what it has done about that."""
-        if self.failed is None:
-            return ""
-        is_other = self._work not in (None, self.failed.node)
-        instead = ", " + INSTEAD.format(substitute=self._work.registration_id) if is_other else ""
-        return (f"{self.failed.node.registration_id} failed: {self._cause.value}; {self._retries} "
-                f"of {self._rule.retries} retries made{instead}")
 
     @property
     def _first(self) -> int:
@@ -540,7 +530,7 @@ class RecoveryTask(Task):
 
     def recover(self) -> Steps:
         """Do one thing after the other about the newest failure."""
-        course, self.failed = self.course, None
+        course, self.remark = self.course, ""
         failures = [failed for failed in course.failures[self._known:]
                     if self._first <= failed.node.uid < self.uid]
         self._known = len(course.failures)
@@ -567,7 +557,6 @@ class RecoveryTask(Task):
     def _take_up(self, failed: TaskFailure) -> None:
         course, policy, now = self.course, self.course.policy, self.clock.now()
         self.failed, self._cause, self._retries = failed, failed.cause, 0
-        self._work: Any = None  # the node that is attempted
         self._patience: Optional[Timer] = None
         self._rule = policy.rule(failed.node, failed.cause)
         course.recoveries = [at for at in course.recoveries if at > now - policy.seconds] + [now]
@@ -577,28 +566,29 @@ class RecoveryTask(Task):
 
     def _decided(self, step: str) -> None:
         self.course.traversal.decided(self.failed.node, step, self._cause, self.uid)
+        self.remark = str(self.course.traversal.due[-1])
 
     def _repair(self) -> Generator[None, None, str]:
         """Try the step again, then its substitute; return the outcome, empty: neither helped."""
-        step = self.failed.node
+        step, work = self.failed.node, None
         while step.parent is self.parent and isinstance(step, Asking):
             if self._retries < self._rule.retries:
-                self._work = step
+                work = step
                 self._decided(RETRY.format(attempt=self._retries + 1, of=self._rule.retries))
                 yield from self._wait()
-            elif self._rule.then in ("skip", "giveUp") or self._work not in (None, step):
+            elif self._rule.then in ("skip", "giveUp") or work not in (None, step):
                 break
             else:
-                self._work = self._substitute(self._rule.then)
+                work = self._substitute(self._rule.then)
                 self._decided(INSTEAD.format(substitute=self._rule.then))
-            cause = yield from self._work.attempt()
-            if self._work is step:
+            cause = yield from work.attempt()
+            if work is step:
                 self._retries += 1
             if cause is None:
-                return DONE if self._work is step else SUBSTITUTED
+                return DONE if work is step else SUBSTITUTED
             again = FAILED_AGAIN.format(attempt=self._retries)
-            self.course.traversal.decided(self._work, again, cause)
-            if self._work is step:
+            self.course.traversal.decided(work, again, cause)
+            if work is step:
                 self._cause, self._rule = cause, self.course.policy.rule(step, cause)
         return ""
 

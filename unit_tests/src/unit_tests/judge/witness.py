@@ -85,7 +85,6 @@ class Witness:
         ]
         queries = [query for query in self._execution.queries.values()
                    if query.service == service.name]
-        queries.sort(key=lambda query: query.asked)
         for query, following in itertools.zip_longest(queries, queries[1:]):
             while lines and lines[0].time < query.asked - EARLY:
                 yield Pair(service, None, lines.pop(0))
