@@ -20,7 +20,7 @@ from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.config import knowledge_files, phrases, settings
+from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution.events import (
     LETTERS, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message,
@@ -32,8 +32,8 @@ from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 
 from unit_tests.judge import reference
-from unit_tests.judge.calls import Query, described, unlike
-from unit_tests.judge.comparison import Traversal, WrittenEntries, decision, label
+from unit_tests.judge.comparison import (
+    Query, Traversal, WrittenEntries, decision, described, label, unlike)
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE, SAFE_STATE, TaskContext, Duty
@@ -80,9 +80,15 @@ class Execution(TaskContext):
 
     def _begin(self, started: RunStarted) -> None:
         """Begin the mission whose tree was shown; a node may take up another one while it runs."""
-        self._pass_began = self.now
+        sources, self._pass_began, self.clock = started.sources, self.now, ManualClock()
         try:
-            self._build(started)
+            chosen = settings.recorded(started.settings, "settings")
+            known = knowledge_files.read(*sources.knowledge) if sources.knowledge else None
+            super().__init__(chosen, known, reference.PolicyTable(sources.policy.text))
+            self.registry = registry()
+            self.tree = build([parse(text, file) for file, text in sources.documents],
+                              self.registry, self.clock)
+            self.tree.setup(course=self)
         except BehaviorControllerError as error:
             self._differ(f"the mission on record cannot be done again: {error}")
             return
@@ -104,20 +110,6 @@ class Execution(TaskContext):
                 [(node.path, node.type) for node in tree.nodes] for tree in self._shown]:
             self._differ("the tree on record is not that of the mission file")
         self._shown.clear()
-
-    def _build(self, started: RunStarted) -> None:
-        """Set the mission up. Raises BehaviorControllerError."""
-        sources = started.sources
-        chosen = settings.recorded(started.settings, "settings")
-        known = knowledge_files.read(*sources.knowledge) if sources.knowledge else None
-        language = chosen.language if known is None else known.language
-        spoken = phrases.load(language, chosen.scenario_specification)
-        super().__init__(chosen, spoken, known, reference.PolicyTable(sources.policy.text))
-        self.clock = ManualClock()
-        self.registry = registry()
-        self.tree = build([parse(text, file) for file, text in sources.documents], self.registry,
-                          self.clock)
-        self.tree.setup(course=self)
 
     # ----------------------------------------------------------------------------------- the record
 

@@ -1,7 +1,7 @@
 """The failures of a run as rows: visitor, stop, node, call, what the recovery did about it, the
 time that it cost."""
 import textwrap
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Sequence, Tuple
 
 from behavior_controller.execution.run import Run
 from behavior_controller.execution.state import LeafFailure, RecoveryRound
@@ -42,16 +42,10 @@ def failure_rows(facts: Facts, witness: Witness) -> List[FailureRow]:
     """Return a row for each injected fault, and for each failure beside them that is no false
     condition."""
     run, faults, found = facts.run, list(filter(_fault, witness.pairs)), []
-    # id() of a failure -> the recovery from it, and those around that one
-    rounds: Dict[int, List[RecoveryRound]] = {}
-    for recovery in run.recoveries:
-        if recovery.recovered is not None and not recovery.is_halted:
-            for failed in recovery.failures + recovery.instead:
-                rounds.setdefault(id(failed), []).append(recovery)
     for failed in run.failures:
         if failed.is_false_condition or failed.node in HANDLERS:
             continue
-        outcome, until = _recovery(rounds, failed)
+        outcome, until = _recovery(run, failed)
         pair = next((pair for pair in faults if _explains(pair, failed)), None)
         at, call, kind = failed.at, failed.failure.resource or "-", failed.failure.cause.value
         if pair is not None:
@@ -75,19 +69,26 @@ def _stop(run: Run, at: float) -> str:
     return stop.name if stop is not None else ""
 
 
-def _recovery(rounds: Dict[int, List[RecoveryRound]], failed: LeafFailure) -> Tuple[str, float]:
+def _rounds(run: Run, failed: LeafFailure) -> List[RecoveryRound]:
+    """Return the recovery from a failure, and those around that one."""
+    return [recovery for recovery in run.recoveries
+            if recovery.recovered is not None and not recovery.is_halted
+            and any(other is failed for other in recovery.failures + recovery.instead)]
+
+
+def _recovery(run: Run, failed: LeafFailure) -> Tuple[str, float]:
     """Return what the recovery did about a failure, and when the step was done, tried again or
     given up."""
-    of_failure = rounds.get(id(failed))
-    if not of_failure:
+    inner = next(iter(_rounds(run, failed)), None)
+    if inner is None:
         return NO_RECOVERY, failed.at
-    inner = of_failure[0].failures + of_failure[0].instead
-    later = next((other for other in inner if other.at > failed.at), None)
+    failures = inner.failures + inner.instead
+    later = next((other for other in failures if other.at > failed.at), None)
     if later is not None:
-        is_other = any(other is later for other in of_failure[0].instead)
+        is_other = any(other is later for other in inner.instead)
         return f"{later.node} instead" if is_other else AGAIN, later.at
     # an outer HandleFallBack goes on with the failure that an inner one gave up
-    around = rounds[id(inner[0])]
+    around = _rounds(run, failures[0])
     return ", then ".join(dict.fromkeys(map(_outcome, around))), around[-1].decided
 
 

@@ -23,8 +23,8 @@ from behavior_controller.bt.engine.ports import NoValue, PortError, defaults
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, argument
 from behavior_controller.bt.script.values import PortType, TEXT, whole_real
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.config import phrases
 from behavior_controller.config.knowledge_files import Knowledge
-from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.settings import Settings
 from behavior_controller.execution.events import BEGUN, OMITTED, OVER
 from behavior_controller.robot.declarations import Sense, Topic
@@ -133,11 +133,11 @@ class TaskContext:
     """What the nodes of a mission go by: configuration, phrases, knowledge, policy; failures. The
     requests, answers and messages are those of the execution that it is the base of."""
 
-    def __init__(self, settings: Settings, phrases: Phrases, known: Optional[Knowledge],
-                 policy: "PolicyTable"):
-        self.settings, self.phrases, self.known, self.policy = settings, phrases, known, policy
+    def __init__(self, settings: Settings, known: Optional[Knowledge], policy: "PolicyTable"):
+        self.settings, self.known, self.policy = settings, known, policy
         self.interface = settings.interface
         self.language = settings.language if known is None else known.language
+        self.phrases = phrases.load(self.language, settings.scenario_specification)
         self.gone: Set[str] = set()  # services that are known to be gone
         self.failures: List[TaskFailure] = []
         # the failure for which the robot was left in the safe state last
@@ -458,17 +458,17 @@ def is_asked_again(node: Any) -> bool:
 _WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)*")
 
 
-def spoken(phrases: Phrases, text: str) -> Optional[str]:
+def spoken(known: phrases.Phrases, text: str) -> Optional[str]:
     """Return ``yes`` or ``no`` for what a visitor said, or None: whole words, the longest phrase
     first, no before yes."""
     if text.lstrip().lower().startswith("error"):
         return None
     words = tuple(_WORD.findall(text.lower().replace("’", "'")))
-    known = sorted(((phrase, meaning) for meaning, synonyms in phrases.meanings.items()
+    pairs = sorted(((phrase, meaning) for meaning, synonyms in known.meanings.items()
                     for phrase in synonyms), key=lambda pair: -len(pair[0]))
     meanings, at = set(), 0
     while at < len(words):
-        phrase, meaning = next((pair for pair in known if words[at:at + len(pair[0])] == pair[0]),
+        phrase, meaning = next((pair for pair in pairs if words[at:at + len(pair[0])] == pair[0]),
                                (words[:1], ""))
         meanings.add(meaning)
         at += len(phrase)
@@ -570,7 +570,8 @@ class RecoveryTask(Task):
 
     def _repair(self) -> Generator[None, None, str]:
         """Try the step again, then its substitute; return the outcome, empty: neither helped."""
-        step, work = self.failed.node, None
+        step: Any = self.failed.node
+        work: Any = None
         while step.parent is self.parent and isinstance(step, Asking):
             if self._retries < self._rule.retries:
                 work = step
@@ -630,9 +631,8 @@ class RecoveryTask(Task):
         If it does not, the exhibit goes back to the list, once.
         """
         exhibits, index = self.entry("exhibits", ()), self.entry("nextExhibit", 0) - 1
-        if not 0 <= index < len(exhibits):
-            return True
-        if self.entry("targetLocation") != exhibits[index].location:
+        is_at_one = 0 <= index < len(exhibits)
+        if not is_at_one or self.entry("targetLocation") != exhibits[index].location:
             return True
         tell_stop(self, exhibits, index, OMITTED)
         before = self.entry("leftOutExhibits", [])

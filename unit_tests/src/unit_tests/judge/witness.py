@@ -15,7 +15,7 @@ from behavior_controller.robot.declarations import Action, Publication, Service,
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, Prompt
 
-from unit_tests.judge.calls import Query
+from unit_tests.judge.comparison import Query
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
 from unit_tests.judge.reference import SAFE_STATE, SENT
