@@ -517,7 +517,7 @@ class PolicyTable:
 class RecoveryTask(Task):
     """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
 
-    remark = ""  # what it has done last
+    remark = ""  # what it recovers from, and what it has done last
     _known = 0  # number of failures when it was begun last
 
     @property
@@ -558,6 +558,7 @@ class RecoveryTask(Task):
         course, policy, now = self.course, self.course.policy, self.clock.now()
         self.failed, self._cause, self._retries = failed, failed.cause, 0
         self._patience: Optional[Timer] = None
+        self.remark = f"{failed.node.registration_id} ({failed.cause.value})"
         self._rule = policy.rule(failed.node, failed.cause)
         course.recoveries = [at for at in course.recoveries if at > now - policy.seconds] + [now]
         if len(course.recoveries) > policy.most:
