@@ -1,7 +1,6 @@
 """What a record says of requests, ends of leaves, decisions and entries, beside what had to be; it
 is compared after each traversal."""
 import itertools
-from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Union
 
@@ -93,8 +92,8 @@ class Traversal:
         # changes of status: the node's number and a letter, or 0 and what is wrong with a request
         self.recorded: Sequence[Tuple[int, str]] = ()
         self.changes: List[Tuple[int, str]] = []
-        # of each node, how many changes of status it has taken from the record
-        self.copied: Dict[int, int] = Counter()
+        # of nodes without a row, the statuses on record that they have not taken yet
+        self.letters: Dict[int, Iterator[str]] = {}
         self.finished: List[LeafFinished] = []
         self.decisions: List[Decision] = []
         self.due: List[Decision] = []

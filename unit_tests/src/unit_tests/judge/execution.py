@@ -452,15 +452,14 @@ class Execution(TaskContext):
     def of_record(self, node: Duty) -> Tuple[str, Optional[Cause]]:
         """Return the next status of a node in this traversal, and why it failed, if it did."""
         traversal = self.traversal
-        mine = [letter for uid, letter in traversal.recorded if uid == node.uid and letter != "-"]
-        place = traversal.copied[node.uid]
-        traversal.copied[node.uid] += 1
-        causes = [event.failure.cause for event in traversal.finished
-                  if event.uid == node.uid and event.failure]
+        letters = traversal.letters.setdefault(node.uid, iter([
+            letter for uid, letter in traversal.recorded if uid == node.uid and letter != "-"]))
+        causes = (event.failure.cause for event in traversal.finished
+                  if event.uid == node.uid and event.failure)
         kinds = tuple(getattr(node.spec, "calls", ()))
         if node.status is not RUNNING and self._is_next(kinds):
             self._take_next(node)
-        return mine[place] if place < len(mine) else "", causes[0] if causes else None
+        return next(letters, ""), next(causes, None)
 
 
 _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {

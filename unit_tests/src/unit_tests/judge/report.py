@@ -82,10 +82,9 @@ def _failures(case: Case) -> Iterator[LeafFailure]:
 def summary_lines(facts: Facts) -> List[str]:
     """Return the counts: of each mission node that ran, each simulated node, how recoveries ended,
     and what was reached."""
-    ran, failed = Counter(), Counter()  # type: Counter, Counter
-    for _, event in of(facts.run.lines, LeafFinished):
-        ran[event.node] += 1
-        failed[event.node] += event.status == "FAILURE"
+    ended_leaves = [event for _, event in of(facts.run.lines, LeafFinished)]
+    ran = Counter(event.node for event in ended_leaves)
+    failed = Counter(event.node for event in ended_leaves if event.status == "FAILURE")
     lines = ["{:<28} {:>6} {:>8}".format("mission node", "ran", "failed")]
     lines += [f"{node:<28} {ran[node]:>6} {failed[node]:>8}" for node in sorted(ran)]
     lines += ["", "{:<28} {:>6} {:>8}".format("simulated node", "calls", "injected")]

@@ -43,7 +43,6 @@ class Pair(NamedTuple):
     @property
     def time(self) -> float:
         """When the node got the request; if it did not, when it was made."""
-        assert self.line is not None or self.query is not None
         return self.line.time if self.line is not None else self.query.asked  # type: ignore
 
 
