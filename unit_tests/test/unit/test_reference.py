@@ -58,9 +58,9 @@ def test_every_node_of_the_table_and_of_the_release_has_its_row():
 
 def asked_by(of_test):
     """Return what each node asked in a sound tour, of each the first request."""
-    from unit_tests.judge.execution import execute
+    from unit_tests.judge.execution import Execution
     found = {}
-    for query in execute(of_test)[0].calls.queries.values():
+    for query in Execution(of_test).queries.values():
         found.setdefault(query.node, query.request)
     return found
 

@@ -11,10 +11,10 @@ from behavior_controller.execution.run import Run
 from behavior_controller.robot.requests import Say
 
 from unit_tests.judge import report
-from unit_tests.judge.failures import FailureRow, Rows, table
+from unit_tests.judge.failures import FailureRow, failure_rows, table
 from unit_tests.judge.junit import to_xml
 from unit_tests.judge.report import (
-    decision_lines, failure_lines, summary_lines, title, to_page, write)
+    Report, decision_lines, failure_lines, summary_lines, title)
 from unit_tests.judge.verdict import Case
 from unit_tests.robot import options
 
@@ -57,7 +57,7 @@ def test_the_title_of_a_mission_that_did_not_start():
 
 
 def rows(of_test):
-    return Rows(of_test, Case(of_test).witness).all()
+    return failure_rows(of_test, Case(of_test).witness)
 
 
 def told(of_test):
@@ -118,7 +118,7 @@ def test_each_row_names_the_exhibit_that_was_under_way():
 
 def test_false_conditions_are_counted_and_no_rows():
     of_test = facts(visitor_behaviour="noGaze")
-    shown = write(of_test, "title")
+    shown = Report(of_test, "title")
     assert shown.rows == []
     assert re.search(r"; 0 faults, 0\.0 s lost; \d+ conditions? false for a while$",
                      shown.visitors[0])
@@ -143,13 +143,13 @@ def test_the_summary_counts_every_node():
 
 
 def test_a_pass_is_told_with_what_the_faults_cost():
-    shown = write(facts(["textToSpeech:1"]), "title", ["a warning"])
+    shown = Report(facts(["textToSpeech:1"]), "title", ["a warning"])
     assert shown.visitors[0] == "a warning" and len(shown.visitors) == 2
     assert "5 of 5 exhibits completed; 1 fault, 0.2 s lost; " in shown.visitors[1]
 
 
 def test_a_budget_that_is_spent_is_the_cause():
-    shown = write(facts(failure_rate=0.5, mission_runs=2), "title")
+    shown = Report(facts(failure_rate=0.5, mission_runs=2), "title")
     assert any("the budget of 30 recoveries in 600 s is spent" in line for line in shown.visitors)
     assert any("the budget of 30 recoveries" in row.recovery for row in shown.rows)
 
@@ -157,14 +157,14 @@ def test_a_budget_that_is_spent_is_the_cause():
 def test_a_pass_that_did_not_end_has_its_line():
     of_test = facts()
     lines = of_test.run.lines
-    shown = write(of_test._replace(run=Run(lines[:len(lines) // 2])), "title")
+    shown = Report(of_test._replace(run=Run(lines[:len(lines) // 2])), "title")
     assert shown.visitors[0].startswith("pass 1: did not end; 0 faults, 0.0 s lost; ")
 
 
 def test_a_controller_that_did_not_start_has_its_report():
     late = "the controller did not start its mission within 60 s"
-    shown = write(facts()._replace(run=Run(), journal=[], exit_code=None, cut_off=late), "title")
-    assert (shown.rows, shown.visitors, shown.began) == ([], [], 0.0)
+    shown = Report(facts()._replace(run=Run(), journal=[], exit_code=None, cut_off=late), "title")
+    assert (shown.rows, shown.visitors) == ([], [])
     assert shown.text().splitlines()[:2] == ["# title", "FAILED: " + late]
     assert "coverage" not in shown.text() and "# recoveries" not in shown.text()
 
@@ -174,14 +174,14 @@ def test_the_page_marks_the_point_of_difference_in_the_story():
         is_first = isinstance(line.event, Asked) and isinstance(line.event.request, Say)
         return [] if is_first else [line]
     of_test = facts()
-    assert to_page(write(of_test, "title"), of_test).count("Here the run differs") == 0
+    assert Report(of_test, "title").page().count("Here the run differs") == 0
     of_test = changed(of_test, silent)
-    shown = write(of_test, "title")
+    shown = Report(of_test, "title")
     (time, text), = shown.verdict.differences
     assert "WelcomeSpeech was due" in text and of_test.run.lines[0].time < time
-    page = to_page(shown, of_test)
+    page = shown.page()
     assert page.count("Here the run differs. pass 1") >= 1
-    assert to_page(shown, of_test._replace(run=Run())) == ""
+    assert Report(of_test._replace(run=Run()), "title").page() == ""
 
 
 # ---------------------------------------------------------------------------------------- the table
@@ -214,7 +214,7 @@ def test_a_terminal_shows_so_many_rows_and_the_verdict_last(monkeypatch):
     monkeypatch.setattr(report, "MOST_OBJECTIONS", 2)
     of_test = facts(["textToSpeech:1", "textToSpeech:3", "textToSpeech:6"])
     silent = [line._replace(fault=None) for line in of_test.journal]
-    shown = write(of_test._replace(journal=silent), "title", ["a warning"])
+    shown = Report(of_test._replace(journal=silent), "title", ["a warning"])
     lines = shown.shown(100, ["where the files are"]).splitlines()
     assert lines[0] == "# title" and lines[2] == "a warning"
     assert lines[1] == "{} (and 2 objections: see the end)".format(
@@ -230,7 +230,7 @@ def test_a_terminal_shows_so_many_rows_and_the_verdict_last(monkeypatch):
 
 
 def test_the_report_begins_and_ends_with_the_verdict():
-    shown = write(of_test_with(facts(), mission_runs=2), "title")
+    shown = Report(of_test_with(facts(), mission_runs=2), "title")
     lines = shown.text().splitlines()
     assert not shown.verdict.passed and lines[:2] == ["# title", lines[-1]]
 
@@ -247,7 +247,7 @@ def test_what_the_robot_says_forges_no_line_of_the_report():
     of_test = changed(facts(["textToSpeech:1"]), forge)
     of_test = of_test._replace(journal=[
         line._replace(objection=ODD) if line.call == 2 else line for line in of_test.journal])
-    shown = write(of_test, heading(of_test))
+    shown = Report(of_test, heading(of_test))
     text, junit = shown.text(), to_xml(shown.verdict, 1.0, heading(of_test))
     for each in (text, shown.shown(1000), junit):
         assert not set("\x1b\x9b\u202e\ud800\x00\r") & set(each)

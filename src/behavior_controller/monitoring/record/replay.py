@@ -221,29 +221,19 @@ def _words(change: Optional[Tuple[str, str]]) -> str:
     return f"{path} {NAME_OF[letter]}"
 
 
-class _World(FakeGateway, Topics):
-    """The recorded answers and messages: those that a traversal read precede it in the record."""
+class RecordedTopics(Topics):
+    """The recorded messages: those that a traversal read precede it in the record."""
 
     def __init__(self, interface: Interface) -> None:
-        super().__init__(reply=lambda request: self._results.pop(len(self.calls), None))
         self._interface = interface
-        self._wanted: List[Request] = []  # requests that the traversal must make
-        self._results: Dict[int, Union[Answer, Failure]] = {}  # of the calls that it makes
         self._messages: List[Tuple[Topic, int, Sample]] = []
         self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
         self._reads: Dict[Topic, int] = {}
         self._hearing: List[str] = []  # on which topics the robot still hears something
-        self._difference = ""  # between the requests that are made and the recorded ones
 
     def take(self, event: events.Event) -> None:
-        """Store a request, an answer, a message or a state of the robot for the next traversal."""
-        if isinstance(event, events.Asked):
-            self._wanted.append(event.request)
-        elif isinstance(event, events.Answered) and event.call <= len(self.calls):
-            self.calls[event.call - 1].finish(event.result)
-        elif isinstance(event, events.Answered):
-            self._results[event.call] = event.result
-        elif isinstance(event, events.StillHearing):
+        """Store a message, or that the robot still hears something, for the next traversal."""
+        if isinstance(event, events.StillHearing):
             self._hearing.append(event.topic)
         elif isinstance(event, events.Message):
             sample = Sample(event.value, event.arrived)
@@ -252,22 +242,6 @@ class _World(FakeGateway, Topics):
     def begin(self) -> None:
         """A traversal begins."""
         self._reads.clear()
-
-    def start(self, request: Request) -> Call:
-        """Compare a request with the recorded one; its answer is the recorded one's."""
-        recorded = self._wanted.pop(0) if self._wanted else None
-        if not self._difference and recorded != request:
-            self._difference = "recorded is {}, now it asks {} for {}".format(
-                "no request" if recorded is None else f"the request {recorded}",
-                self._interface.resource(type(request)), request)
-        return super().start(request)
-
-    def difference(self) -> str:
-        """Return how the requests of the traversal differ from the recorded ones; empty if they do
-        not."""
-        if self._wanted and not self._difference:
-            return f"recorded is the request {self._wanted[0]}, now there is none"
-        return self._difference
 
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """Return the recorded messages for this read of a topic."""
@@ -288,6 +262,43 @@ class _World(FakeGateway, Topics):
 
     def wake_when(self, key: Any, topic: Topic, wanted: Any) -> None:
         """Do nothing: the record decides when the tree is traversed."""
+
+
+class _World(FakeGateway, RecordedTopics):
+    """The recorded answers and messages."""
+
+    def __init__(self, interface: Interface) -> None:
+        FakeGateway.__init__(self, reply=lambda request: self._results.pop(len(self.calls), None))
+        RecordedTopics.__init__(self, interface)
+        self._wanted: List[Request] = []  # requests that the traversal must make
+        self._results: Dict[int, Union[Answer, Failure]] = {}  # of the calls that it makes
+        self._difference = ""  # between the requests that are made and the recorded ones
+
+    def take(self, event: events.Event) -> None:
+        """Store also a request or an answer."""
+        super().take(event)
+        if isinstance(event, events.Asked):
+            self._wanted.append(event.request)
+        elif isinstance(event, events.Answered) and event.call <= len(self.calls):
+            self.calls[event.call - 1].finish(event.result)
+        elif isinstance(event, events.Answered):
+            self._results[event.call] = event.result
+
+    def start(self, request: Request) -> Call:
+        """Compare a request with the recorded one; its answer is the recorded one's."""
+        recorded = self._wanted.pop(0) if self._wanted else None
+        if not self._difference and recorded != request:
+            self._difference = "recorded is {}, now it asks {} for {}".format(
+                "no request" if recorded is None else f"the request {recorded}",
+                self._interface.resource(type(request)), request)
+        return super().start(request)
+
+    def difference(self) -> str:
+        """Return how the requests of the traversal differ from the recorded ones; empty if they do
+        not."""
+        if self._wanted and not self._difference:
+            return f"recorded is the request {self._wanted[0]}, now there is none"
+        return self._difference
 
 
 # -------------------------------------------------------------------------------------- the command

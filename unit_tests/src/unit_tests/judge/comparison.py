@@ -1,28 +1,103 @@
-"""What a record says of the ends of leaves, of decisions and of entries, beside what had to be; it
+"""What a record says of requests, ends of leaves, decisions and entries, beside what had to be; it
 is compared after each traversal."""
 import itertools
+from dataclasses import dataclass
 from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Union
+
+from msgspec.structs import asdict
 
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.execution.events import (
     EntriesWritten, LeafFinished, Recovered, Recovering, Retried, StepStarted, StopChanged)
 from behavior_controller.monitoring.record.recorder import Entries, entry_text
-from behavior_controller.robot.gateway import Cause
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import Answer
 
 from unit_tests.judge import reference
 from unit_tests.judge.foreign import Foreign
 from unit_tests.judge.reference import Decision, Duty
 
 
-class Reports:
-    """Ends of leaves and decisions since the last comparison: on record, and as they had to be."""
+@dataclass(eq=False)
+class Query:
+    """A request, the node that it was due for, and its result; ``dropped``: when the node was
+    halted."""
 
-    def __init__(self) -> None:
+    call: int
+    request: Any
+    service: str
+    asked: float
+    node: str = ""
+    path: str = ""
+    answered: Optional[float] = None
+    result: Union[Answer, Failure, None] = None
+    dropped: Optional[float] = None
+
+    def __str__(self) -> str:
+        return described(self.request)
+
+    @property
+    def asker(self) -> str:
+        """What made the request: a node, or the end of the run; after a difference none is known.
+        """
+        return self.node or ("the safe state" if self.is_for_safety else "a later step")
+
+    @property
+    def is_for_safety(self) -> bool:
+        """Whether it may be a part of the safe state: a recovery that gives up asks for it, and the
+        end of the run."""
+        return self.node in ("", *reference.HANDLERS) and self.request in reference.SAFE_STATE
+
+    @property
+    def cause(self) -> Optional[Cause]:
+        """Why it failed, if it did."""
+        return self.result.cause if isinstance(self.result, Failure) else None
+
+    @property
+    def outcome(self) -> str:
+        """The result in words: an answer, or the cause of its failure."""
+        if self.cause is not None:
+            return self.cause.value
+        return "an answer" if self.result is not None else "no answer"
+
+    def drop(self, time: float) -> None:
+        """Note that nothing waits for the answer any more."""
+        if self.result is None:
+            self.dropped = time
+
+
+def described(request: Any) -> str:
+    """Return a request in words."""
+    words = request.words
+    return f"{words.doing} {words.what}".strip() if words is not None else str(request)
+
+
+def unlike(asked: Any, due: Any) -> str:
+    """Return what is asked otherwise than it was due; empty: another kind of request."""
+    if type(asked) is not type(due):
+        return ""
+    names = [name for name in due.__struct_fields__ if getattr(asked, name) != getattr(due, name)]
+    fields = (f"{name} is {getattr(asked, name)!r} instead of {getattr(due, name)!r}"
+              for name in names)
+    return f" ({', '.join(fields)})"
+
+
+class Traversal:
+    """One traversal of the tree and what was reported since the one before: on record, and as it
+    had to be."""
+
+    def __init__(self, last: str = ""):
+        self.last = last  # the leaf that had ended last before
+        # changes of status: the node's number and a letter, or 0 and what is wrong with a request
+        self.recorded: Sequence[Tuple[int, str]] = ()
+        self.changes: List[Tuple[int, str]] = []
+        # of nodes without a row, the statuses on record that they have not taken yet
+        self.letters: Dict[int, Iterator[str]] = {}
         self.finished: List[LeafFinished] = []
         self.decisions: List[Decision] = []
-        self._ends: Dict[int, List[str]] = {}
         self.due: List[Decision] = []
+        self._ends: Dict[int, List[str]] = {}
 
     def ended(self, node: Duty, end: str) -> None:
         """Note how a leaf had to end: SUCCESS, IDLE, or the cause of its failure."""
@@ -38,19 +113,8 @@ class Reports:
         self.due.append(Decision(node.registration_id, node.full_path,
                                  cause.value if cause else "", step, handler))
 
-    def differences(self, nodes: Sequence[Any]) -> Iterator[str]:
-        """Yield what the record says otherwise, and forget both sides."""
-        yield from self._unlike_ends(nodes)
-        # decisions of recoveries first, then what is begun: of both the order counts
-        for due, other in itertools.zip_longest(*(
-                sorted(decisions, key=lambda decision: not decision.cause)
-                for decisions in (self.due, self.decisions))):
-            if due != other:
-                yield f"this had to happen: {due or 'nothing'}; on record is: {other or 'nothing'}"
-        for notes in (self.finished, self._ends, self.due, self.decisions):
-            notes.clear()
-
-    def _unlike_ends(self, nodes: Sequence[Any]) -> Iterator[str]:
+    def unlike_reports(self, nodes: Sequence[Any]) -> Iterator[str]:
+        """Yield what was reported otherwise than it had to be."""
         reported: Dict[int, List[str]] = {}
         for event in self.finished:
             reported.setdefault(event.uid, []).append(_value(event))
@@ -64,6 +128,12 @@ class Reports:
             if values != wanted and not (is_quiet and set(values) <= set(wanted)):
                 yield "{} ended with {}; on record is {}".format(
                     label(node), ", ".join(wanted) or "nothing", ", ".join(values) or "nothing")
+        # decisions of recoveries first, then what is begun: of both the order counts
+        for due, other in itertools.zip_longest(*(
+                sorted(decisions, key=lambda decision: not decision.cause)
+                for decisions in (self.due, self.decisions))):
+            if due != other:
+                yield f"this had to happen: {due or 'nothing'}; on record is: {other or 'nothing'}"
 
 
 def _value(ended: LeafFinished) -> str:
@@ -73,25 +143,20 @@ def _value(ended: LeafFinished) -> str:
     return ended.status if ended.failure is None else ended.failure.cause.value
 
 
+STEPS = {StepStarted: reference.BEGINS, StopChanged: reference.STOP, Recovering: reference.RETRY,
+         Retried: reference.FAILED_AGAIN, Recovered: reference.ENDED}
+"""What an event on record says of a step."""
+
+
 def decision(event: Union[StepStarted, StopChanged, Recovering, Retried, Recovered]) -> Decision:
     """Return what the record says of a step, a stop or a recovery."""
-    failure = getattr(event, "failure", None)
+    facts = asdict(event)
+    step = reference.INSTEAD if facts.get("substitute") else STEPS[type(event)]
+    gives_up = facts.get("policy", "").partition(": ")[0].endswith("give up")
+    step = step.format(rule="give up" if gives_up else "skip", **facts)
     handler = event.uid if isinstance(event, (Recovering, Recovered)) else 0
-    if isinstance(event, StepStarted):
-        step = reference.BEGINS
-    elif isinstance(event, StopChanged):
-        step = reference.STOP.format(event.number, event.of, event.name, event.state)
-    elif isinstance(event, Retried):
-        step = reference.FAILED_AGAIN.format(event.attempt)
-    elif isinstance(event, Recovered):
-        gives_up = event.policy.partition(": ")[0].endswith("give up")
-        step = reference.ENDED.format(event.outcome, event.attempts,
-                                      "give up" if gives_up else "skip")
-    elif event.attempt:
-        step = reference.RETRY.format(event.attempt, event.of)
-    else:
-        step = reference.INSTEAD.format(event.substitute)
-    return Decision(event.node, event.path, failure.cause.value if failure else "", step, handler)
+    cause = facts["failure"].cause.value if facts.get("failure") else ""
+    return Decision(event.node, event.path, cause, step, handler)
 
 
 class WrittenEntries:

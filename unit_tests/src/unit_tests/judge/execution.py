@@ -14,26 +14,26 @@ than ``Facts.late`` before (a timer, the next traversal, the next pass), and ear
 """
 import itertools
 import math
-from collections import Counter
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.config import knowledge_files, phrases, settings
+from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution.events import (
     LETTERS, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message,
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
+from behavior_controller.monitoring.record.replay import RecordedTopics
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 
 from unit_tests.judge import reference
-from unit_tests.judge.calls import Calls, Query, described
-from unit_tests.judge.comparison import Reports, WrittenEntries, decision, label
+from unit_tests.judge.comparison import (
+    Query, Traversal, WrittenEntries, decision, described, label, unlike)
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE, SAFE_STATE, TaskContext, Duty
@@ -56,105 +56,92 @@ TABLE = {spec.id for spec in reference.ROWS}
 """The node types that have a row."""
 
 
-class CannotRepeat(Exception):
-    """The mission of the record cannot be built again; the text says why."""
-
-
-class Traversal:
-    """One traversal of the tree: the changes of status on record, and those that had to be, each as
-    the node's number and a letter."""
-
-    def __init__(self, recorded: Sequence[Tuple[int, str]] = (), last: str = ""):
-        self.recorded = list(recorded)
-        self.due: List[Tuple[int, str]] = []
-        # requests: after how many changes, what is wrong
-        self.wrong: List[Tuple[int, str]] = []
-        self.last = last  # the leaf that had ended last before
-        # of each node, how many changes of status it has taken from the record
-        self.copied: Dict[int, int] = Counter()
-
-    @property
-    def misstep(self) -> Optional[int]:
-        """The place of the first change that differs; None: none does."""
-        pairs = enumerate(itertools.zip_longest(self.due, self.recorded))
-        return next((place for place, (due, other) in pairs if due != other), None)
-
-
 class Execution(TaskContext):
-    """One mission of a record, done again line by line. ``difference`` is the first one, and
-    ``differs_at`` its time; empty: none."""
+    """A record, done again line by line. ``difference`` is the first one, and ``differs_at`` its
+    time; empty: none."""
 
-    def __init__(self, begins: Line, passes: int, facts: Facts, shown: Sequence[TreeShown]):
-        """``passes`` have ended before; ``shown`` has the tree on record. Raises CannotRepeat."""
-        began, started = begins.time, begins.event
-        assert isinstance(started, RunStarted)
-        try:
-            self._build(started)
-        except BehaviorControllerError as error:
-            raise CannotRepeat(f"the mission on record cannot be done again: {error}") from error
-        self.began = self.now = began  # times of its first and its newest line
-        self.difference, self.differs_at = "", began
-        self.passes, self.test, self._facts = passes, facts.test, facts
+    def __init__(self, facts: Facts):
+        self.test, self._facts = facts.test, facts
+        self.now = self.differs_at = self._pass_began = 0.0
+        self.difference, self.passes = "", 0
         self.offset: Optional[float] = None  # from the mission's clock to Unix time
-        self.calls, self.signs = Calls(), Signs(self.clock)
-        self.reports, self.entries = Reports(), WrittenEntries(self.tree)
-        self._next = began, "the first pass"  # what is due next, and when
+        self.queries: Dict[int, Query] = {}
+        self._unexplained: List[Query] = []  # that no node has made yet
+        self._asker = ""  # the node that made the newest request
+        self.signs = Signs()
+        self.tree: Any = None
+        self._shown: List[TreeShown] = []
+        self._next = math.inf, ""  # what is due next, and when
+        self._outcome, self._is_in_pass = "", False  # of the last pass
+        # seconds after the pause of each retry, by node type
+        self.delays: Dict[str, List[float]] = {}
+        for line in facts.run.lines:
+            self._take(line)
+
+    def _begin(self, started: RunStarted) -> None:
+        """Begin the mission whose tree was shown; a node may take up another one while it runs."""
+        sources, self._pass_began, self.clock = started.sources, self.now, ManualClock()
+        try:
+            chosen = settings.recorded(started.settings, "settings")
+            known = knowledge_files.read(*sources.knowledge) if sources.knowledge else None
+            super().__init__(chosen, known, reference.PolicyTable(sources.policy.text))
+            self.registry = registry()
+            self.tree = build([parse(text, file) for file, text in sources.documents],
+                              self.registry, self.clock)
+            self.tree.setup(course=self)
+        except BehaviorControllerError as error:
+            self._differ(f"the mission on record cannot be done again: {error}")
+            return
+        self.signs.begin(self.clock, self.now)
+        self.topics = RecordedTopics(self.interface)
+        self.entries, self.traversal = WrittenEntries(self.tree), Traversal()
+        self._next = self.now, "the first pass"
         self._is_in_pass = self._is_over = False
-        self._pass_began, self._visit_began = began, 0.0
+        self._visit_began = 0.0
         self._clock_began: Optional[float] = None  # the offset at the first traversal of a pass
         self._result = ""  # of the tree in the newest traversal, if it has ended
         self._outcome, self._ready, self._pauses = "", 0.0, 0  # after the last pass
-        self._traversal = Traversal()
         self._last = ""  # the leaf that ended last
-        self._delays: Dict[str, List[float]] = {}  # of retries, by node type
         self.tree.subscribe(
-            lambda node, old, new: self._traversal.due.append((node.uid, LETTERS[new])))
+            lambda node, old, new: self.traversal.changes.append((node.uid, LETTERS[new])))
         places = [(node.full_path, node.registration_id) for node in self.tree.nodes]
         leaves = [place for place, node in zip(places, self.tree.nodes) if isinstance(node, Duty)]
         if leaves != list(map(tuple, started.leaves)) or [places] != [
-                [(node.path, node.type) for node in tree.nodes] for tree in shown]:
+                [(node.path, node.type) for node in tree.nodes] for tree in self._shown]:
             self._differ("the tree on record is not that of the mission file")
-
-    def _build(self, started: RunStarted) -> None:
-        """Set the mission up. Raises BehaviorControllerError."""
-        sources = started.sources
-        chosen = settings.recorded(started.settings, "settings")
-        known = knowledge_files.read(*sources.knowledge) if sources.knowledge else None
-        language = chosen.language if known is None else known.language
-        spoken = phrases.load(language, chosen.scenario_specification)
-        super().__init__(chosen, spoken, known, reference.PolicyTable(sources.policy.text))
-        self.clock = ManualClock()
-        self.registry = registry()
-        self.tree = build([parse(text, file) for file, text in sources.documents], self.registry,
-                          self.clock)
-        self.tree.setup(course=self)
+        self._shown.clear()
 
     # ----------------------------------------------------------------------------------- the record
 
-    def take(self, line: Line) -> None:
+    def _take(self, line: Line) -> None:
         """Go on with the next event of the record."""
         event, self.now = line.event, line.time
         if isinstance(event, PACING):
             self._differ(self.overdue(self.now))
-        if type(event) in _HANDLERS and (not self.difference or isinstance(event, WITNESSED)):
+        is_begun = self.tree is not None or isinstance(event, (TreeShown, RunStarted))
+        is_of_use = is_begun and (not self.difference or isinstance(event, WITNESSED))
+        if type(event) in _HANDLERS and is_of_use:
             _HANDLERS[type(event)](self, event)
 
     def _note_asked(self, event: Asked) -> None:
-        query = self.calls.note_asked(event, self.now)
+        query = self.queries.setdefault(
+            event.call, Query(event.call, event.request, event.service, self.now))
+        self._unexplained.append(query)
         if self._is_over:
             self._differ("after the end of the run nothing is due; what was asked: "
-                         f"{self.calls.described(query)}")
+                         f"{self._described(query)}")
 
     def _note_answer(self, event: Answered) -> None:
-        self._differ(self.calls.note_answer(event, self.now))
-
-    def _note_message(self, event: Message) -> None:
-        self.signs.note(event, self.interface.topic(event.topic))
+        query = self.queries.get(event.call)
+        if query is not None and (query.result, query.dropped) != (None, None):
+            self._differ(f"{query.node} has an answer on record that nothing waits for: {query}")
+        elif query is not None:
+            query.answered, query.result = self.now, event.result
 
     def _note_hearing(self, event: StillHearing) -> None:
         if self.test.recognise_by != ACTION:
             self._differ(f"{event.topic} is no action that goes on hearing")
-        self.signs.note_hearing(event.topic)
+        self.topics.take(event)
 
     def _note_entries(self, event: EntriesWritten) -> None:
         if self.entries.note(event):
@@ -174,7 +161,7 @@ class Execution(TaskContext):
     def _note_leaf(self, event: LeafFinished) -> None:
         if not self._is_of(event):
             self._differ(f"node {event.uid} is not {event.node} {event.path}")
-        self.reports.finished.append(event)
+        self.traversal.finished.append(event)
 
     def _is_of(self, event: Union[LeafFinished, Recovering, Recovered]) -> bool:
         """Return whether the number of a node is that of its path and type."""
@@ -185,7 +172,7 @@ class Execution(TaskContext):
     def _note_step(self, event: Union[StepStarted, StopChanged]) -> None:
         is_request = isinstance(event, StopChanged) or not (event.is_wait or event.goes_on)
         if event.node in TABLE and is_request:
-            self.reports.decisions.append(decision(event))
+            self.traversal.decisions.append(decision(event))
 
     def _note_recovery(self, event: Union[Recovering, Retried, Recovered]) -> None:
         if isinstance(event, Recovered):
@@ -194,7 +181,7 @@ class Execution(TaskContext):
             if event.success is (event.outcome == reference.GIVEN_UP):
                 self._differ(f"the recovery of {event.node} is {event.outcome}; on record its "
                              f"success is {event.success}")
-        self.reports.decisions.append(decision(event))
+        self.traversal.decisions.append(decision(event))
 
     # ----------------------------------------------------------------------------------- the passes
 
@@ -203,8 +190,8 @@ class Execution(TaskContext):
         if self._is_in_pass or event.number != self.passes + 1:
             self._differ("pass {} began, and pass {} had to {}".format(
                 event.number, self.passes + 1, "end" if self._is_in_pass else "begin"))
-        for query in self.calls.unexplained:
-            asked = self.calls.described(query)
+        for query in self._unexplained:
+            asked = self._described(query)
             self._differ(f"before the pass nothing is due; what was asked: {asked}")
         early = self._ready - event.at
         if early > 0.01 or self._next[0] == math.inf:
@@ -222,7 +209,8 @@ class Execution(TaskContext):
         if (event.number, event.outcome) != (self.passes + 1, self._result):
             self._differ("pass {} ended with {}; its tree ends with {}".format(
                 event.number, event.outcome, self._result or "nothing yet"))
-        self._differ(next(self.reports.differences(self.tree.nodes), ""))
+        self._differ(next(self.traversal.unlike_reports(self.tree.nodes), ""))
+        self.traversal = Traversal(self._last)
         self.passes += 1
         self._is_in_pass, self._outcome = False, event.outcome
         self._ready = now + (SHORTEST_PASS if event.seconds < SHORTEST_PASS else 0.0)
@@ -245,12 +233,12 @@ class Execution(TaskContext):
         self._next = ready, f"pass {self.passes + 1}"
 
     def _note_safe_state(self, event: SafeStateReported) -> None:
-        self.reports.decisions.append(SAFE)
+        self.traversal.decisions.append(SAFE)
         reported = {part.service: part for part in event.parts}
         since = self.now - event.seconds - self._facts.late
         for request in SAFE_STATE:
             # of each handler the newest request, and of the end of the run
-            newest = {query.path: query for query in self.calls.queries.values()
+            newest = {query.path: query for query in self.queries.values()
                       if query.request == request and query.is_for_safety and query.asked > since}
             for query in newest.values():
                 query.drop(self.now)
@@ -266,17 +254,16 @@ class Execution(TaskContext):
                     part.what, "failed" if part.failure else "reached"))
 
     def _end_run(self, event: RunFinished) -> None:
-        asked = [query.request for query in self.calls.unexplained]
+        asked = [query.request for query in self._unexplained]
         if sorted(map(str, asked)) != sorted(map(str, SAFE_STATE)):
             self._differ("at the end the safe state is due, once; what was asked: {}".format(
                 ", ".join(map(described, asked)) or "nothing"))
-        elif self.reports.decisions != [SAFE]:
+        elif self.traversal.decisions != [SAFE]:
             self._differ(f"at the end {SAFE}; it was not")
         elif not event.outcome.endswith(self._outcome):
             self._differ(
                 f"the last pass ended with {self._outcome}; at the end it was {event.outcome}")
-        self.calls.unexplained.clear()
-        self.reports.decisions.clear()
+        self._unexplained.clear()
         self._is_over, self._next = True, (math.inf, "")
 
     # ----------------------------------------------------------------------------------- traversals
@@ -284,7 +271,8 @@ class Execution(TaskContext):
     def _traverse(self, tick: Tick) -> None:
         self._check_clock(tick)
         self.clock.set_to(tick.at)
-        self._traversal = Traversal(tick.changes, self._last)
+        self.topics.begin()
+        self.traversal.recorded, self.traversal.changes = tick.changes, []
         result: Any = None
         changes = self.tree.changes
         try:
@@ -296,6 +284,7 @@ class Execution(TaskContext):
                 self._differ(f"the mission cannot be done again: {error}")
             result = FAILURE  # of a script, say: the pass is over
         self._differ(self._first_difference())
+        self.traversal = Traversal(self._last)
         self._expect_traversal(result is RUNNING, self.tree.changes != changes)
         self._result = result.name if result in (SUCCESS, FAILURE) else ""
         if self._result:
@@ -354,36 +343,39 @@ class Execution(TaskContext):
             self.difference = f"pass {self.passes + 1}, {at:.1f} s: {text}"
 
     def _first_difference(self) -> str:
-        """Return the first difference of the traversal: a request, a change of status, then what
+        """Return the first difference of the traversal: a request or a change of status, then what
         else is on record."""
-        wrong, misstep = min(self._traversal.wrong, default=None), self._traversal.misstep
-        if wrong is not None and (misstep is None or wrong[0] <= misstep):
-            return wrong[1]
-        if misstep is not None:
-            return self._described_misstep(misstep)
-        for query in self.calls.unexplained:
-            return (f"after {self.calls.asker or self._last}, while {self.under_way()} goes on, "
-                    f"nothing more was due; what was asked: {self.calls.described(query)}")
-        return next(itertools.chain(self.reports.differences(self.tree.nodes),
+        traversal = self.traversal
+        pairs = itertools.zip_longest(traversal.changes, traversal.recorded, fillvalue=(None, ""))
+        for place, (due, came) in enumerate(pairs):
+            if due != came:
+                return self._misstep(place, *due, *came)
+        for query in self._unexplained:
+            return (f"after {self._asker or self._last}, while {self.under_way()} goes on, "
+                    f"nothing more was due; what was asked: {self._described(query)}")
+        return next(itertools.chain(traversal.unlike_reports(self.tree.nodes),
                                     self.entries.differences(self._last)), "")
 
-    def _described_misstep(self, place: int) -> str:
-        """Return which change of status had to come there, and which came."""
+    def _misstep(self, place: int, uid: Optional[int], letter: str, other: Optional[int],
+                 other_letter: str) -> str:
+        """Return which change of status had to come at a place, and which other one came."""
+        if uid == 0:  # a request was wrong
+            return letter
         due, came = "nothing more had to be", "nothing"
-        for uid, letter in self._traversal.due[place:place + 1]:
-            node, cause = self.tree.nodes[uid - 1], self.reports.cause(uid)
+        if uid is not None:
+            node, cause = self.tree.nodes[uid - 1], self.traversal.cause(uid)
             reason = f" ({cause})" if cause and letter == "F" else ""
             place_of = f" (in {label(node.parent)})" if node.parent is not None else ""
             due = f"{self._label(uid)} had to be {WORDS[letter]}{reason}{place_of}"
-        for uid, letter in self._traversal.recorded[place:place + 1]:
-            came = f"{self._label(uid)} {WORDS[letter]}"
+        if other is not None:
+            came = f"{self._label(other)} {WORDS[other_letter]}"
         return f"{self._after(place)}{due}; on record is {came}"
 
     def _after(self, place: int) -> str:
         """Return which leaf had ended before a change of status."""
-        before = [uid for uid, letter in self._traversal.due[:place]
+        before = [uid for uid, letter in self.traversal.changes[:place]
                   if letter in "SF" and isinstance(self.tree.nodes[uid - 1], Duty)]
-        last = self._label(before[-1]) if before else self._traversal.last
+        last = self._label(before[-1]) if before else self.traversal.last
         return f"after {last}, " if last else ""
 
     def _label(self, uid: int) -> str:
@@ -401,93 +393,92 @@ class Execution(TaskContext):
         """Return a request with its answer, if that has come; of a node without a row only the
         request's kind is known."""
         if node.registration_id in TABLE and not isinstance(node, reference.RecoveryTask):
-            self.reports.decided(node, reference.BEGINS)
+            self.traversal.decided(node, reference.BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
-            answer = Answer(exhibits=self.knowledge[request.what])
-            return Query(0, request, "", self._unix_now, result=answer)
-        if not self.calls.next_is(request):
-            after = self._after(len(self._traversal.due))
-            self._wrong(f"{after}{label(node)} {self.calls.unlike(request)}")
-            return Query(0, request, "", self._unix_now)
-        query = self.calls.take(node)
-        early = self._unix_now - query.asked
+            tour = self.known.tour
+            places = {"exhibits": tour, "home": tour[:1], "entrance": tour[-1:]}[request.what]
+            return Query(0, request, "", self.unix_now, result=Answer(exhibits=places))
+        if not self._is_next(request):
+            what = "" if isinstance(request, type) else ": " + described(request)
+            came = "nothing was asked"
+            for asked in self._unexplained[:1]:
+                came = f"what was asked: {self._described(asked)}{unlike(asked.request, request)}"
+            after = self._after(len(self.traversal.changes))
+            self.traversal.changes.append((0, f"{after}{label(node)} was due{what}; {came}"))
+            return Query(0, request, "", self.unix_now)
+        query = self._take_next(node)
+        early = self.unix_now - query.asked
         if early > EARLY:
-            self._wrong(f"{label(node)} asked {early:.1f} s too early: {query}")
+            wrong = f"{label(node)} asked {early:.1f} s too early: {query}"
+            self.traversal.changes.append((0, wrong))
         return query
 
-    def _wrong(self, text: str) -> None:
-        self._traversal.wrong.append((len(self._traversal.due), text))
+    def _is_next(self, request: Union[Request, type, Tuple[type, ...]]) -> bool:
+        """Return whether the next request is that one, or of that kind or one of these."""
+        asked = [query.request for query in self._unexplained[:1]]
+        if isinstance(request, Request):
+            return asked == [request]
+        return bool(asked) and isinstance(asked[0], request)
+
+    def _take_next(self, node: Duty) -> Query:
+        """Return the next request, which is that of the node."""
+        self._asker, query = label(node), self._unexplained.pop(0)
+        query.node, query.path = node.registration_id, node.full_path
+        return query
+
+    def _described(self, asked: Query) -> str:
+        """Return a request in words, and which node has made the same before."""
+        before = [query.node for query in self.queries.values()
+                  if query.request == asked.request and query.node]
+        return f"{asked}, as {before[-1]} did before" if before else str(asked)
 
     @property
-    def _unix_now(self) -> float:
+    def unix_now(self) -> float:
+        """The time of the traversal."""
         return self.clock.now() + (self.offset or 0.0)
-
-    def drop(self, query: Query) -> None:
-        """Note that nothing waits for an answer any more."""
-        query.drop(self._unix_now)
-
-    def retried(self, node: Duty, late: float) -> None:
-        """Note a retry, and how many seconds after its pause it was made."""
-        self._delays.setdefault(node.registration_id, []).append(late)
 
     @property
     def late_retries(self) -> List[str]:
         """The nodes that were tried again more than once, and too late every time."""
         return [f"{node} was tried again {min(delays):.1f} s later than the policy says"
-                for node, delays in self._delays.items()
+                for node, delays in self.delays.items()
                 if len(delays) > 1 and min(delays) > LATE_RETRY + self._facts.stall]
 
     def ended(self, node: Duty, cause: Optional[Cause]) -> None:
         """Note that a leaf ended; ``cause`` None: it succeeded."""
-        self.reports.ended(node, "SUCCESS" if cause is None else cause.value)
+        self.traversal.ended(node, "SUCCESS" if cause is None else cause.value)
         self._last = label(node)
 
     def of_record(self, node: Duty) -> Tuple[str, Optional[Cause]]:
         """Return the next status of a node in this traversal, and why it failed, if it did."""
-        traversal = self._traversal
-        mine = [letter for uid, letter in traversal.recorded if uid == node.uid and letter != "-"]
-        place = traversal.copied[node.uid]
-        traversal.copied[node.uid] += 1
-        causes = [event.failure.cause for event in self.reports.finished
-                  if event.uid == node.uid and event.failure]
+        traversal = self.traversal
+        letters = traversal.letters.setdefault(node.uid, iter([
+            letter for uid, letter in traversal.recorded if uid == node.uid and letter != "-"]))
+        causes = (event.failure.cause for event in traversal.finished
+                  if event.uid == node.uid and event.failure)
         kinds = tuple(getattr(node.spec, "calls", ()))
-        if node.status is not RUNNING and self.calls.next_is(kinds):
-            self.calls.take(node)
-        return mine[place] if place < len(mine) else "", causes[0] if causes else None
+        if node.status is not RUNNING and self._is_next(kinds):
+            self._take_next(node)
+        return next(letters, ""), next(causes, None)
 
 
 _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     Asked: Execution._note_asked, Answered: Execution._note_answer,
-    Message: Execution._note_message, StillHearing: Execution._note_hearing,
-    EntriesWritten: Execution._note_entries, HealthChanged: Execution._note_health,
-    LeafFinished: Execution._note_leaf, Recovered: Execution._note_recovery,
-    Recovering: Execution._note_recovery, Retried: Execution._note_recovery,
-    PassStarted: Execution._start_pass, PassFinished: Execution._end_pass,
+    Message: lambda execution, event: execution.topics.take(event),
+    StillHearing: Execution._note_hearing, EntriesWritten: Execution._note_entries,
+    HealthChanged: Execution._note_health, LeafFinished: Execution._note_leaf,
+    Recovered: Execution._note_recovery, Recovering: Execution._note_recovery,
+    Retried: Execution._note_recovery, PassStarted: Execution._start_pass,
+    PassFinished: Execution._end_pass, RunStarted: Execution._begin,
     RunFinished: Execution._end_run, SafeStateReported: Execution._note_safe_state,
     StepStarted: Execution._note_step, StopChanged: Execution._note_step,
-    Suspended: Execution._note_suspension, Tick: Execution._traverse
+    Suspended: Execution._note_suspension, Tick: Execution._traverse,
+    TreeShown: lambda execution, event: execution._shown.append(event)
 }
 """What is done again, until the first difference."""
 
-WITNESSED = (Asked, Answered, Message)
+WITNESSED = (Asked, Answered)
 """What is kept after the first difference too, for the witness."""
 
 PACING = (PassStarted, Tick, PassFinished, RunFinished)
 """What comes late if nothing else has come when it was due."""
-
-
-def execute(facts: Facts) -> List[Execution]:
-    """Do all missions of a record again: a node may take up another one while it runs. Raises
-    CannotRepeat."""
-    executions: List[Execution] = []
-    shown: List[TreeShown] = []
-    for line in facts.run.lines:
-        if isinstance(line.event, TreeShown):
-            shown.append(line.event)
-        elif isinstance(line.event, RunStarted):
-            passes = executions[-1].passes if executions else 0
-            executions.append(Execution(line, passes, facts, shown))
-            shown = []
-        elif executions:
-            executions[-1].take(line)
-    return executions

@@ -1,14 +1,13 @@
 """The failures of a run as rows: visitor, stop, node, call, what the recovery did about it, the
 time that it cost."""
-import bisect
 import textwrap
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Sequence, Tuple
 
-from behavior_controller.execution.events import PassFinished
+from behavior_controller.execution.run import Run
 from behavior_controller.execution.state import LeafFailure, RecoveryRound
 from behavior_controller.text import clean
 
-from unit_tests.judge.facts import Facts, of
+from unit_tests.judge.facts import Facts
 from unit_tests.judge.reference import DONE, HANDLERS
 from unit_tests.judge.witness import Pair, Witness
 from unit_tests.robot.faults import WRONG
@@ -39,64 +38,58 @@ class FailureRow(NamedTuple):
     is_injected: bool
 
 
-class Rows:
-    """Makes the rows of a run."""
-
-    def __init__(self, facts: Facts, witness: Witness):
-        self._facts = facts
-        self._passes = [time for time, _ in of(facts.run.lines, PassFinished)]
-        self._open: List[Pair] = list(filter(_fault, witness.pairs))
-        # id() of a failure -> the recovery from it, and those around that one
-        self._rounds: Dict[int, List[RecoveryRound]] = {}
-        for recovery in facts.run.recoveries:
-            if recovery.recovered is not None and not recovery.is_halted:
-                for failed in recovery.failures + recovery.instead:
-                    self._rounds.setdefault(id(failed), []).append(recovery)
-
-    def all(self) -> List[FailureRow]:
-        """Return a row for each injected fault, and for each failure beside them that is no false
-        condition."""
-        rows = [self._of_failure(failed) for failed in self._facts.run.failures
-                if not failed.is_false_condition and failed.node not in HANDLERS]
-        return sorted(rows + list(map(self._of_rest, self._open)), key=lambda row: row.at)
-
-    def _of_failure(self, failed: LeafFailure) -> FailureRow:
-        recovery, until = self._recovery(failed)
-        pair = next((pair for pair in self._open if _explains(pair, failed)), None)
-        if pair is None:
-            return self._row(failed.at, failed.node, failed.failure.resource or "-",
-                             failed.failure.cause.value, recovery, until, False)
-        self._open.remove(pair)
-        return self._row(pair.time, failed.node, _call(pair), _fault(pair), recovery, until, True)
-
-    def _of_rest(self, pair: Pair) -> FailureRow:
-        """Return the row of a fault that is no failure of a node."""
-        query, recovery = pair.query, NOT_ON_RECORD
+def failure_rows(facts: Facts, witness: Witness) -> List[FailureRow]:
+    """Return a row for each injected fault, and for each failure beside them that is no false
+    condition."""
+    run, faults, found = facts.run, list(filter(_fault, witness.pairs)), []
+    for failed in run.failures:
+        if failed.is_false_condition or failed.node in HANDLERS:
+            continue
+        outcome, until = _recovery(run, failed)
+        pair = next((pair for pair in faults if _explains(pair, failed)), None)
+        at, call, kind = failed.at, failed.failure.resource or "-", failed.failure.cause.value
+        if pair is not None:
+            faults.remove(pair)
+            at, call, kind = pair.time, _call(pair), _fault(pair)
+        found.append(FailureRow(at, failed.visit, _stop(run, at), failed.node, call, kind, outcome,
+                                until - at, pair is not None))
+    for pair in faults:  # that are no failures of a node
+        query, visit, outcome = pair.query, run.at(pair.time).visit, NOT_ON_RECORD
         if query is not None:
-            recovery = HALTED if query.result is None else IN_SAFE_STATE
-        return self._row(pair.time, query.node if query is not None else "", _call(pair),
-                         _fault(pair), recovery, pair.time, True)
+            outcome = HALTED if query.result is None else IN_SAFE_STATE
+        found.append(FailureRow(
+            pair.time, visit.number if visit is not None else 1, _stop(run, pair.time),
+            query.node if query is not None else "", _call(pair), _fault(pair), outcome, 0.0, True))
+    return sorted(found, key=lambda row: row.at)
 
-    def _row(self, at: float, node: str, call: str, kind: str, recovery: str, until: float,
-             is_injected: bool) -> FailureRow:
-        stop = self._facts.run.at(at).stop
-        return FailureRow(at, 1 + bisect.bisect_left(self._passes, at),
-                          stop.name if stop is not None else "", node, call, kind, recovery,
-                          until - at, is_injected)
 
-    def _recovery(self, failed: LeafFailure) -> Tuple[str, float]:
-        """Return what the recovery did about a failure, and when the step was done, tried again or
-        given up."""
-        rounds = self._rounds.get(id(failed))
-        if not rounds:
-            return NO_RECOVERY, failed.at
-        later = [other for other in rounds[0].failures + rounds[0].instead if other.at > failed.at]
-        if later:
-            is_other = any(other is later[0] for other in rounds[0].instead)
-            return f"{later[0].node} instead" if is_other else AGAIN, later[0].at
-        # an outer HandleFallBack goes on with the failure that an inner one gave up
-        rounds = self._rounds[id((rounds[0].failures + rounds[0].instead)[0])]
-        return ", then ".join(dict.fromkeys(map(_outcome, rounds))), rounds[-1].decided
+def _stop(run: Run, at: float) -> str:
+    """Return the stop that was under way at a time; empty: none."""
+    stop = run.at(at).stop
+    return stop.name if stop is not None else ""
+
+
+def _rounds(run: Run, failed: LeafFailure) -> List[RecoveryRound]:
+    """Return the recovery from a failure, and those around that one."""
+    return [recovery for recovery in run.recoveries
+            if recovery.recovered is not None and not recovery.is_halted
+            and any(other is failed for other in recovery.failures + recovery.instead)]
+
+
+def _recovery(run: Run, failed: LeafFailure) -> Tuple[str, float]:
+    """Return what the recovery did about a failure, and when the step was done, tried again or
+    given up."""
+    inner = next(iter(_rounds(run, failed)), None)
+    if inner is None:
+        return NO_RECOVERY, failed.at
+    failures = inner.failures + inner.instead
+    later = next((other for other in failures if other.at > failed.at), None)
+    if later is not None:
+        is_other = any(other is later for other in inner.instead)
+        return f"{later.node} instead" if is_other else AGAIN, later.at
+    # an outer HandleFallBack goes on with the failure that an inner one gave up
+    around = _rounds(run, failures[0])
+    return ", then ".join(dict.fromkeys(map(_outcome, around))), around[-1].decided
 
 
 def _explains(pair: Pair, failed: LeafFailure) -> bool:

@@ -36,10 +36,8 @@ class Foreign(reference.Asking):
 
 
 def _foreign(spec: NodeSpec) -> NodeSpec:
-    own = {str(kind): kind for kind in reference.TYPES.values()}
-    mine = tuple(port._replace(type=own.get(port.type, port.type)) for port in spec.ports)
     is_leaf = spec.kind in (Kind.ACTION, Kind.CONDITION)
-    return dataclasses.replace(spec, ports=mine, factory=Foreign if is_leaf else spec.factory)
+    return dataclasses.replace(spec, factory=Foreign) if is_leaf else spec
 
 
 def registry() -> Registry:

@@ -22,9 +22,9 @@ from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.ports import NoValue, PortError, defaults
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, argument
 from behavior_controller.bt.script.values import PortType, TEXT, whole_real
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.config import phrases
 from behavior_controller.config.knowledge_files import Knowledge
-from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.settings import Settings
 from behavior_controller.execution.events import BEGUN, OMITTED, OVER
 from behavior_controller.robot.declarations import Sense, Topic
@@ -79,25 +79,25 @@ TYPES: Dict[str, str] = {
 }
 """The entries of one visitor: their names and types."""
 
-_DIRECTIONS = {"<": Direction.IN, ">": Direction.OUT, "=": Direction.INOUT}
+_DIRECTIONS = {"<": Direction.IN, "?": Direction.IN, ">": Direction.OUT, "=": Direction.INOUT}
 
 
 def _ports(text: str) -> Iterator[Port]:
     """Yield the ports of a row: ``<`` reads, ``>`` writes, ``=`` does both; ``<port:entry`` if its
-    name is another."""
+    name is another. ``?`` reads a text of the mission file."""
     for word in text.split():
         name, _, entry = word[1:].partition(":")
         entry = entry or name
-        yield Port(name, TYPES[entry], _DIRECTIONS[word[0]], "{@" + entry + "}", is_optional=True)
+        default = None if word[0] == "?" else "{@" + entry + "}"
+        yield Port(name, TYPES.get(entry, TEXT), _DIRECTIONS[word[0]], default, is_optional=True)
 
 
 # ------------------------------------------------------------------------------ what a node goes by
 
 
 class TaskFailure(NamedTuple):
-    """One failure of a node, with its number in the order of time."""
+    """One failure of a node."""
 
-    number: int
     node: "Duty"
     cause: Cause
     resource: str
@@ -118,11 +118,12 @@ class Decision(NamedTuple):
         return f"{node} {self.step}".strip()
 
 
-BEGINS, STOP = "begins", "is at stop {} of {}, {}: {}"
+BEGINS, STOP = "begins", "is at stop {number} of {of}, {name}: {state}"
 """What is reported of a step that asks, and of one that begins, ends or leaves out a stop."""
 
-RETRY, INSTEAD, ENDED = "retry {} of {}", "{} instead", "{} after {} retries, by a rule to {}"
-FAILED_AGAIN = "failed too, after {} retries"
+RETRY, INSTEAD = "retry {attempt} of {of}", "{substitute} instead"
+ENDED = "{outcome} after {attempts} retries, by a rule to {rule}"
+FAILED_AGAIN = "failed too, after {attempt} retries"
 """What a recovery does about a step."""
 
 SAFE = Decision("", "", "", "what was reached of the safe state is reported")
@@ -132,28 +133,25 @@ class TaskContext:
     """What the nodes of a mission go by: configuration, phrases, knowledge, policy; failures. The
     requests, answers and messages are those of the execution that it is the base of."""
 
-    def __init__(self, settings: Settings, phrases: Phrases, known: Optional[Knowledge],
-                 policy: "PolicyTable"):
-        self.settings, self.phrases, self.known, self.policy = settings, phrases, known, policy
+    def __init__(self, settings: Settings, known: Optional[Knowledge], policy: "PolicyTable"):
+        self.settings, self.known, self.policy = settings, known, policy
         self.interface = settings.interface
         self.language = settings.language if known is None else known.language
+        self.phrases = phrases.load(self.language, settings.scenario_specification)
         self.gone: Set[str] = set()  # services that are known to be gone
-        self.failures: Dict[int, TaskFailure] = {}  # the newest of each node, by uid
-        self.newest = 0
-        # number of the failure for which the robot was left in the safe state last
-        self.given_up = 0
+        self.failures: List[TaskFailure] = []
+        # the failure for which the robot was left in the safe state last
+        self.given_up: Optional[TaskFailure] = None
         self.recoveries: List[float] = []
         self.is_spent = False  # the budget, so that a failure of this pass was given up
         self.unrecovered: List[Tuple[Cause, str]] = []  # causes and resources, in this pass
-        self._first = 1  # number of the first failure of this pass
+        self._before = 0  # number of failures before this pass
 
     @property
     def failures_of_pass(self) -> List[Tuple[Cause, str]]:
         """The causes and resources for which the last pass may have failed."""
-        newest = max(self.failures.values(), default=None)
-        if newest is None or newest.number < self._first:
-            return self.unrecovered
-        return self.unrecovered + [(newest.cause, newest.resource)]
+        newest = self.failures[self._before:][-1:]
+        return self.unrecovered + [(failed.cause, failed.resource) for failed in newest]
 
     def pause(self, number: int, at: float) -> float:
         """Return the seconds that the next pass waits after a number of passes that failed for a
@@ -177,26 +175,13 @@ class TaskContext:
             return 0.0
         return len(request.text.split()) / self.settings.speech_pace
 
-    def failed(self, node: "Duty", cause: Cause, resource: str) -> None:
-        """Keep a failure for the recovery."""
-        self.newest += 1
-        self.failures[node.uid] = TaskFailure(self.newest, node, cause, resource)
-
     def begin_visit(self, board: Blackboard, at: float) -> None:
         """Forget the last visitor: answers and gazes from before do not count."""
-        self.is_spent, self.unrecovered, self._first = False, [], self.newest + 1
+        self.is_spent, self.unrecovered, self._before = False, [], len(self.failures)
         for name in TYPES:
             board.unset(name)
         for name in ("questionAskedAt", "attentionSetAt"):
             board.set(name, at, TYPES[name])
-
-    @property
-    def knowledge(self) -> Dict[str, Tuple[Exhibit, ...]]:
-        """The places of the robot's files, by query; empty if a node answers such queries."""
-        known = self.known
-        return {} if known is None else {
-            "exhibits": known.tour, "home": known.tour[:1], "entrance": known.tour[-1:]
-        }
 
 
 # ------------------------------------------------------------------------------ how it is done
@@ -248,8 +233,8 @@ class Duty(Node):
 
     def conclude(self, cause: Optional[Cause]) -> Result:
         """End the node; without a cause it has succeeded."""
-        if cause is not None:
-            self.course.failed(self, cause, self.resource)
+        if cause is not None and not self.spec.is_recovery:
+            self.course.failures.append(TaskFailure(self, cause, self.resource))
         self.course.ended(self, cause)
         return SUCCESS if cause is None else FAILURE
 
@@ -262,7 +247,7 @@ class Duty(Node):
     def ask(self, request: Any) -> Any:
         """Return the query of a request, which is dropped with the attempt."""
         query = self.course.ask(self, request)
-        self._at_end.callback(self.course.drop, query)
+        self._at_end.callback(lambda: query.drop(self.course.unix_now))
         return query
 
     def timer(self, seconds: float) -> Timer:
@@ -308,19 +293,11 @@ class Task(Duty, ActionLeaf):
     on_start = on_running = Duty.go_on
 
     def on_halted(self) -> None:
-        self.course.reports.ended(self, "IDLE")
+        self.course.traversal.ended(self, "IDLE")
 
 
 class Asking(Task):
     """An action that asks the robot; a recovery may try it again."""
-
-
-class Starting(Asking):
-    """StartOfTree: a pass begins, once, even if setting the language is retried."""
-
-    def on_start(self) -> Result:
-        _begin(self)
-        return self.go_on()
 
 
 @dataclass(frozen=True)
@@ -407,43 +384,34 @@ ENDING = SignRule(lambda course, text: is_error(text) or _is_answer(course, text
 """What ends listening: an answer, or an error of the recognition."""
 
 
-def _look(node: Any, topic: Topic, evidence: SignRule, after: float) -> Optional[Sample]:
-    """Return the message that is the sign, the newest one of a state, each one of events, if it
-    came after what it answers."""
-    course, now = node.course, node.clock.now()
-    limit = course.settings.topic_max_age if topic.is_continuous else math.inf
-    counting = [sample for sample in course.signs.messages(topic)
-                if sample.arrived > after and now - sample.arrived <= limit]
-    is_sign = partial(evidence.is_sign, course)
-    for sample in counting:
-        if is_sign(sample.value):
-            course.signs.saw(node, topic, sample, is_sign)
-            return sample
-    course.signs.sought(node, topic, after, is_sign)
-    if any(evidence.is_given_up(course, sample.value) for sample in counting):
-        raise Fails(Cause.CONDITION_FALSE)
-    return None
-
-
 def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
     """Yield True while the node listens: for so many seconds, and for what began within them."""
     if seconds:
         for _ in node.pause(min(seconds, 1e9)):
             yield True
         node.timer(RESULT_WAIT)
-        while node.course.signs.is_hearing(topic):
+        while node.course.topics.is_hearing(topic):
             yield True
 
 
 def _sense(node: Any, sense: Sense, evidence: SignRule, seconds: float,
            after: Callable[[], float]) -> Generator[None, None, Optional[Sample]]:
-    """Return the message that is the sign; None: there was none in time."""
-    topic = node.course.interface.evidence(sense).topic
+    """Return the message that is the sign, the newest one of a state, each one of events, if it
+    came after what it answers; None: there was none in time."""
+    course, topic = node.course, node.course.interface.evidence(sense).topic
     node.resource, listening = topic.name, _listening(node, topic, seconds)
+    limit = course.settings.topic_max_age if topic.is_continuous else math.inf
+    is_sign = partial(evidence.is_sign, course)
     while True:
-        sample = _look(node, topic, evidence, after())
-        if sample is not None or not next(listening, False):
-            return sample
+        messages, since, now = course.topics.recent(topic), after(), node.clock.now()
+        counting = [sample for sample in messages
+                    if sample.arrived > since and now - sample.arrived <= limit]
+        sign = next((sample for sample in counting if is_sign(sample.value)), None)
+        course.signs.searched(node, topic, messages, since, is_sign, sign is not None)
+        if sign is None and any(evidence.is_given_up(course, sample.value) for sample in counting):
+            raise Fails(Cause.CONDITION_FALSE)
+        if sign is not None or not next(listening, False):
+            return sign
         yield
 
 
@@ -490,17 +458,17 @@ def is_asked_again(node: Any) -> bool:
 _WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)*")
 
 
-def spoken(phrases: Phrases, text: str) -> Optional[str]:
+def spoken(known: phrases.Phrases, text: str) -> Optional[str]:
     """Return ``yes`` or ``no`` for what a visitor said, or None: whole words, the longest phrase
     first, no before yes."""
     if text.lstrip().lower().startswith("error"):
         return None
     words = tuple(_WORD.findall(text.lower().replace("’", "'")))
-    known = sorted(((phrase, meaning) for meaning, synonyms in phrases.meanings.items()
+    pairs = sorted(((phrase, meaning) for meaning, synonyms in known.meanings.items()
                     for phrase in synonyms), key=lambda pair: -len(pair[0]))
     meanings, at = set(), 0
     while at < len(words):
-        phrase, meaning = next((pair for pair in known if words[at:at + len(pair[0])] == pair[0]),
+        phrase, meaning = next((pair for pair in pairs if words[at:at + len(pair[0])] == pair[0]),
                                (words[:1], ""))
         meanings.add(meaning)
         at += len(phrase)
@@ -549,56 +517,39 @@ class PolicyTable:
 class RecoveryTask(Task):
     """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
 
-    failed: Any = None  # the failure that it recovers from
-    _last = 0  # number of the newest failure when it was begun
+    remark = ""  # what it recovers from, and what it has done last
+    _known = 0  # number of failures when it was begun last
 
     @property
-    def remark(self) -> str:
-        """What it recovers from, and what it has done about that."""
-        if self.failed is None:
-            return ""
-        is_other = self._work not in (None, self.failed.node)
-        instead = ", " + INSTEAD.format(self._work.registration_id) if is_other else ""
-        return (f"{self.failed.node.registration_id} failed: {self._cause.value}; {self._retries} "
-                f"of {self._rule.retries} retries made{instead}")
-
-    def conclude(self, cause: Optional[Cause]) -> Result:
-        """End the node; its own failure is none to recover from."""
-        self.course.ended(self, cause)
-        return SUCCESS if cause is None else FAILURE
-
-    def _before(self) -> List[Any]:
-        """Return the nodes before this one below the nearest ancestor that has any."""
-        before: List[Any] = []
+    def _first(self) -> int:
+        """The uid of the first node before this one below the nearest ancestor that has any."""
         node: Any = self
-        while node.parent is not None and not before:
-            before = node.parent.children[:node.parent.children.index(node)]
+        while node.parent is not None and node is node.parent.children[0]:
             node = node.parent
-        return before
+        return node.parent.children[0].uid if node.parent is not None else self.uid
 
     def recover(self) -> Steps:
         """Do one thing after the other about the newest failure."""
-        course, before, self.failed = self.course, self._before(), None
-        first = before[0].uid if before else self.uid
-        failures = [failed for uid, failed in course.failures.items()
-                    if first <= uid < self.uid and failed.number > self._last]
-        self._last = course.newest
+        course, self.remark = self.course, ""
+        failures = [failed for failed in course.failures[self._known:]
+                    if self._first <= failed.node.uid < self.uid]
+        self._known = len(course.failures)
         if not failures:
             raise Fails(Cause.MISSING_DATA)
-        self._take_up(max(failures))
+        self._take_up(failures[-1])
         outcome = yield from self._repair()
         if self._patience is not None:
             self._patience.cancel()
         if not outcome:
-            outcome = SKIPPED if self._may_skip(before) else GIVEN_UP
-        if outcome == GIVEN_UP and self.failed.number != course.given_up:
-            course.given_up = self.failed.number
+            outcome = SKIPPED if self._may_skip() else GIVEN_UP
+        if outcome == GIVEN_UP and self.failed is not course.given_up:
+            course.given_up = self.failed
             queries = [self.ask(request) for request in SAFE_STATE]
             while any(query.result is None for query in queries):
                 yield
-            course.reports.due.append(SAFE)
+            course.traversal.due.append(SAFE)
         rule = "give up" if self._rule.then == "giveUp" else "skip"
-        self._decided(ENDED.format(outcome, self._retries, rule))
+        self._decided(ENDED.format(outcome=outcome, attempts=self._retries, rule=rule))
         if outcome == GIVEN_UP:
             course.unrecovered.append((self._cause, self.failed.resource))
             raise Fails(self._cause)
@@ -606,8 +557,8 @@ class RecoveryTask(Task):
     def _take_up(self, failed: TaskFailure) -> None:
         course, policy, now = self.course, self.course.policy, self.clock.now()
         self.failed, self._cause, self._retries = failed, failed.cause, 0
-        self._work: Any = None  # the node that is attempted
         self._patience: Optional[Timer] = None
+        self.remark = f"{failed.node.registration_id} ({failed.cause.value})"
         self._rule = policy.rule(failed.node, failed.cause)
         course.recoveries = [at for at in course.recoveries if at > now - policy.seconds] + [now]
         if len(course.recoveries) > policy.most:
@@ -615,28 +566,31 @@ class RecoveryTask(Task):
             course.is_spent = True
 
     def _decided(self, step: str) -> None:
-        self.course.reports.decided(self.failed.node, step, self._cause, self.uid)
+        self.course.traversal.decided(self.failed.node, step, self._cause, self.uid)
+        self.remark = str(self.course.traversal.due[-1])
 
     def _repair(self) -> Generator[None, None, str]:
         """Try the step again, then its substitute; return the outcome, empty: neither helped."""
-        step = self.failed.node
+        step: Any = self.failed.node
+        work: Any = None
         while step.parent is self.parent and isinstance(step, Asking):
             if self._retries < self._rule.retries:
-                self._work = step
-                self._decided(RETRY.format(self._retries + 1, self._rule.retries))
+                work = step
+                self._decided(RETRY.format(attempt=self._retries + 1, of=self._rule.retries))
                 yield from self._wait()
-            elif self._rule.then in ("skip", "giveUp") or self._work not in (None, step):
+            elif self._rule.then in ("skip", "giveUp") or work not in (None, step):
                 break
             else:
-                self._work = self._substitute(self._rule.then)
-                self._decided(INSTEAD.format(self._rule.then))
-            cause = yield from self._work.attempt()
-            if self._work is step:
+                work = self._substitute(self._rule.then)
+                self._decided(INSTEAD.format(substitute=self._rule.then))
+            cause = yield from work.attempt()
+            if work is step:
                 self._retries += 1
             if cause is None:
-                return DONE if self._work is step else SUBSTITUTED
-            self.course.reports.decided(self._work, FAILED_AGAIN.format(self._retries), cause)
-            if self._work is step:
+                return DONE if work is step else SUBSTITUTED
+            again = FAILED_AGAIN.format(attempt=self._retries)
+            self.course.traversal.decided(work, again, cause)
+            if work is step:
                 self._cause, self._rule = cause, self.course.policy.rule(step, cause)
         return ""
 
@@ -651,7 +605,8 @@ class RecoveryTask(Task):
                 break
             yield
         if self._patience is None:
-            self.course.retried(self.failed.node, self.clock.now() - due)
+            late = self.clock.now() - due
+            self.course.delays.setdefault(self.failed.node.registration_id, []).append(late)
 
     def _substitute(self, node_id: str) -> Duty:
         # the policy was checked when the mission was loaded
@@ -662,10 +617,10 @@ class RecoveryTask(Task):
             setattr(node, name, getattr(self, name))
         return node
 
-    def _may_skip(self, before: Sequence[Any]) -> bool:
+    def _may_skip(self) -> bool:
         """Note that the mission goes on without the step; return whether it does."""
-        below = (node for step in before for node in step.iterate())
-        if any(node.registration_id in OF_A_VISIT for node in below):
+        before = self.course.tree.nodes[self._first - 1:self.uid - 1]
+        if any(node.registration_id in OF_A_VISIT for node in before):
             with suppress(PortError):
                 if not self._leave_out():
                     self._rule = self._rule._replace(then="giveUp")
@@ -677,9 +632,8 @@ class RecoveryTask(Task):
         If it does not, the exhibit goes back to the list, once.
         """
         exhibits, index = self.entry("exhibits", ()), self.entry("nextExhibit", 0) - 1
-        if not 0 <= index < len(exhibits):
-            return True
-        if self.entry("targetLocation") != exhibits[index].location:
+        is_at_one = 0 <= index < len(exhibits)
+        if not is_at_one or self.entry("targetLocation") != exhibits[index].location:
             return True
         tell_stop(self, exhibits, index, OMITTED)
         before = self.entry("leftOutExhibits", [])
@@ -721,8 +675,9 @@ def _begin(node: Any) -> None:
 
 def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    step = STOP.format(index + 1, len(exhibits), exhibits[index].name, state)
-    node.course.reports.decided(node, step)
+    step = STOP.format(
+        number=index + 1, of=len(exhibits), name=exhibits[index].name, state=state)
+    node.course.traversal.decided(node, step)
 
 
 def _has_next(node: Any) -> bool:
@@ -834,21 +789,27 @@ def _language(node: Any) -> Optional[Request]:
     return SetRecognitionLanguage(course.language) if course.settings.asr_enabled else None
 
 
+def _start(node: Any) -> Steps:
+    if node.status is IDLE:  # it is not retried
+        _begin(node)
+    return ask(node, SetRecognitionLanguage, _language)
+
+
 # -------------------------------------------------------------------------------------------- table
 
 
 def _row(node_id: str, node: Callable[[str], Any], ports: str,
-         steps: Callable[[Any], Optional[Steps]], *more: Port) -> Row:
+         steps: Callable[[Any], Optional[Steps]]) -> Row:
     """Return a row: a node type, the class of its nodes, the entries that they read and write, and
     their steps."""
     kind = Kind.CONDITION if node_id.startswith(("Is", "Has")) else Kind.ACTION
-    return Row(node_id, kind, node, (*_ports(ports), *more), is_recovery=node is RecoveryTask,
+    return Row(node_id, kind, node, tuple(_ports(ports)), is_recovery=node is RecoveryTask,
                steps=steps)
 
 
-def _asks(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "", *more: Port,
-          node: Callable[[str], Any] = Asking, **facts: Any) -> Row:
-    return _row(node_id, node, ports, partial(ask, kind=kind, rule=rule, **facts), *more)
+def _asks(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "",
+          **facts: Any) -> Row:
+    return _row(node_id, Asking, ports, partial(ask, kind=kind, rule=rule, **facts))
 
 
 def _is_so(node_id: str, condition: Callable[[Any], Any], ports: str = "") -> Row:
@@ -890,8 +851,8 @@ ROWS: Tuple[Row, ...] = (
     *(_mode(name + "OvertAttentionMode", mode) for name, mode in MODES.items()),
     *(_row(name, RecoveryTask, "<exhibits <targetLocation =nextExhibit =leftOutExhibits",
            RecoveryTask.recover) for name in HANDLERS),
-    _asks("DescribeExhibitSpeech", Say, _describe, "<currentExhibit <description1 <description2",
-          Port("part", TEXT, is_optional=True)),
+    _asks("DescribeExhibitSpeech", Say, _describe,
+          "<currentExhibit <description1 <description2 ?part"),
     _asks("DisableAnimateBehavior", SetAnimation, lambda node: SetAnimation("disabled")),
     _asks("EnableAnimateBehavior", SetAnimation, lambda node: SetAnimation("enabled")),
     _asks("GoodbyeGesture", PerformGesture, partial(_iconic, which="goodbye")),
@@ -913,7 +874,7 @@ ROWS: Tuple[Row, ...] = (
           ">exhibits >nextExhibit >leftOutExhibits", keep=_keep_list),
     _row("SelectExhibit", Check,
          "<exhibits =nextExhibit >currentExhibit >targetLocation >gestureTarget >description1 "
-         ">description2", _select, Port("stop", TEXT, is_optional=True)),
+         ">description2 ?stop", _select),
     _row("START_OF_TREE", Check, "", _begin),
     _asks("WelcomeGesture", PerformGesture, partial(_iconic, which="welcome")),
     # other names and extensions
@@ -923,7 +884,7 @@ ROWS: Tuple[Row, ...] = (
     _asks("DescribeExhibitSpeech_2", Say, partial(_describe, part="2"),
           "<currentExhibit <description2"),
     # release 1.0: the argument is the node's name
-    _asks("StartOfTree", SetRecognitionLanguage, _language, node=Starting),
+    _row("StartOfTree", Asking, "", _start),
     _asks("SayText", Say, _say_utility, ">questionAskedAt", is_question=True),
     _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, argument(node.name)),
           ">attentionSetAt <target:gestureTarget", keep=_keep_time),

@@ -5,21 +5,22 @@ import math
 import os
 import sys
 from collections import Counter
-from typing import Iterator, List, NamedTuple, Sequence, Tuple
+from typing import Iterator, List, Sequence
 
 from behavior_controller.config import settings
 from behavior_controller.config.config_file import to_text, values_of
 from behavior_controller.execution.events import (
     LeafFinished, Line, Noticed, PassFinished, Recovered)
-from behavior_controller.execution.state import LEFT_OUT, LeafFailure
+from behavior_controller.execution.state import LEFT_OUT, LeafFailure, State
 from behavior_controller.monitoring.record.html_report import to_html
-from behavior_controller.monitoring.story import Story, why
+from behavior_controller.monitoring.story import sentences, why
+from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean, count
 
 from unit_tests.judge.facts import Facts, of
-from unit_tests.judge.failures import IN_SAFE_STATE, FailureRow, Rows, table
+from unit_tests.judge.failures import IN_SAFE_STATE, FailureRow, failure_rows, table
 from unit_tests.judge.reference import HANDLERS
-from unit_tests.judge.verdict import Case, Verdict, judge, reached
+from unit_tests.judge.verdict import Case, judge, reached
 from unit_tests.judge.witness import CAUSE_OF
 from unit_tests.robot.behaviour import servers
 from unit_tests.robot.options import Configuration, KEYS
@@ -58,32 +59,32 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
 def failure_lines(case: Case) -> List[str]:
     """Return one line for each failure: time, node, path, topic or service, cause, message; tabs
     between them."""
-    failures = [(failed.at, failed.node, failed.path, failed.failure.resource or
-                 "-", failed.failure.cause.value, " ".join(failed.failure.message.split()))
-                for failed in _failures(case.facts)]
-    for _, query, line in case.witness.pairs:
-        if query is not None and line is not None and query.is_for_safety and line.fault:
-            failures.append((line.time, query.node or "-", query.path or "-", line.resource,
-                             CAUSE_OF[line.fault].value, IN_SAFE_STATE))
-    return ["\t".join([_clock(failure[0])] + [clean(cell) for cell in failure[1:]])
-            for failure in sorted(failures)]
+    failures = sorted(_failures(case), key=lambda failed: failed.at)
+    return ["\t".join([_clock(failed.at)] + [clean(cell) for cell in (
+        failed.node or "-", failed.path or "-", failed.failure.resource or "-",
+        failed.failure.cause.value, " ".join(failed.failure.message.split()))])
+            for failed in failures]
 
 
-def _failures(facts: Facts) -> Iterator[LeafFailure]:
-    """Yield the failures on record, and those that a HandleFallBack handed on."""
-    yield from facts.run.failures
-    for time, event in of(facts.run.lines, LeafFinished):
+def _failures(case: Case) -> Iterator[LeafFailure]:
+    """Yield the failures on record, those that a HandleFallBack handed on, and the faults on the
+    way to the safe state."""
+    yield from case.facts.run.failures
+    for time, event in of(case.facts.run.lines, LeafFinished):
         if event.failure is not None and event.node in HANDLERS:
             yield LeafFailure(time, 0, event.uid, event.node, event.path, event.failure)
+    for _, query, line in case.witness.pairs:
+        if query is not None and line is not None and query.is_for_safety and line.fault:
+            yield LeafFailure(line.time, 0, 0, query.node, query.path,
+                              Failure(CAUSE_OF[line.fault], IN_SAFE_STATE, line.resource))
 
 
 def summary_lines(facts: Facts) -> List[str]:
     """Return the counts: of each mission node that ran, each simulated node, how recoveries ended,
     and what was reached."""
-    ran, failed = Counter(), Counter()  # type: Counter, Counter
-    for _, event in of(facts.run.lines, LeafFinished):
-        ran[event.node] += 1
-        failed[event.node] += event.status == "FAILURE"
+    ended_leaves = [event for _, event in of(facts.run.lines, LeafFinished)]
+    ran = Counter(event.node for event in ended_leaves)
+    failed = Counter(event.node for event in ended_leaves if event.status == "FAILURE")
     lines = ["{:<28} {:>6} {:>8}".format("mission node", "ran", "failed")]
     lines += [f"{node:<28} {ran[node]:>6} {failed[node]:>8}" for node in sorted(ran)]
     lines += ["", "{:<28} {:>6} {:>8}".format("simulated node", "calls", "injected")]
@@ -119,24 +120,33 @@ def coverage_lines(facts: Facts) -> List[str]:
     return lines
 
 
-class Report(NamedTuple):
-    """The content of the report of a test, in reading order."""
+WIDEST = sys.maxsize
+"""Columns of a file."""
 
-    title: str
-    verdict: Verdict
-    visitors: Sequence[str]  # the warnings; then how each pass ended and why
-    rows: Sequence[FailureRow]
-    began: float  # unix seconds
-    failures: Sequence[str]
-    decisions: Sequence[str]  # of the recovery
-    counts: Sequence[str]
+MOST_SHOWN, MOST_OBJECTIONS = 40, 10
+"""Rows and objections that a terminal shows."""
+
+
+class Report:
+    """The report of a test, in reading order."""
+
+    def __init__(self, facts: Facts, title: str, warnings: Sequence[str] = ()):
+        """``warnings`` were printed before the start."""
+        self._case, self._title = Case(facts), title
+        self.verdict = judge(self._case)
+        self.rows = failure_rows(facts, self._case.witness)
+        self.visitors = list(warnings) + [clean(line) for line in _visitors(facts, self.rows)]
+        self._began = facts.run.lines[0].time if facts.run.lines else 0.0
+        self._counts = [clean(line) for line in summary_lines(facts)]
 
     def text(self) -> str:
         """Return the whole report, for the file."""
-        lines = self._top(table(self.rows, self.began, WIDEST))
-        lines += ["# time\tnode\tpath\ttopic or service\tcause\tmessage"] + list(self.failures)
-        lines += [""] + (["# recoveries"] + list(self.decisions) + [""] if self.decisions else [])
-        return "\n".join(lines + list(self.counts) + ["", str(self.verdict)]) + "\n"
+        decisions = [clean(line) for line in decision_lines(self._case.facts)]
+        lines = self._top(table(self.rows, self._began, WIDEST))
+        lines += ["# time\tnode\tpath\ttopic or service\tcause\tmessage"]
+        lines += failure_lines(self._case) + [""]
+        lines += ["# recoveries", *decisions, ""] if decisions else []
+        return "\n".join([*lines, *self._counts, "", str(self.verdict)]) + "\n"
 
     def shown(self, width: int, files: Sequence[str] = (), page: str = "") -> str:
         """Return the report for a terminal of that width: the rows replace the failures and the
@@ -145,7 +155,7 @@ class Report(NamedTuple):
         ``files`` are lines that name the files with the whole report; ``page`` is the path of the
         page, which the last line has.
         """
-        shown = table(self.rows[:MOST_SHOWN], self.began, width)
+        shown = table(self.rows[:MOST_SHOWN], self._began, width)
         if len(self.rows) > MOST_SHOWN:
             shown.append(f"and {len(self.rows) - MOST_SHOWN} more in the report")
         verdict = str(self.verdict).split("\n")
@@ -153,76 +163,54 @@ class Report(NamedTuple):
             more = len(verdict) - MOST_OBJECTIONS
             verdict[MOST_OBJECTIONS:] = [f"        and {more} more in the report"]
         last = ["the report as a page: file://" + page] if page else []
-        return "\n".join(self._top(shown) + [*self.counts, "", *files, "", *verdict, *last])
+        return "\n".join(self._top(shown) + [*self._counts, "", *files, "", *verdict, *last])
 
     def _top(self, shown: List[str]) -> List[str]:
         objections = self.verdict.objections[1:]
         number = count(len(objections), "objection", "objections")
         more = f" (and {number}: see the end)" if objections else ""
         first = str(self.verdict).split("\n")[0] + more
-        lines = ["# " + self.title, first, *self.visitors, ""]
+        lines = ["# " + self._title, first, *self.visitors, ""]
         return lines + shown + [""] if self.rows else lines
 
-
-def to_page(report: Report, facts: Facts) -> str:
-    """Return the report as one HTML file: the verdict and the faults, then the record's own report
-    with its story, in which the point of difference is marked, timeline and tree; empty if the
-    mission did not start."""
-    if facts.run.state.started is None:
-        return ""
-    shown = [report.title, "", str(report.verdict), "", *report.visitors, ""]
-    marks = [Line(time, Noticed("error", "Here the run differs. " + text))
-             for time, text in report.verdict.differences]
-    lines = sorted([*facts.run.lines, *marks], key=lambda line: line.time)
-    return to_html(lines, "\n".join(shown + table(report.rows, report.began, WIDEST)))
-
-
-WIDEST = sys.maxsize
-"""Columns of a file."""
-
-MOST_SHOWN, MOST_OBJECTIONS = 40, 10
-"""Rows and objections that a terminal shows."""
-
-
-def write(facts: Facts, title: str, warnings: Sequence[str] = ()) -> Report:
-    """Return the report; ``warnings`` were printed before the start."""
-    case = Case(facts)
-    began = facts.run.lines[0].time if facts.run.lines else 0.0
-    rows = Rows(facts, case.witness).all()
-    visitors = list(warnings) + [clean(line) for line in _visitors(facts, rows)]
-    return Report(title, judge(case), visitors, rows, began, failure_lines(case),
-                  [clean(line) for line in decision_lines(facts)],
-                  [clean(line) for line in summary_lines(facts)])
+    def page(self) -> str:
+        """Return the report as one HTML file: the verdict and the faults, then the record's own
+        report with its story, in which the point of difference is marked, timeline and tree; empty
+        if the mission did not start."""
+        run = self._case.facts.run
+        if run.state.started is None:
+            return ""
+        shown = [self._title, "", str(self.verdict), "", *self.visitors, "",
+                 *table(self.rows, self._began, WIDEST)]
+        marks = [Line(time, Noticed("error", "Here the run differs. " + text))
+                 for time, text in self.verdict.differences]
+        return to_html(sorted([*run.lines, *marks], key=lambda line: line.time), "\n".join(shown))
 
 
 def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:
-    """Yield a line for each pass: how it ended and why, and what the faults cost."""
-    sentences = dict(_sentences(facts))
+    """Yield a line for each pass: how it ended and why, the stops that the visitor did not see to
+    the end, and what the faults cost."""
     false = Counter(failed.visit for failed in facts.run.failures if failed.is_false_condition)
     last = facts.run.state.visit
     under_way = [last] if last is not None and not last.outcome else []
     for visit in facts.run.visits + under_way:
-        mine = [row for row in rows if row.visitor == visit.number]
-        sentence = sentences.get(visit.number, f"pass {visit.number}: did not end")
-        reasons = dict.fromkeys(
+        parts = [f"pass {visit.number}: did not end"]
+        if visit.outcome:
+            ended = PassFinished(visit.number, visit.outcome, visit.seconds)
+            parts = [sentence.text for sentence in sentences(
+                State(), ended, State(visits=(visit,)))]
+            parts += [f"{stop.name} {stop.state}: {why(stop.why)}" for stop in visit.stops
+                      if stop.state == LEFT_OUT]
+        said = "; ".join(parts)
+        parts += dict.fromkeys(
             event.reason for time, event in of(facts.run.lines, Recovered)
-            if visit.began <= time <= (visit.ended or math.inf) and event.reason not in sentence)
+            if visit.began <= time <= (visit.ended or math.inf) and event.reason not in said)
+        mine = [row for row in rows if row.visitor == visit.number]
         faults = count(sum(row.is_injected for row in mine), "fault", "faults")
-        lost = f"{faults}, {sum(row.lost for row in mine):.1f} s lost"
-        conditions = count(false[visit.number], "condition", "conditions") + " false for a while"
-        yield "; ".join([sentence] + list(reasons) + [lost, conditions])
-
-
-def _sentences(facts: Facts) -> Iterator[Tuple[int, str]]:
-    """Yield for each pass that ended its sentence, and the stops that the visitor did not see to
-    the end."""
-    story = Story()
-    for line in facts.run.lines:
-        added, event, visit = story.take(line.time, line.event), line.event, story.state.visit
-        if added and isinstance(event, PassFinished) and visit is not None:
-            left_out = [f"{stop.name} {stop.state}: {why(stop.why)}" for stop in visit.stops
-                        if stop.state == LEFT_OUT]
-            yield event.number, "; ".join([added[-1].text] + left_out)
+        parts.append(f"{faults}, {sum(row.lost for row in mine):.1f} s lost")
+        parts.append(
+            count(false[visit.number], "condition", "conditions") + " false for a while")
+        yield "; ".join(parts)
 
 
 def _clock(seconds: float) -> str:

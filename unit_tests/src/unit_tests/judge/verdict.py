@@ -7,7 +7,7 @@ answer and message was given, and no sign was missed. Start, end and exit code a
 Nothing is excused otherwise: a pass that ended in FAILURE did so because the mission, done again,
 ends in FAILURE.
 """
-from typing import Callable, Iterable, Iterator, List, NamedTuple, Optional, Set, Tuple, Union
+from typing import Callable, Iterable, Iterator, NamedTuple, Optional, Set, Tuple, Union
 
 from behavior_controller import exit_codes
 from behavior_controller.execution.events import (
@@ -15,7 +15,7 @@ from behavior_controller.execution.events import (
 from behavior_controller.monitoring.story import why
 from behavior_controller.text import clean, count
 
-from unit_tests.judge.execution import CannotRepeat, Execution, execute
+from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.witness import Witness
 from unit_tests.robot.visitor import DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR
@@ -53,25 +53,18 @@ class Case:
 
     def __init__(self, facts: Facts):
         self.facts = facts
-        self.executions: List[Execution] = []
-        self.unrepeatable = ""
-        try:
-            self.executions = execute(facts)
-        except CannotRepeat as error:
-            self.unrepeatable = str(error)
-        self.last = self.executions[-1] if self.executions else None
-        self.witness = Witness(facts, self.executions)
+        self.execution = Execution(facts)
+        self.witness = Witness(facts, self.execution)
 
     @property
     def longest_wait(self) -> Tuple[float, str]:
         """The longest wait for a sign of the visitor that goes on at the end: its seconds and the
         node; (0, ""): none, or something was due."""
-        last = self.last
-        if last is None or last.offset is None or self.overdue:
+        offset = self.execution.offset
+        if offset is None or self.overdue:
             return 0.0, ""
-        end = self.witness.end - last.offset
-        return max(((end - search.at, search.node.registration_id)
-                    for search in last.signs.waiting.values()), default=(0.0, ""))
+        return max(((self.witness.end - offset - search.at, search.node.registration_id)
+                    for search in self.execution.signs.waiting.values()), default=(0.0, ""))
 
     @property
     def waiting_for(self) -> str:
@@ -83,14 +76,12 @@ class Case:
     @property
     def overdue(self) -> str:
         """What was due long before the end of a test that was cut off; empty: nothing."""
-        if self.last is None or not self.facts.cut_off:
-            return ""
-        return self.last.overdue(self.witness.end)
+        return self.execution.overdue(self.witness.end) if self.facts.cut_off else ""
 
     @property
     def is_out_of_time(self) -> bool:
         """Whether the test was cut off while the mission had to wait."""
-        is_paused = self.last is not None and self.last.is_paused and not self.overdue
+        is_paused = self.execution.is_paused and not self.overdue
         return self.facts.has_timed_out and (is_paused or bool(self.waiting_for))
 
 
@@ -99,9 +90,8 @@ def judge(of_test: Union[Facts, Case]) -> Verdict:
     case = of_test if isinstance(of_test, Case) else Case(of_test)
     answers = tuple((question, tuple(dict.fromkeys(map(clean, answer(case)))))
                     for question, answer in QUESTIONS)
-    differences = tuple((execution.differs_at, clean(execution.difference))
-                        for execution in case.executions if execution.difference)
-    return Verdict(answers, "; ".join(_praise(case)), differences)
+    difference = case.execution.differs_at, clean(case.execution.difference)
+    return Verdict(answers, "; ".join(_praise(case)), (difference,) if difference[1] else ())
 
 
 # ------------------------------------------------------------------------------------ the questions
@@ -174,7 +164,7 @@ def _going_on(case: Case) -> str:
     if node:
         return (f"; {node} has waited {seconds:.0f} s for a sign of the visitor, who comes after "
                 f"{LONG_WAIT:g} s without a request (set testTimeout higher)")
-    return f"; {case.last.under_way()} goes on" if case.last else ""
+    return f"; {case.execution.under_way()} goes on" if case.facts.run.state.started else ""
 
 
 WHY = {exit_codes.WRONG_INPUT: " (a fault of its files or arguments)",
@@ -190,14 +180,7 @@ def _ending(exit_code: Optional[int]) -> str:
 
 def _mission(case: Case) -> Iterator[str]:
     """Object to the first thing that is not as the mission, done again, has it."""
-    if case.unrepeatable:
-        yield case.unrepeatable
-    for execution in case.executions:
-        if execution.difference:
-            yield execution.difference
-        yield from execution.late_retries
-    if case.overdue:
-        yield case.overdue
+    yield from filter(None, [case.execution.difference, *case.execution.late_retries, case.overdue])
     lost = sum(event.lines for _, event in of(case.facts.run.lines, Lost))
     if lost:
         lines = count(lost, "line", "lines")

@@ -15,11 +15,11 @@ from behavior_controller.robot.declarations import Action, Publication, Service,
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, Prompt
 
-from unit_tests.judge import messages
-from unit_tests.judge.calls import Query
+from unit_tests.judge.comparison import Query
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
 from unit_tests.judge.reference import SAFE_STATE, SENT
+from unit_tests.judge.signs import objections
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import SERVICES
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
@@ -43,23 +43,21 @@ class Pair(NamedTuple):
     @property
     def time(self) -> float:
         """When the node got the request; if it did not, when it was made."""
-        assert self.line is not None or self.query is not None
         return self.line.time if self.line is not None else self.query.asked  # type: ignore
 
 
 class Witness:
     """The journal beside the record."""
 
-    def __init__(self, facts: Facts, executions: Sequence[Execution]):
+    def __init__(self, facts: Facts, execution: Execution):
         self._facts, self._interface = facts, facts.world.settings.interface
-        self._executions, self._crashes = executions, facts.crashes
-        self._late = facts.late
+        self._execution, self._crashes, self._late = execution, facts.crashes, facts.late
         lines = list(facts.journal) + facts.run.lines[-1:]
         self.end = max((line.time for line in lines), default=0.0)
         self._answers = self._answers_of_nodes()
-        deadlines = executions[0].settings.deadlines if executions else {}
-        self._safe_limit = max((deadlines[self._interface.service(type(request)).deadline_key]
-                                for request in SAFE_STATE if deadlines), default=0.0)
+        self._deadlines = facts.world.settings.deadlines
+        self._safe_limit = max(self._deadlines[self._interface.service(type(request)).deadline_key]
+                               for request in SAFE_STATE)
         self.pairs: List[Pair] = []
         for service in self._interface.services:
             self.pairs += self._pair(service)
@@ -84,9 +82,8 @@ class Witness:
         lines = [
             line for line in self._facts.journal if line.call and line.resource == service.name
         ]
-        queries = [query for execution in self._executions
-                   for query in execution.calls.queries.values() if query.service == service.name]
-        queries.sort(key=lambda query: query.asked)
+        queries = [query for query in self._execution.queries.values()
+                   if query.service == service.name]
         for query, following in itertools.zip_longest(queries, queries[1:]):
             while lines and lines[0].time < query.asked - EARLY:
                 yield Pair(service, None, lines.pop(0))
@@ -121,8 +118,9 @@ class Witness:
             if self._is_witnessed(pair.service):
                 yield from self._of_pair(pair, asker)
         yield from self._of_health()
-        for execution in self._executions:
-            yield from messages.objections(self._facts, execution, self.end)
+        signs, offset = self._execution.signs, self._execution.offset
+        if offset is not None:
+            yield from filter(None, objections(self._facts, signs, offset, self.end))
 
     def _of_pair(self, pair: Pair, asker: str) -> Iterator[str]:
         """Object to a request; ``asker`` is what has made the newest one on record."""
@@ -189,8 +187,7 @@ class Witness:
         name, result, fault = query.asker, query.result, line.fault
         if line.time > query.asked + self._late:
             yield f"{name}: {service.name} got the request {line.time - query.asked:.1f} s late"
-        until, deadline = self._until(query), query.asked + self._executions[
-            0].settings.deadlines[service.deadline_key]
+        until, deadline = self._until(query), query.asked + self._deadlines[service.deadline_key]
         due = deadline if fault == UNANSWERED else min(line.time + line.seconds, deadline)
         # of the safe state all results are read when the last one is there
         latest = query.asked + self._safe_limit if query.is_for_safety else due

@@ -27,7 +27,7 @@ from unit_tests.judge.facts import Facts
 from unit_tests.robot.journal import Journal, Tail
 from unit_tests.judge.junit import to_xml
 from unit_tests.rehearsal.faultless_play import rehearse
-from unit_tests.judge.report import title, to_page, write
+from unit_tests.judge.report import Report, title
 from unit_tests.robot.options import Options, STARTUP_TIMEOUT
 from unit_tests.rehearsal.play import Stage, TIMED_OUT
 
@@ -120,11 +120,11 @@ def _test(own: Options) -> int:
     if outcome.stall > WORTH_TELLING:
         warnings.append(STALLED.format(outcome.stall, facts.late))
     heading = title(facts, test, datetime.datetime.now())
-    report = write(facts, heading, warnings)
+    report = Report(facts, heading, warnings)
     _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
     files = ["report: " + save(report.text(), folder),
              "its folder, with record and journal: " + folder]
-    content = to_page(report, facts)
+    content = report.page()
     page = save(content, folder, ".html") if content else ""
     columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
     is_refused = outcome.run.state.started is None and outcome.exit_code == exit_codes.WRONG_INPUT
