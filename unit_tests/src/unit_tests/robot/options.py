@@ -13,16 +13,17 @@ import shutil
 import sys
 import textwrap
 from dataclasses import dataclass
-from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterable, List, Mapping,
-                    NamedTuple, Optional, Sequence, Tuple, TypeVar)
+from functools import partial
+from typing import (Callable, Collection, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple,
+                    Optional, Sequence, Tuple, TypeVar)
 
 from behavior_controller import folders as controller_folders, ros_arguments
-from behavior_controller.config import config_file, phrases, settings
+from behavior_controller.config import config_file, settings
 from behavior_controller.config.config_file import (
     Key, REQUIRED, Reader, boolean, collected, filled, integer, key, keys_of, number, one_of,
     read_source)
 from behavior_controller.config.settings import Settings, split_arguments, unread
-from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.declarations import Interface
 from behavior_controller.ros_arguments import ASSIGNMENT
 from behavior_controller.text import Source, did_you_mean
@@ -51,9 +52,6 @@ SEEDS = 10 ** 9
 STARTUP_TIMEOUT = 30.0
 """Default of the seconds that the controller waits for the simulated nodes, which start at the same
 time."""
-
-NO_RECORD = "none"
-"""The value of ``recordDirectory`` with which the controller records nothing."""
 
 Value = TypeVar("Value")
 
@@ -148,6 +146,7 @@ is a verdict."""
 
 TEST = {declared.name for declared in KEYS}
 CONTROLLER = {declared.name for declared in settings.KEYS}
+OF_THE_TEST = {declared.name for declared in OWN}
 
 ROBOT = tuple(declared.name for declared in KEYS
               if declared.name not in ("missionRuns", "testTimeout")) + (
@@ -295,43 +294,31 @@ def read(arguments: Arguments) -> Options:
     parse(given_to_roslaunch(ros_arguments.parent_command()), INTERNAL)
     values = arguments.values
     faults: List[Fault] = []
-    test = _read(faults, load_test, values)
-    controller = _read(faults, load_controller, values)
-    if test is not None and controller is not None:
-        faults += _not_of_robot(test, controller.interface)
-    language = values.get("language") or (controller.language if controller is not None else "")
-    mission = controller.scenario_specification if controller is not None else ""
-    spoken = _read(faults, phrases.load, language, mission) if language else None
-    own = _read(faults, _load_own, values)
-    if values.get("recordDirectory") == NO_RECORD:
+    test = attempt(lambda: _drawn(load_test(values), values), faults)
+    controller = attempt(lambda: load_controller(values), faults)
+    own = attempt(lambda: collected(
+        Source("", ""), OWN, {}, _chosen(values, OF_THE_TEST)).result(), faults)
+    if values.get("recordDirectory") == "none":
         faults.append(Fault("argument recordDirectory", 0, 0, "a test needs its record",
                             "leave it out, or name a folder for a copy"))
     around = None
-    if test is not None and controller is not None and spoken is not None:
-        test = _drawn(test, values)
-        around = _read(faults, world, test.visitor_behaviour, controller, spoken)
+    if controller is not None:
+        behaviour = test.visitor_behaviour if test is not None else ENGAGES
+        around = attempt(partial(world, behaviour, controller), faults)
+        faults += _not_of_robot(test, controller.interface) if test is not None else ()
     if faults or test is None or around is None or own is None:
-        raise ConfigurationError(list(dict.fromkeys(faults)))
-    real = frozenset(node for node in NODES if own[USE_REAL[node]])
-    return Options(arguments, test, around, real)
-
-
-def _read(faults: List[Fault], load: Callable[..., Value], *values: Any) -> Optional[Value]:
-    """Return what is loaded; None if it cannot be, with the reasons added to ``faults``."""
-    try:
-        return load(*values)
-    except ConfigurationError as error:
-        faults += error.faults
-        return None
+        raise ConfigurationError(faults)
+    return Options(arguments, test, around, frozenset(
+        node for node in NODES if own[USE_REAL[node]]))
 
 
 def load_test(values: Mapping[str, str]) -> Configuration:
     """Return the configuration of the test. Raises ConfigurationError, also for an unknown
     argument."""
-    others = (CONTROLLER - TEST).union(INTERNAL, (declared.name for declared in OWN))
+    others = (CONTROLLER - TEST).union(INTERNAL, OF_THE_TEST)
     path = os.path.join(folders.share(), "config", FILE_NAME)
-    given = _chosen(values, set(values) - others)
     source = read_source(path, "the configuration")
+    given = _chosen(values, set(values) - others)
     return filled(Configuration, collected(source, KEYS, {}, given).result())
 
 
@@ -340,12 +327,6 @@ def load_controller(values: Mapping[str, str]) -> Settings:
     gaze status means."""
     path = controller_folders.config(settings.FILE_NAME)
     return settings.load(path, {}, _chosen(values, CONTROLLER - TEST))
-
-
-def _load_own(values: Mapping[str, str]) -> Dict[str, Any]:
-    """Return the values of the keys of the test as a whole. Raises ConfigurationError."""
-    given = _chosen(values, {declared.name for declared in OWN})
-    return collected(Source("", ""), OWN, {}, given).result()
 
 
 def _chosen(values: Mapping[str, str], names: Collection[str]) -> Dict[str, str]:
@@ -384,6 +365,8 @@ USAGE = (
     "passed, 1: failed, 2: nothing was tested. The configuration files have the defaults, shown "
     "here after the names.")
 
+REMARKS = {"recordDirectory": "; in a test a folder for a copy, and not none"}
+
 SECTIONS: Mapping[str, Sequence[Key]] = {
     FILE_NAME: KEYS,
     settings.FILE_NAME + " (verboseMode and missionRuns, which it has too, are as above)":
@@ -392,34 +375,22 @@ SECTIONS: Mapping[str, Sequence[Key]] = {
 }
 
 
-def usage(remarks: Mapping[str, str]) -> str:
-    """Return the help text: all arguments with their current values. Raises ConfigurationError.
-
-    ``remarks``: key -> text that is added to its meaning.
-    """
+def usage() -> str:
+    """Return the help text: all arguments with their current values. Raises ConfigurationError."""
     values = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
     values.update(config_file.values_of(load_test({})))
-    remarks = dict({"recordDirectory": "in a test a folder for a copy, and not none"}, **remarks)
     lines = list(USAGE)
     for title, keys in SECTIONS.items():
         lines += ["", title + ":"]
         for declared in keys:
-            lines += _help(declared, values.get(declared.name, declared.default),
-                           remarks.get(declared.name, ""))
+            value = config_file.to_text(values.get(declared.name, declared.default))
+            default = "" if declared.default is REQUIRED else "default "
+            allowed = f"{declared.allowed}; {default}{declared.default_text}"
+            remark = REMARKS.get(declared.name, "")
+            lines += [f"  {declared.name:<26} {value}".rstrip(),
+                      f"      {declared.plain_meaning} ({allowed}){remark}"]
     lines += ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())]
     width = shutil.get_terminal_size().columns
-
-    def wrapped(text: str) -> List[str]:
-        indent = " " * (len(text) - len(text.lstrip()))
-        return textwrap.wrap(text, width, subsequent_indent=indent) or [""]
-
-    return "\n".join(line for text in lines for line in wrapped(text))
-
-
-def _help(declared: Key, value: object, remark: str) -> Tuple[str, str]:
-    """Return two lines: name and current value; meaning, allowed values, and default."""
-    default = "" if declared.default is REQUIRED else "default "
-    allowed = f"{declared.allowed}; {default}{declared.default_text}"
-    text = f"      {declared.plain_meaning} ({allowed})"
-    return ("  {:<26} {}".format(declared.name, config_file.to_text(value)).rstrip(),
-            text + ("; " + remark if remark else ""))
+    return "\n".join(
+        textwrap.fill(text, width, subsequent_indent=" " * (len(text) - len(text.lstrip())))
+        for text in lines)

@@ -1,7 +1,7 @@
 """The world of the simulated robot: the building, the visitor, and the controller's configuration,
 which all nodes know in addition to a request."""
 import os
-from typing import Mapping, NamedTuple, Optional
+from typing import Mapping, NamedTuple
 
 from behavior_controller.config import knowledge_files, phrases
 from behavior_controller.config.settings import Settings
@@ -21,21 +21,17 @@ class World(NamedTuple):
     settings: Settings  # the controller's: the robot's interface, and the meaning of a gaze status
 
 
-def world(behaviour: str, settings: Settings, language: Optional[phrases.Phrases] = None) -> World:
-    """Return the world before the robot's first request. Raises ConfigurationError.
-
-    ``behaviour`` is the visitor's; ``language`` has the phrases of the configured language, if they
-    have been read.
-    """
+def world(behaviour: str, settings: Settings) -> World:
+    """Return the world before the robot's first request; ``behaviour`` is the visitor's. Raises
+    ConfigurationError."""
     mission = settings.scenario_specification
     if settings.interface.has_knowledge_files:
         known = knowledge_files.load(mission)
-        if language is None or known.language != settings.language:
-            language = phrases.load(known.language, mission)
-        knowledge, utility = building.of_files(known), known.phrases
+        language, utility = phrases.load(known.language, mission), known.phrases
+        knowledge = building.of_files(known)
     else:
-        language = language or phrases.load(settings.language, mission)
-        knowledge, utility = building.load(building_file(mission)), {}
+        language, utility = phrases.load(settings.language, mission), {}
+        knowledge = building.load(building_file(mission))
     return World(Visitor(_manners(behaviour, language, utility, knowledge)), knowledge, settings)
 
 

@@ -12,7 +12,6 @@ from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.missions import load as missions
 from behavior_controller.ros_arguments import version
 
-from unit_tests.rehearsal import arrival_waits
 from unit_tests.robot import claims, options
 from unit_tests.robot.options import Arguments
 from unit_tests.run.test_node import NOTHING_TESTED, NOT_RUN, read_verdict
@@ -26,7 +25,7 @@ def main(words: Optional[Sequence[str]] = None) -> int:
             print("runTest", version())
             return 0
         if {"-h", "--help"} & set(given):
-            print(options.usage({"arrivalRate": _of_arrival_rate()}))
+            print(options.usage())
             return 0
         values = options.parse(given)
         own = options.read(Arguments([], values))
@@ -38,12 +37,6 @@ def main(words: Optional[Sequence[str]] = None) -> int:
     code, text = read_verdict(_launch(values)) or (NOT_RUN, NOTHING_TESTED)
     print("\n" + text)
     return code
-
-
-def _of_arrival_rate() -> str:
-    """Return a line with the arrival rate that the configured mission needs."""
-    needed = arrival_waits.of_mission(options.read(Arguments([], {})).world)
-    return arrival_waits.sufficient(needed) if needed else ""
 
 
 def _launch(values: Dict[str, str]) -> str:
