@@ -1,6 +1,7 @@
 """The kinds of findings: what in a play is one, and what is none. Whole missions with each mistake
 are in test_flawed_missions."""
 import itertools
+from types import SimpleNamespace
 
 import pytest
 from msgspec.structs import replace
@@ -15,9 +16,12 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, Location, QueryKnowledge, Say, SetAnimation, SetAttention)
 
 from unit_tests.rehearsal import findings
-from unit_tests.rehearsal.findings import ROOT, Play
+from unit_tests.rehearsal.findings import Play, RobotCall
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.rehearsal.play import BUSY, Played, START, Stage
+from unit_tests.rehearsal.plays import Outcome, Scene
+from unit_tests.rehearsal.search import Search
+from unit_tests.rehearsal.summary import Survey
 from unit_tests.robot.visitor import DECLINES, ENGAGES
 
 STAGE = Stage(settings.defaults(), [
@@ -262,22 +266,32 @@ def test_a_mission_that_takes_exhibits_one_by_one_may_be_meant_to_show_only_some
 def test_of_a_branch_that_no_play_reaches_only_the_top_is_told_and_of_a_row_the_first():
     def unreached(*names):
         reached = {UIDS[name] for name in names}
-        return [node.name for node in findings.unreached(TREE.nodes, reached)]
+        driven = SimpleNamespace(calls=[RobotCall("robotNavigation", 1, UIDS["left"], "", True)])
+        return [node.name for node in Search(TREE.nodes, reached, [driven], "refused").targets()]
     assert unreached() == ["all"]
     assert unreached("all", "some", "see", "help") == ["drive", "others"]
     assert unreached("all", "some", "both") == ["see", "others", "left", "right", "help"]
     assert unreached(*UIDS) == []
 
 
+def of_all_plays(reached=(), succeeded=(), switched=()):
+    """Return kind, node and text of what all plays together show: one without a fault."""
+    survey = Survey(SimpleNamespace(stage=lambda by_voice: STAGE))
+    survey.take(Outcome(Scene(ENGAGES), "SUCCESS", 9.0, (), (),
+                        frozenset(UIDS[name] for name in reached),
+                        frozenset(UIDS[name] for name in succeeded), tuple(switched)))
+    told = survey.findings(SimpleNamespace(unreached=lambda: ()))
+    return [(each.kind.name, each.where, each.what) for each in told]
+
+
 def test_a_leaf_that_only_fails_with_faults_may_never_succeed():
-    def never_true(reached, succeeded):
-        return [TREE.nodes[finding.uid - 1].name for finding in findings.never_true(
-            TREE.nodes, {UIDS[name] for name in reached}, {UIDS[name] for name in succeeded})]
-    assert never_true(["see", "look", "help", "some"], ["look"]) == ["see"]
+    assert of_all_plays(["see", "look", "help", "some"], ["look"]) == [
+        ("never-true", "see", "it never succeeds")]
 
 
 def test_what_is_switched_on_must_be_switched_off_in_some_play():
-    assert findings.never_off(STAGE, {ON: UIDS["hi"], STIR: 0, SetAnimation("disabled"): 0}) == [
-        ("never-off", UIDS["hi"], "attention is never switched off")]
-    assert findings.never_off(STAGE, {ON: 0, OFF: 0}) == findings.never_off(STAGE, {}) == []
-    assert findings.never_off(STAGE, {ON: 0})[0].uid == ROOT
+    off = "attention is never switched off"
+    assert of_all_plays(switched=[(ON, UIDS["hi"]), (STIR, 0), (SetAnimation("disabled"), 0)]) == [
+        ("never-off", "hi", off)]
+    assert of_all_plays(switched=[(ON, 0), (OFF, 0)]) == of_all_plays() == []
+    assert of_all_plays(switched=[(ON, 0)]) == [("never-off", "all", off)]

@@ -8,6 +8,7 @@ import signal
 import sys
 import textwrap
 import time
+from contextlib import suppress
 from typing import (
     Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple)
 
@@ -73,9 +74,9 @@ class Plan(NamedTuple):
         return [offer.name for offer in self.stage.mission.offers
                 if isinstance(offer, Topic) and offer not in self.topics]
 
-    def rounds(self, outcomes: List[Outcome], search: Search) -> Iterator[List[Scene]]:
-        """Yield the scenes of one round after the other; the ``outcomes`` of each are known before
-        the next one is planned."""
+    def rounds(self, survey: Survey, search: Search) -> Iterator[List[Scene]]:
+        """Yield the scenes of one round after the other; the ``survey`` has the outcomes of each
+        before the next one is planned."""
         options = self.options
         if options.runs:
             yield plays.random(self.calm, options.runs, options.failureRate or RATES,
@@ -88,12 +89,10 @@ class Plan(NamedTuple):
             if options.faults != NONE:
                 topics = [topic.name for topic in self.topics]
                 is_pairs = options.faults == PAIRS
-                yield list(plays.single(list(outcomes), self.kinds, topics, is_pairs))
+                yield list(plays.single(survey.outcomes, self.kinds, topics, is_pairs))
                 if is_pairs:
-                    yield list(plays.pairs(outcomes, self.kinds))
-            # what comes after a pass that does not end is not known
-            calm = [outcome for outcome in outcomes if outcome.scene.is_calm]
-            if self.is_complete and all(outcome.outcome for outcome in calm):
+                    yield list(plays.pairs(survey.outcomes, self.kinds))
+            if self.is_complete and survey.has_ended:
                 yield from search.rounds()
 
 
@@ -284,35 +283,22 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
     """Play all scenes, or those until Ctrl-C, and return what they show."""
     began = time.monotonic()
     survey = Survey(todo.theatre, todo.calm[0].by_voice, todo.chosen)
-    outcomes: List[Outcome] = []
-    search = Search(todo.stage.mission.tree.nodes, survey.reached, outcomes, todo.kinds[0])
-    scenes: List[Scene] = []
+    search = Search(survey.nodes, survey.reached, survey.outcomes, todo.kinds[0])
     planned = 0
-    try:
-        with plays.players(todo.theatre, jobs) as play_all:
-            for scenes in todo.rounds(outcomes, search):
-                planned += len(scenes)
-                for outcome in with_progress(play_all(scenes), len(scenes)):
-                    survey.take(outcome)
-                    if outcome.calls or outcome.scene.is_calm:
-                        outcomes.append(outcome)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        if sys.stderr.isatty():
-            sys.stderr.write("\r\x1b[K")  # takes the line away
-    is_whole = todo.is_complete and survey.plays == planned
-    story = survey.story(scenes[0]) if planned == survey.plays == 1 else ()
-    findings = survey.findings(search if is_whole else None)
-    return Result(todo, survey.rows(), survey.shares(), findings, survey.plays, planned,
-                  time.monotonic() - began, tuple(_story_lines(story)), _unmet(todo, outcomes))
-
-
-def _unmet(todo: Plan, outcomes: Iterable[Outcome]) -> Tuple[PlannedFault, ...]:
-    """Return the planned faults whose calls no play has made."""
-    made = {(call.node, call.number) for outcome in outcomes for call in outcome.calls}
-    return tuple(fault for fault in todo.options.planned
-                 if (fault.node, fault.call) not in made)
+    with suppress(KeyboardInterrupt), plays.players(todo.theatre, jobs) as play_all:
+        for scenes in todo.rounds(survey, search):
+            planned += len(scenes)
+            for outcome in with_progress(play_all(scenes), len(scenes)):
+                survey.take(outcome)
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\x1b[K")  # takes the line away
+    played = len(survey.outcomes)
+    findings = survey.findings(search if todo.is_complete and played == planned else None)
+    story = survey.story(survey.outcomes[0].scene) if planned == played == 1 else ()
+    made = {call[:2] for outcome in survey.outcomes for call in outcome.calls}
+    unmet = tuple(fault for fault in todo.options.planned if fault[:2] not in made)
+    return Result(todo, survey.rows(), survey.shares(), findings, played, planned,
+                  time.monotonic() - began, tuple(_story_lines(story)), unmet)
 
 
 def with_progress(outcomes: Iterable[Outcome], of: int) -> Iterator[Outcome]:

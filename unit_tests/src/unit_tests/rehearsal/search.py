@@ -1,11 +1,11 @@
 """Plans faults towards nodes that no play has reached."""
 import itertools
-from typing import Any, Dict, Iterable, Iterator, List, Set, Tuple
+from typing import Any, Dict, Iterable, Iterator, List, Optional, Set, Tuple
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.text import count
 
-from unit_tests.rehearsal import findings
+from unit_tests.rehearsal.findings import Place
 from unit_tests.rehearsal.plays import Outcome, Scene
 from unit_tests.robot.faults import PlannedFault
 from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES
@@ -31,16 +31,37 @@ class Search:
         """``reached`` and ``outcomes`` grow with each round that is played."""
         self._nodes, self._reached, self._outcomes = nodes, reached, outcomes
         self._kind = kind
-        self._tried: Set[Scene] = {outcome.scene._replace(is_traced=True) for outcome in outcomes}
+        self._tried: Set[Scene] = set()
         self._bases: Set[Tuple[int, Scene]] = set()
         self.plays = 0
         self.is_cut = False
 
     def targets(self) -> List[Node]:
-        """Return the nodes to search for; not a recovery from a step that cannot fail."""
+        """Return the nodes to search for, which no play has reached; of a whole branch only the
+        topmost, of nodes that follow one another only the first.
+
+        A tree that is called several times is one part of the file: one call that reaches a node is
+        enough. None is a recovery from a step that cannot fail.
+        """
+        known = {node.element for node in self._nodes if node.uid in self._reached}
         asked = {call.uid for outcome in self._outcomes for call in outcome.calls}
-        return [node for node in findings.unreached(self._nodes, self._reached)
-                if not node.spec.is_recovery or _below(findings.sibling_before(node)) & asked]
+        targets = []
+        for node in self._nodes:
+            before = _sibling_before(node)
+            is_first = before is None or before.uid in self._reached
+            is_top = node.parent is None or node.parent.uid in self._reached
+            may_be_needed = not node.spec.is_recovery or _below(before) & asked
+            if node.element not in known and is_top and is_first and may_be_needed:
+                targets.append(node)
+        return targets
+
+    def unreached(self) -> Iterator[Place]:
+        """Yield the nodes that are still not reached, and in words how sure it is that no play
+        reaches them."""
+        runs = count(len(self._outcomes), "simulated run", "simulated runs")
+        for node in self.targets():
+            yield node.uid, (f"not reached by {runs}" if self.is_cut else
+                             f"no visitor and no fault brings the mission here, in {runs}")
 
     def rounds(self) -> Iterator[List[Scene]]:
         """Yield the scenes of each round."""
@@ -67,11 +88,10 @@ class Search:
     def _extended(self, node: Node) -> Iterator[Scene]:
         """Yield the nearest plays that end before ``node``, with a further fault below its sibling.
         """
-        before = findings.sibling_before(node)
-        if before is None:
-            return
+        before = _sibling_before(node)
         below = _below(before)
-        near = [outcome for outcome in self._outcomes if before.uid in outcome.reached
+        near = [outcome for outcome in self._outcomes
+                if before is not None and before.uid in outcome.reached
                 and outcome.calls and (node.uid, outcome.scene) not in self._bases]
         for outcome in sorted(near, key=_distance)[:MOST_BASES]:
             self._bases.add((node.uid, outcome.scene))
@@ -102,6 +122,14 @@ class Search:
                 yield scene._replace(planned=pair)
 
 
+def _sibling_before(node: Node) -> Optional[Node]:
+    """Return the sibling after which a node is ticked; None if it does not wait for another."""
+    parent = node.parent
+    if parent is None or not parent.spec.next_after or parent.children[0] is node:
+        return None
+    return parent.children[parent.children.index(node) - 1]
+
+
 def _below(node: Any) -> Set[int]:
     return {below.uid for below in node.iterate()} if node is not None else set()
 
@@ -109,13 +137,3 @@ def _below(node: Any) -> Set[int]:
 def _distance(outcome: Outcome) -> Tuple[int, int, bool]:
     scene = outcome.scene
     return len(scene.planned + scene.silent), BEHAVIOURS.index(scene.visitor), not scene.by_voice
-
-
-def verdict(search: Search, plays: int) -> str:
-    """Return in words how sure it is that no play reaches a node, after so many plays."""
-    runs = count(plays, "simulated run", "simulated runs")
-    if search.is_cut:
-        return f"not reached by {runs}"
-    return f"no visitor and no fault brings the mission here, in {runs}"
-
-
