@@ -36,6 +36,7 @@ sys.path[:0] = [
 ]
 
 from breakages import ON_PURPOSE, Breakage, Catalogue, Needs, breakages  # noqa: E402
+from behavior_controller import exit_codes  # noqa: E402
 from behavior_controller.config import recovery_policy, settings  # noqa: E402
 from behavior_controller.execution.events import (  # noqa: E402
     EntriesWritten, LeafFinished, Message, Noticed, Recovered, Recovering, Retried, StepStarted,
@@ -251,8 +252,9 @@ def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:
         plays += 1
         with breakage.broken():
             played = stage(name).play(test)
-            if played.error and ON_PURPOSE not in played.error:
-                raise RuntimeError("{} cannot be made: {}".format(breakage, played.error))
+            is_broken = played.exit_code == exit_codes.BROKEN
+            if is_broken and ON_PURPOSE not in played.errors[-1][1]:
+                raise RuntimeError("{} cannot be made: {}".format(breakage, played.errors[-1][1]))
             shown = difference(well.played, played)
             if shown:
                 try:

@@ -79,7 +79,7 @@ def play(*steps, behaviour=ENGAGES, faults=0, calm=None, times=None, **played):
     events = [(START, shown(TREE)), (START, PassStarted(1, START))]
     events += [(START + at + number / 1000, event) for at, step in zip(moments, steps)
                for number, event in enumerate(step)]
-    given = dict(events=events, journal=[], exit_code=0, cut_off="", error="", reached=frozenset(),
+    given = dict(events=events, journal=[], exit_code=0, cut_off="", errors=[], reached=frozenset(),
                  waiting=(), seconds=100.0, asked=(), presence=[(START, True)])
     return Play(STAGE, Played(**dict(given, **played)), behaviour, faults, calm)
 
@@ -105,9 +105,10 @@ def kinds(seen):
          [("busy-loop", "drive", "it is ticked again and again and waits for nothing")]),
         (play(leaf("hi"), **waiting("drive")),
          [("waits-for-ever", "drive", "after 100 s it still waits here")]),
-        (play(error="ZeroDivisionError: no", exit_code=4),
+        (play(errors=[(0, "ZeroDivisionError: no")], exit_code=4),
          [("exception", "all", "ZeroDivisionError: no")]),
-        (play([Noticed("warning", "so what"), Noticed("error", "Exception in node 'hi' [x]: no")]),
+        (play([Noticed("warning", "so what")],
+              errors=[(UIDS["hi"], "Exception in node 'hi' [x]: no")]),
          [("exception", "hi", "Exception in node 'hi' [x]: no")]),
         (play(leaf("drive", "FAILURE", NO_DATA)), [("missing-data", "drive", "no {x}")]),
         (play(leaf("drive", "FAILURE", NO_DATA), leaf("drive", "FAILURE", NO_DATA)),

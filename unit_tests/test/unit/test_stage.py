@@ -54,7 +54,7 @@ def facts(played, behaviour="engages", runs=1, on=LAB_TOUR):
 def test_a_calm_tour_passes_and_its_facts_are_judged():
     played = play(mission_runs=2)
     assert [event.outcome for event in of(PassFinished, played)] == ["SUCCESS", "SUCCESS"]
-    assert played.exit_code == 0 and not played.cut_off and not played.error
+    assert played.exit_code == 0 and not played.cut_off and not played.errors
     assert judge(facts(played, runs=2)).passed
 
 
@@ -299,7 +299,8 @@ def test_a_pass_that_gives_up_with_its_node_gone_waits_for_it():
 def test_an_exception_beside_the_leaves_ends_the_mission(monkeypatch):
     monkeypatch.setattr(virtual_robot.Health, "publish", lambda self, events: 1 / 0)
     played = play(of_text(SAY))
-    assert (played.exit_code, played.error) == (4, "ZeroDivisionError: division by zero")
+    assert (played.exit_code, played.errors) == (
+        4, [(0, "ZeroDivisionError: division by zero")])
 
 
 def test_the_record_is_what_a_record_holds():

@@ -1,9 +1,7 @@
 """The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
 detected in a play."""
-import re
 from functools import lru_cache
-from typing import (
-    Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple)
+from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.ports import reference
@@ -13,13 +11,13 @@ from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
 from behavior_controller.execution.state import Exchange, LeafFailure, NodeResult
 from behavior_controller.leaves import data
 from behavior_controller.leaves.base import MissionLeaf
-from behavior_controller.robot.declarations import Sense, Topic
+from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say, SetAttention)
 from behavior_controller.text import clean, count
 
-from unit_tests.rehearsal.play import BUSY, Played, START, Stage
+from unit_tests.rehearsal.play import BUSY, Place, Played, START, Stage
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.visitor import DECLINES, ENGAGES
 
@@ -36,11 +34,6 @@ AT_ONCE = 0.01
 
 ROOT = 1
 """The uid of the root, which stands for the whole mission."""
-
-_PLACE = re.compile(r"\((\S[^()]*):(\d+):(\d+)\)$")
-
-Place = Tuple[int, str]
-"""The uid of the node at which something is wrong, and what is wrong, in words."""
 
 
 class Finding(NamedTuple):
@@ -272,9 +265,7 @@ def _waiting(play: Play) -> int:
 def _exception(play: Play) -> Iterator[Place]:
     """A node raises an exception, which ends the pass at once, or a declaration does not fit its
     messages."""
-    for text in filter(None, [play.played.error, *(error.text for error in play.run.errors)]):
-        named = [node.uid for node in play.nodes if f"'{node.full_path}'" in text]
-        yield _script_at(play, text) or (named[0] if named else ROOT), text
+    yield from play.played.errors
     topics = {topic.name for topic in play.stage.settings.interface.topics}
     for failed in play.run.failures:
         # no fault does this, and no visitor who is not understood: what a package declares does not
@@ -283,17 +274,6 @@ def _exception(play: Play) -> Iterator[Place]:
         is_answer = cause is Cause.UNUSABLE_ANSWER and resource not in topics
         if cause is Cause.TYPE_MISMATCH or is_answer and not play.faults:
             yield failed.uid, failed.failure.message
-
-
-def _script_at(play: Play, text: str) -> int:
-    """Return the node whose script is at the place with which an error ends; 0 if there is none."""
-    match = _PLACE.search(text)
-    if match is None:
-        return 0
-    place = int(match[2]), int(match[3])
-    before = [node for node in play.nodes if clean(node.element.document.file) == match[1]
-              and node.element.place() <= place]
-    return max(before, key=lambda node: node.element.place()).uid if before else 0
 
 
 def _missing_data(play: Play) -> Iterator[Place]:

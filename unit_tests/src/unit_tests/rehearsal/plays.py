@@ -8,6 +8,7 @@ from multiprocessing.pool import Pool
 from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
                     Optional, Sequence, Set, Tuple)
 
+from behavior_controller import exit_codes
 from behavior_controller.bt.loader.document import garbage_collection_paused
 from behavior_controller.config.settings import defaults
 from behavior_controller.robot.declarations import Sense
@@ -135,8 +136,11 @@ class Theatre:
         """Play a scene and find what is wrong in it."""
         with garbage_collection_paused():
             play = self.play(scene)
-            outcome = play.outcome or (BROKEN if play.played.error else
-                                       NO_VISITOR if findings.waits_for_a_visitor(play) else "")
+            outcome = play.outcome
+            if not outcome and play.played.exit_code == exit_codes.BROKEN:
+                outcome = BROKEN
+            elif not outcome and findings.waits_for_a_visitor(play):
+                outcome = NO_VISITOR
             return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
                            tuple(findings.findings(play)), play.played.reached, play.succeeded,
                            tuple(play.switched.items()),

@@ -5,7 +5,7 @@ from typing import Any, Dict, Iterable, Iterator, List, Optional, Set, Tuple
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.text import count
 
-from unit_tests.rehearsal.findings import Place
+from unit_tests.rehearsal.play import Place
 from unit_tests.rehearsal.plays import Outcome, Scene
 from unit_tests.robot.faults import PlannedFault
 from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES

@@ -62,10 +62,11 @@ class VirtualRobot:
     """The nodes of one play, and what the ROS edge would report of them."""
 
     def __init__(self, mission: Mission, world: World, test: Configuration,
-                 note: Callable[[Event], None], shortest_gap: float = SHORTEST_GAP):
-        """``note`` gets requests, answers and messages, as the record has them."""
+                 shortest_gap: float = SHORTEST_GAP):
         self.mission, self.world, self.test = mission, world, test
-        self.note, self.shortest_gap = note, shortest_gap
+        self.shortest_gap = shortest_gap
+        self.note: Callable[[Event], None] = lambda event: None
+        """Gets messages, as the record has them."""
         self.clock, self.wake = mission.tree.clock, mission.tree.wake.emit
         self.health = Health(self.wake)
         self.gateway = VirtualGateway(self)
