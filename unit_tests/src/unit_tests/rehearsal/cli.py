@@ -20,14 +20,13 @@ from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, count, did_you_mean
 
 from unit_tests.rehearsal import html_report, plays
-from unit_tests.rehearsal.play import Stage
 from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
 from unit_tests.rehearsal.search import Search
 from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey
 from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.faults import KINDS, PlannedFault
 from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES
-from unit_tests.robot.options import CONTROLLER, load_controller
+from unit_tests.robot.options import CONTROLLER, load_controller, parse
 
 NONE, PAIRS = "none", "pairs"
 FAULTS = (NONE, "single", PAIRS)
@@ -47,32 +46,38 @@ WIDTH = 110
 ASR = "asrEnabled"
 
 
-class Plan(NamedTuple):
-    """The plays of a rehearsal. ``is_complete``: each visitor and each fault, so that something can
-    be said of a node that is not reached."""
+class Plan:
+    """The plays of a rehearsal that the ``options`` of the command ask for.
 
-    theatre: Theatre
-    options: argparse.Namespace
-    calm: List[Scene]
-    kinds: Sequence[str]
-    is_complete: bool
-    chosen: List[str]  # the arguments of the command that are the same for all scenes
+    ``calm`` are the scenes without faults, ``stage`` is that of the first one. ``topics`` have
+    messages, ``silent`` are those that the mission uses and that nothing simulates. ``chosen`` are
+    the arguments of the command that are the same for all scenes. ``is_complete``: each visitor
+    and each fault is played, so that something can be said of a node that is not reached.
+    """
 
-    @property
-    def stage(self) -> Stage:
-        """The stage of the first scene."""
-        return self.theatre.stage(self.calm[0].by_voice)
-
-    @property
-    def topics(self) -> List[Topic]:
-        """The topics that have messages."""
-        return rehearsed_topics(self.stage.settings.interface)
-
-    @property
-    def silent(self) -> List[str]:
-        """The topics that the mission uses and that nothing simulates."""
-        return [offer.name for offer in self.stage.mission.offers
-                if isinstance(offer, Topic) and offer not in self.topics]
+    def __init__(self, options: argparse.Namespace):
+        """Raises FaultsFound."""
+        self.options, self.kinds = options, options.kinds or KINDS
+        given = parse(options.settings, CONTROLLER)
+        is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
+        path = options.mission if is_file else find(options.mission)
+        controller = load_controller(given)
+        self.theatre = Theatre(controller.values, path, options.limit)
+        ways = [controller.asr_enabled] if ASR in given else [True, False]
+        visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
+        self.calm = plays.calm(visitors, ways)
+        self.stage = self.theatre.stage(ways[0])
+        robot = self.stage.settings.interface
+        self.topics = rehearsed_topics(robot)
+        _check_robot(robot, options)
+        self.silent = [offer.name for offer in self.stage.mission.offers
+                       if isinstance(offer, Topic) and offer not in self.topics]
+        is_restricted = options.faults == NONE or options.runs or options.planned \
+            or options.silent or options.kinds or options.limit < LIMIT
+        self.is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 \
+            and not is_restricted
+        others = [word for word in options.settings if not word.startswith(ASR + ":=")]
+        self.chosen = [options.mission, *others]
 
     def rounds(self, survey: Survey, search: Search) -> Iterator[List[Scene]]:
         """Yield the scenes of one round after the other; the ``survey`` has the outcomes of each
@@ -201,41 +206,6 @@ def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
     return options
 
 
-def plan(options: argparse.Namespace) -> Plan:
-    """Return the plays that the options ask for. Raises FaultsFound."""
-    given = _settings(options.settings)
-    is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
-    path = options.mission if is_file else find(options.mission)
-    controller = load_controller(given)
-    theatre = Theatre(controller.values, path, options.limit)
-    ways = [controller.asr_enabled] if ASR in given else [True, False]
-    visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
-    _check_robot(theatre.stage(ways[0]).settings.interface, options)
-    is_restricted = options.faults == NONE or options.runs or options.planned or options.silent \
-        or options.kinds or options.limit < LIMIT
-    is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and not is_restricted
-    others = [word for word in options.settings if not word.startswith(ASR + ":=")]
-    return Plan(theatre, options, plays.calm(visitors, ways), options.kinds or KINDS, is_complete,
-                [options.mission, *others])
-
-
-def _settings(words: Sequence[str]) -> Dict[str, str]:
-    """Return key -> value. Raises ConfigurationError with every key that the controller does not
-    have."""
-    given, faults = {}, []
-    for word in words:
-        name, is_assignment, value = word.partition(":=")
-        if is_assignment and name in CONTROLLER:
-            given[name] = value
-        else:
-            faults.append(Fault("argument " + clean(word), 0, 0,
-                                "this is not a key of the controller's configuration",
-                                did_you_mean(name, CONTROLLER) or "the form is key:=value"))
-    if faults:
-        raise ConfigurationError(faults)
-    return given
-
-
 def _check_robot(interface: Any, options: argparse.Namespace) -> None:
     """Raise ConfigurationError with every node and topic that the robot does not have."""
     faults = []
@@ -261,7 +231,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     options = read(argv)
     page = open(options.html, "w", encoding="utf-8") if options.html else None
     try:
-        todo = plan(options)
+        todo = Plan(options)
     except BehaviorControllerError as error:
         print(error)
         return exit_codes.WRONG_INPUT

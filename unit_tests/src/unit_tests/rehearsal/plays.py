@@ -4,6 +4,7 @@ import dataclasses
 import multiprocessing
 import signal
 from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 from multiprocessing.pool import Pool
 from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
                     Optional, Sequence, Set, Tuple)
@@ -96,15 +97,12 @@ class Theatre:
         """``chosen`` are the values of the controller's keys, ``mission`` is a file; ``limit`` is
         in seconds of the mission's time."""
         self.chosen, self.mission, self.limit = dict(chosen), mission, limit
-        self._stages: Dict[bool, Stage] = {}
-        self._calm: Dict[Scene, Play] = {}
+        self.stage: Callable[[bool], Stage] = lru_cache(maxsize=None)(self._stage)
+        """Returns the stage, by voice or not. Raises FaultsFound if it cannot be played."""
+        self._calm_play: Callable[[Scene], Play] = lru_cache(maxsize=None)(self.play)
 
-    def stage(self, by_voice: bool) -> Stage:
-        """Return the stage. Raises FaultsFound if the mission cannot be played."""
-        if by_voice not in self._stages:
-            self._stages[by_voice] = Stage.of_file(
-                defaults(**dict(self.chosen, asrEnabled=by_voice)), self.mission)
-        return self._stages[by_voice]
+    def _stage(self, by_voice: bool) -> Stage:
+        return Stage.of_file(defaults(**dict(self.chosen, asrEnabled=by_voice)), self.mission)
 
     def play(self, scene: Scene) -> Play:
         """Play a scene."""
@@ -112,25 +110,15 @@ class Theatre:
             CALM, visitor_behaviour=scene.visitor, planned_faults=scene.planned,
             failure_rate=scene.rate, random_seed=scene.seed, fault_kinds=scene.kinds,
             test_timeout=self.limit, call_times=REAL)
-        stage = self.stage(scene.by_voice)
+        stage, silent = self.stage(scene.by_voice), scene.silent
+        robot = stage.settings.interface
+        if not stage.settings.asr_enabled and robot.tells(Sense.UTTERANCE):
+            silent += (robot.evidence(Sense.UTTERANCE).topic.name,)  # no speech is recognised
         gap = min(MESSAGES, stage.settings.topic_max_age / 2)
-        played = stage.play(test, scene.silent + self._unheard(stage), gap, scene.is_listed)
+        played = stage.play(test, silent, gap, scene.is_listed)
         faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
         calm = None if scene.is_calm else self._calm_play(scene.calm)
         return Play(stage, played, scene.visitor, faults, calm)
-
-    @staticmethod
-    def _unheard(stage: Stage) -> Tuple[str, ...]:
-        """Return the topic that says nothing because speech is not recognised, if it is so."""
-        robot = stage.settings.interface
-        if stage.settings.asr_enabled or not robot.tells(Sense.UTTERANCE):
-            return ()
-        return (robot.evidence(Sense.UTTERANCE).topic.name,)
-
-    def _calm_play(self, scene: Scene) -> Play:
-        if scene not in self._calm:
-            self._calm[scene] = self.play(scene)
-        return self._calm[scene]
 
     def evaluate(self, scene: Scene) -> Outcome:
         """Play a scene and find what is wrong in it."""

@@ -230,23 +230,19 @@ def check_words(arguments: Arguments) -> None:
         raise ConfigurationError(faults)
 
 
-def parse(words: Sequence[str], others: Sequence[str] = ()) -> Dict[str, str]:
+def parse(words: Sequence[str], names: Collection[str] = NAMES) -> Dict[str, str]:
     """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with
-    every unknown name.
-
-    ``others`` are accepted in addition to the names that a user may give.
-    """
+    every one that is not of the allowed ``names``."""
     values: Dict[str, str] = {}
     faults: List[Fault] = []
     for word in words:
         name, is_assignment, value = word.partition(ASSIGNMENT)
         key_name = SHORT.get(name, name)
-        text = hint = ""
+        text, hint = "", "rosrun unit_tests runTest --help lists all"
         if not is_assignment:
-            text, hint = "this is not of the form name:=value", "--help lists the names"
-        elif key_name not in NAMES and key_name not in others:
-            text, hint = "unknown", did_you_mean(name.lstrip("_"), NAMES)
-            hint = hint or "rosrun unit_tests runTest --help lists all"
+            text = "this is not of the form name:=value"
+        elif name not in names:
+            text, hint = "unknown", did_you_mean(name.lstrip("_"), names) or hint
         elif key_name in values:
             text, hint = "{} is given twice".format(key_name), "leave out all but one"
         elif not value:
@@ -291,7 +287,7 @@ class Options:
 def read(arguments: Arguments) -> Options:
     """Read each file once. Raises ConfigurationError with every fault of files, arguments and of
     what roslaunch was given."""
-    parse(given_to_roslaunch(ros_arguments.parent_command()), INTERNAL)
+    parse(given_to_roslaunch(ros_arguments.parent_command()), [*NAMES, *INTERNAL])
     values = arguments.values
     faults: List[Fault] = []
     test = attempt(lambda: _drawn(load_test(values), values), faults)
