@@ -71,7 +71,7 @@ def stage(name: str) -> Stage:
 def verdict_on(on: Stage, test: Configuration, played: Played) -> Tuple[str, ...]:
     """Return the objections of the judge to a play; none: PASSED."""
     facts = Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
-                  on.mission, played.cut_off)
+                  on.mission, played.cut_off, has_timed_out=played.has_timed_out)
     return judge(facts).objections
 
 

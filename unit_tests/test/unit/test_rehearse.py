@@ -272,7 +272,7 @@ def test_a_service_that_fails_for_good_fails_at_each_later_call(tmp_path):
     body = '<RetryUntilSuccessful num_attempts="-1"><WelcomeSpeech/></RetryUntilSuccessful>'
     scene = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "exception", True),))
     play = Theatre({}, mission(tmp_path, body), 9000.0).play(scene)
-    assert play.is_cut_off and len(play.exchanges) > 1000 and play.faults >= 1000
+    assert play.played.has_timed_out and len(play.exchanges) > 1000 and play.faults >= 1000
 
 
 @pytest.mark.parametrize("oldest, gap", [(1.0, 0.5), (60.0, 1.0)])

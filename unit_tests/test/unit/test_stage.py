@@ -48,7 +48,7 @@ def changes_of_health(played):
 def facts(played, behaviour="engages", runs=1, on=LAB_TOUR):
     test = dataclasses.replace(CALM, visitor_behaviour=behaviour, mission_runs=runs)
     return Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
-                 on.mission, played.cut_off)
+                 on.mission, played.cut_off, has_timed_out=played.has_timed_out)
 
 
 def test_a_calm_tour_passes_and_its_facts_are_judged():

@@ -101,12 +101,6 @@ class Play:
         return self.nodes[(uid or ROOT) - 1]
 
     @property
-    def is_cut_off(self) -> bool:
-        """Whether the pass had not ended when its time, or the number of its requests, was used up.
-        """
-        return self.played.exit_code is None and self.played.cut_off != BUSY
-
-    @property
     def late(self) -> List[Exchange]:
         """The requests of the last share of the time."""
         since = START + self.played.seconds * (1 - LAST_SHARE)
@@ -220,7 +214,7 @@ def _busy_loop(play: Play) -> Iterator[Place]:
 def _retries_for_ever(play: Play) -> Iterator[Place]:
     """A service fails for good, and the mission makes the same request again without a limit: the
     pass never ends. Give the loop a number of attempts, and each attempt a pause."""
-    if not play.is_cut_off or play.calm is None or not play.calm.outcome:
+    if not play.played.has_timed_out or play.calm is None or not play.calm.outcome:
         return
     failed = [exchange for exchange in play.late if isinstance(exchange.result, Failure)]
     if failed:
@@ -232,20 +226,20 @@ def _retries_for_ever(play: Play) -> Iterator[Place]:
 
 def _endless(play: Play) -> Iterator[Place]:
     """The pass never ends: a loop without a bound repeats the same requests."""
-    if play.is_cut_off and play.late and not any(_retries_for_ever(play)):
+    if play.played.has_timed_out and play.late and not any(_retries_for_ever(play)):
         yield play.late[-1].uid, f"after {play.played.seconds:.0f} s it still repeats itself"
 
 
 def _waits_for_ever(play: Play) -> Iterator[Place]:
     """The pass never ends: what the robot waits for does not come, and no limit ends the wait."""
-    if play.is_cut_off and not play.late and not waits_for_a_visitor(play):
+    if play.played.has_timed_out and not play.late and not waits_for_a_visitor(play):
         yield _waiting(play), f"after {play.played.seconds:.0f} s it still waits here"
 
 
 def waits_for_a_visitor(play: Play) -> bool:
     """Return whether no visitor has been seen to the end: a robot may wait for a visitor without a
     limit."""
-    if not play.is_cut_off or play.late:
+    if not play.played.has_timed_out or play.late:
         return False
     seekers = [result for result in play.leaves if Sense.VISITOR in play.spec(result.uid).listens]
     if any(result.letter == "S" for result in seekers):

@@ -90,6 +90,11 @@ class Played(NamedTuple):
     # what each call met that reached a node, by that and its number, if it was asked for
     situations: Mapping[Tuple[str, int], bytes] = {}
 
+    @property
+    def has_timed_out(self) -> bool:
+        """Whether its time, or the number of its requests, was used up before the mission's end."""
+        return self.exit_code is None and self.cut_off != BUSY
+
     def run(self) -> Run:
         """Return the model of the run."""
         return Run(Line(at, event) for at, event in self.events)
