@@ -211,7 +211,7 @@ class RosNode:
         with self._lock:
             self._read_journal()
             name = rospy.resolve_name(self._node.offers.publisher)
-            value = self._node.message(name, time.monotonic())
+            value = self._node.message(name)
         if value is None or topic is None:
             return None
         fields = TOPICS[topic.name].fields(value)
