@@ -3,6 +3,7 @@ while it waits.
 
 Messages come at Poisson times, so this is arithmetic; nothing is run.
 """
+import itertools
 import math
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -72,29 +73,18 @@ def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
     late = [wait for wait in waits if wait.missed(rate) > 1 - ENOUGH]
     worst = [max((wait for wait in late if wait.node == node), key=lambda wait: wait.missed(rate))
              for node in dict.fromkeys(wait.node for wait in late)]
-    return [wait.warning(rate) for wait in worst] + ([sufficient(waits)] if worst else [])
-
-
-def sufficient(waits: Sequence[Wait]) -> str:
-    """Return in a line from which rate on messages come in time."""
-    return (f"from arrivalRate {lowest_rate(waits)} on, all that this mission waits for comes in "
-            f"time in {100 * ENOUGH:.0f} % of waits")
+    lines = [wait.warning(rate) for wait in worst]
+    if worst:
+        lines.append(f"from arrivalRate {lowest_rate(waits)} on, all that this mission waits for "
+                     f"comes in time in {100 * ENOUGH:.0f} % of waits")
+    return lines
 
 
 def lowest_rate(waits: Sequence[Wait]) -> int:
     """Return the lowest whole number of messages per minute of which enough come in time, at least
     1."""
-    def is_enough(rate: int) -> bool:
-        return all(wait.missed(rate) <= 1 - ENOUGH for wait in waits)
-
-    high = 1
-    while not is_enough(high):
-        high *= 2
-    low = high // 2  # not enough, or 0
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if is_enough(middle) else (middle, high)
-    return high
+    return next(rate for rate in itertools.count(1)
+                if all(wait.missed(rate) <= 1 - ENOUGH for wait in waits))
 
 
 # -------------------------------------------------------------------------------------- the mission

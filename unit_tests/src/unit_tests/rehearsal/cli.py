@@ -20,6 +20,7 @@ from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, count, did_you_mean
 
 from unit_tests.rehearsal import html_report, plays
+from unit_tests.rehearsal.play import LIMIT
 from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
 from unit_tests.rehearsal.search import Search
 from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey
@@ -33,9 +34,6 @@ FAULTS = (NONE, "single", PAIRS)
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 """The default failure rates."""
-
-LIMIT = 3600.0
-"""Seconds of the mission's time after which a pass counts as one that does not end."""
 
 BAR = 30
 """Letters of the progress bar."""

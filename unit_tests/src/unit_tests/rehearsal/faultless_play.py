@@ -7,17 +7,13 @@ clock or its process.
 import dataclasses
 from typing import FrozenSet, NamedTuple, Optional, Tuple
 
-from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.leaves.base import MissionLeaf
 
-from unit_tests.rehearsal.play import CALM, Stage
+from unit_tests.rehearsal.play import CALM, LIMIT, Stage
 
 STEP = 0.5
 """Seconds between two messages of each topic."""
-
-LONGEST = 3600.0
-"""A rehearsal that has not ended after so many seconds of the mission's time does not end."""
 
 
 class Rehearsal(NamedTuple):
@@ -36,7 +32,7 @@ class Rehearsal(NamedTuple):
 def rehearse(stage: Stage, behaviour: str) -> Optional[Rehearsal]:
     """Return how one pass of the mission goes with a visitor of that behaviour; None if that cannot
     be told."""
-    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=LONGEST)
+    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=LIMIT)
     played = stage.play(test, shortest_gap=STEP)
     visits = played.run().visits
     if not visits:
@@ -49,10 +45,7 @@ def rehearse(stage: Stage, behaviour: str) -> Optional[Rehearsal]:
 
 def branches(tree: Tree) -> Tuple[FrozenSet[str], ...]:
     """Return the branches of a tree that have mission leaves."""
-    leaves = (_leaves_below(child) for node in tree.nodes if len(node.children) > 1
-              for child in node.children)
-    return tuple(paths for paths in leaves if paths)
-
-
-def _leaves_below(node: Node) -> FrozenSet[str]:
-    return frozenset(below.full_path for below in node.iterate() if isinstance(below, MissionLeaf))
+    children = (child for node in tree.nodes if len(node.children) > 1 for child in node.children)
+    leaves = (frozenset(node.full_path for node in child.iterate() if isinstance(node, MissionLeaf))
+              for child in children)
+    return tuple(filter(None, leaves))

@@ -438,10 +438,8 @@ def _unwanted_drive(play: Play) -> Iterator[Place]:
     """The robot drives to a stop although the visitor says no."""
     visit = play.run.state.visit
     is_declined = play.behaviour == DECLINES and visit is not None and visit.asked is not None
-    if is_declined and not play.faults and play.visited:
-        places = {place.location[:2] for place in play.visited}
-        first = next(drive for drive in play.drives if goal(drive)[:2] in places)
-        yield first.uid, "the visitor says no, and the robot drives to a stop"
+    for drive in list(play.stops.values())[:1] if is_declined and not play.faults else ():
+        yield drive, "the visitor says no, and the robot drives to a stop"
 
 
 def _left_out(play: Play) -> Iterator[Place]:
@@ -469,8 +467,7 @@ def _left_out(play: Play) -> Iterator[Place]:
 def _drives_twice(play: Play) -> Iterator[Place]:
     """The robot is sent to the place where it stands."""
     for before, drive in zip(play.drives, play.drives[1:]):
-        is_there = before.answered is not None and before.answered < drive.asked \
-            and isinstance(before.result, Answer)
+        is_there = isinstance(before.result, Answer) and (before.answered or 0.0) < drive.asked
         if is_there and not play.faults and goal(drive) == goal(before):
             yield drive.uid, "the robot has just arrived there"
 

@@ -5,7 +5,6 @@ Time goes from one event to the next, so a pass takes some hundredths of a secon
 """
 import dataclasses
 import math
-import os
 from typing import (
     Collection, FrozenSet, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple)
 
@@ -40,6 +39,9 @@ from unit_tests.robot.options import Configuration
 
 START = 1000.0
 """When a play begins, in seconds of its clock; events and journal have the times of that clock."""
+
+LIMIT = 3600.0
+"""Seconds of the mission's time after which a pass counts as one that does not end."""
 
 LONG_PACE = 0.25
 """Seconds between the ticks of a mission that changes something at every tick, instead of
@@ -115,13 +117,6 @@ class Stage:
         self._registry = leaves.registry()
         self._checked = check(self._documents, self._registry)
         self.world = world or read_world("", settings)
-
-    @classmethod
-    def of_file(cls, settings: Settings, path: str) -> "Stage":
-        """Return the stage for a mission file. Raises FaultsFound."""
-        name = os.path.splitext(os.path.basename(path))[0]
-        return cls(dataclasses.replace(settings, scenario_specification=name),
-                   with_includes(read(path)))
 
     @property
     def knowledge(self) -> Building:

@@ -4,14 +4,16 @@ import dataclasses
 import multiprocessing
 import signal
 from contextlib import ExitStack, contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from multiprocessing.pool import Pool
 from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
-                    Optional, Sequence, Set, Tuple)
+                    Sequence, Set, Tuple)
 
 from behavior_controller import exit_codes
-from behavior_controller.bt.loader.document import garbage_collection_paused
+from behavior_controller.bt.loader.document import (
+    garbage_collection_paused, read, with_includes)
 from behavior_controller.config.settings import defaults
+from behavior_controller.folders import mission_name
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Request
 
@@ -102,7 +104,8 @@ class Theatre:
         self._calm_play: Callable[[Scene], Play] = lru_cache(maxsize=None)(self.play)
 
     def _stage(self, by_voice: bool) -> Stage:
-        return Stage.of_file(defaults(**dict(self.chosen, asrEnabled=by_voice)), self.mission)
+        own = dict(asrEnabled=by_voice, scenarioSpecification=mission_name(self.mission))
+        return Stage(defaults(**{**self.chosen, **own}), with_includes(read(self.mission)))
 
     def play(self, scene: Scene) -> Play:
         """Play a scene."""
@@ -212,44 +215,39 @@ def random(scenes: Sequence[Scene], runs: int, rates: Sequence[float], seed: int
 # ------------------------------------------------------------------------------------- on all cores
 
 
-_theatre: Optional[Theatre] = None
-
 PlayAll = Callable[[Sequence[Scene]], Iterator[Outcome]]
 
 
-def _open(*arguments: Any) -> None:
-    """Prepare a process for its plays."""
-    global _theatre
-    _theatre = Theatre(*arguments)
+@lru_cache(maxsize=1)
+def _theatre(chosen: Tuple[Tuple[str, Any], ...], mission: str, limit: float) -> Theatre:
+    return Theatre(dict(chosen), mission, limit)
 
 
-def _evaluate(scene: Scene) -> Outcome:
-    assert _theatre is not None
-    return _theatre.evaluate(scene)
+def _evaluate(arguments: Tuple[Any, ...], scene: Scene) -> Outcome:
+    """Play a scene in another process, whose theatre has these arguments."""
+    return _theatre(*arguments).evaluate(scene)
 
 
 @contextmanager
 def players(theatre: Theatre, jobs: int) -> Iterator[PlayAll]:
     """Give a function that yields the result of each scene as soon as it is known."""
     with ExitStack() as processes:
-        pool: Optional[Pool] = None
+        pool = lru_cache()(lambda: processes.enter_context(_pool(jobs)))
 
         def play_all(scenes: Sequence[Scene]) -> Iterator[Outcome]:
-            nonlocal pool
             if jobs <= 1 or len(scenes) <= FEW:
                 return map(theatre.evaluate, scenes)
-            pool = pool or processes.enter_context(_pool(theatre, jobs))
-            return pool.imap_unordered(_evaluate, scenes, CHUNK)
+            arguments = tuple(theatre.chosen.items()), theatre.mission, theatre.limit
+            return pool().imap_unordered(partial(_evaluate, arguments), scenes, CHUNK)
 
         yield play_all
 
 
-def _pool(theatre: Theatre, jobs: int) -> Pool:
+def _pool(jobs: int) -> Pool:
     # Ctrl-C is for this process; the others inherit that they ignore it, else each would print a
     # traceback
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    arguments = theatre.chosen, theatre.mission, theatre.limit
     try:
-        return multiprocessing.get_context("spawn").Pool(jobs, _open, arguments)
+        return multiprocessing.get_context("spawn").Pool(jobs)
     finally:
         signal.signal(signal.SIGINT, before)
