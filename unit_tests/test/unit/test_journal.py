@@ -49,7 +49,7 @@ def test_a_message_gets_a_line_if_it_has_changed_or_a_tenth_of_a_second_has_pass
             ("a", 0.0), ("a", 0.05), ("a", 0.1), ("b", 0.11), ("a", 0.12), ("a", 0.2)):
         heard.update(at=at)
         node.world.visitor.utterance = lambda: text
-        assert node.message("/speechEvent/text") == text
+        assert node.message("/speechEvent/text") == {"data": text}
     assert [(entry.time, entry.content["data"]) for entry in told] == [
         (0.0, "a"), (0.1, "a"), (0.11, "b"), (0.12, "a")]
 

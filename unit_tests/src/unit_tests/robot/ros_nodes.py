@@ -19,7 +19,7 @@ from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent
 
 from unit_tests.robot import behaviour, claims, options
 from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields, NODES, TOPICS
+from unit_tests.robot.behaviour import Fields, NODES
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
 from unit_tests.robot.journal import Journal, JournalEntry
 from unit_tests.robot.ros_messages import (
@@ -165,16 +165,13 @@ class RosNode:
             reply = self._node.reply(service, rospy.resolve_name(service.name), fields,
                                      response_fields(service))
         fault = reply.entry.fault
-        self._log("call", reply.entry.call, fields, "->",
-                  fault or reply.entry.objection or reply.answer or "no")
+        outcome = fault or reply.entry.objection or reply.answer or "no"
+        self._log("call", reply.entry.call, fields, "->", outcome)
         if fault == EXCEPTION:
             raise rospy.ServiceException(reply.exception)
         if fault == CRASH:
             os._exit(CRASHED)
-        if fault == UNANSWERED:
-            self._stopped.wait()
-        else:
-            self._stopped.wait(reply.entry.seconds)
+        self._stopped.wait(None if fault == UNANSWERED else reply.entry.seconds)
         return response(service, reply.answer, fault)
 
     def _publish(self, topic: Topic) -> None:
@@ -207,15 +204,10 @@ class RosNode:
 
     def _next_fields(self) -> Optional[Fields]:
         """Return the fields of the next message, which is in the journal; None without one."""
-        topic = self._node.offers.topic
         with self._lock:
             self._read_journal()
-            name = rospy.resolve_name(self._node.offers.publisher)
-            value = self._node.message(name)
-        if value is None or topic is None:
-            return None
-        fields = TOPICS[topic.name].fields(value)
-        if fields != self._published:
+            fields = self._node.message(rospy.resolve_name(self._node.offers.publisher))
+        if fields is not None and fields != self._published:
             self._published = fields
             self._log("says", fields)
         return fields

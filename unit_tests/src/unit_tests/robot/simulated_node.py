@@ -11,7 +11,7 @@ from behavior_controller.robot.requests import Answer, Request
 
 from unit_tests.robot import behaviour
 from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS, Value
+from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED, Faults
 from unit_tests.robot.journal import JournalEntry, REPEAT
 from unit_tests.robot.world import World
@@ -99,22 +99,19 @@ class SimulatedNode:
         simulated = SERVICES.get(service.request)
         objection = simulated.object_to(fields) if simulated is not None else None
         is_refused_at_once = objection is not None or fault in (EXCEPTION, CRASH, UNANSWERED)
-        seconds = 0.0
-        if self._test.takes_time and not is_refused_at_once:
-            seconds = behaviour.usual_seconds(service, fields)
+        takes_time = self._test.takes_time and not is_refused_at_once
+        seconds = behaviour.usual_seconds(service, fields) if takes_time else 0.0
         entry = JournalEntry(self._stamp(), self.name, resource, self._faults.calls, fields, fault,
                              objection, seconds)
         self._write(entry)
-        answer = None
-        if entry.done and simulated is not None:
-            answer = simulated.answer(fields, self.world)
-        elif entry.done:
-            answer = service.rehearse(request)
-        return Reply(entry, answer)
+        if not entry.done:
+            return Reply(entry, None)
+        return Reply(entry, service.rehearse(request) if simulated is None else
+                     simulated.answer(fields, self.world))
 
-    def message(self, resource: str) -> Optional[Value]:
-        """Return the value of the next message, None if there is none, and write it to the journal,
-        unless it repeats the last one.
+    def message(self, resource: str) -> Optional[Fields]:
+        """Return the fields of the next message, None if there is none, and write it to the
+        journal, unless it repeats the last one.
 
         ``resource`` is the resolved name of topic or action.
         """
@@ -128,4 +125,4 @@ class SimulatedNode:
         if fields is not None and (fields != content or not at <= now < at + REPEAT):
             self._reported = fields, now
             self._write(JournalEntry(now, self.name, resource, 0, fields))
-        return value
+        return fields

@@ -177,9 +177,9 @@ class VirtualNode:
         self._await_next()
         if offers.action is not None and robot.clock.now() > self._listens_until:
             return
-        value = self.model.message(offers.publisher)
-        if value is not None and offers.topic is not None:
-            robot.topics.publish(offers.topic, value)
+        fields = self.model.message(offers.publisher)
+        if fields is not None and offers.topic is not None:
+            robot.topics.publish(offers.topic, TOPICS[offers.topic.name].value(fields))
 
 
 class VirtualTopics(FakeTopics):
