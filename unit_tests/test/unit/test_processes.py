@@ -13,7 +13,8 @@ from behavior_controller.config import knowledge_files
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import ConfigurationError
 
-from unit_tests.robot import building, options
+from unit_tests.robot import options
+from unit_tests.robot.world import load_building
 from unit_tests.run import controller
 
 REPOSITORY = os.path.dirname(
@@ -229,7 +230,7 @@ def test_a_place_needs_a_name_and_a_location_alone(tmp_path):
      ).write_text("""{"exhibits": [{"name": "a", "location": [1, 2, 3], "gesture": [4, 5, 6],
         "description1": "one", "description2": "two"}], "entrance": {"name": "b", "location": [1, 2, 3]},
         "home": {"name": "c", "location": [0, 0, 0]}}""")
-    knowledge = building.load(str(tmp_path / "places.json"))
+    knowledge = load_building(str(tmp_path / "places.json"))
     first, = knowledge.exhibits
     assert (first.description1, first.description2) == ("one", "two")
     assert (first.location, first.gesture) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))

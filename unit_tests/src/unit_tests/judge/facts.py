@@ -10,7 +10,7 @@ from unit_tests.robot.faults import CRASH
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.options import Configuration
 from unit_tests.robot.world import World
-from unit_tests.rehearsal.faultless_play import Rehearsal
+from unit_tests.rehearsal.play import Rehearsal
 
 Kind = TypeVar("Kind")
 

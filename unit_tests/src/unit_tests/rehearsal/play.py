@@ -12,7 +12,7 @@ from behavior_controller import exit_codes, leaves
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.engine.failure import TickError
 from behavior_controller.bt.engine.node import Node, Result
-from behavior_controller.bt.engine.tree import Change
+from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.linter.walker import check
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader.tree_builder import build
@@ -21,6 +21,7 @@ from behavior_controller.config.settings import Settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution.events import Event, Events, Line, PassFinished
 from behavior_controller.execution.run import Run
+from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.missions import load as missions
 from behavior_controller.missions.runner import PACE, Runner, Running
 from behavior_controller.monitoring.record.recorder import Entries, shown, traversed, written
@@ -29,11 +30,10 @@ from behavior_controller.robot.requests import Request
 from unit_tests.rehearsal import blocked_leaf
 from unit_tests.rehearsal.situations import Situations
 from unit_tests.robot.behaviour import rehearsed_topics
-from unit_tests.robot.building import Building
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.virtual_robot import SHORTEST_GAP, VirtualRobot
 from unit_tests.robot.visitor import Visitor
-from unit_tests.robot.world import World, world as read_world
+from unit_tests.robot.world import Building, World, world as read_world
 from unit_tests.robot import options
 from unit_tests.robot.options import Configuration
 
@@ -42,6 +42,9 @@ START = 1000.0
 
 LIMIT = 3600.0
 """Seconds of the mission's time after which a pass counts as one that does not end."""
+
+STEP = 0.5
+"""Seconds between two messages of each topic where nothing fails."""
 
 LONG_PACE = 0.25
 """Seconds between the ticks of a mission that changes something at every tick, instead of
@@ -241,3 +244,41 @@ def _node_of(error: BehaviorControllerError, nodes: Sequence[Node]) -> int:
     if origin is not None and (node is None or node.element is not origin[0]):
         node = next((node for node in nodes if node.element is origin[0]), None)
     return node.uid if node is not None else 0
+
+
+# ------------------------------------------------------------------------------ without any failure
+
+
+class Rehearsal(NamedTuple):
+    """How the mission should go: its outcome, the paths of the leaves that it reaches, and its
+    branches.
+
+    A branch is a child of a node with several children; it is given as the paths of the mission
+    leaves below it.
+    """
+
+    outcome: str
+    reached: FrozenSet[str]
+    branches: Tuple[FrozenSet[str], ...]
+
+
+def rehearse(stage: Stage, behaviour: str) -> Optional[Rehearsal]:
+    """Return how one pass of the mission goes with a visitor of that behaviour; None if that cannot
+    be told."""
+    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=LIMIT)
+    played = stage.play(test, shortest_gap=STEP)
+    visits = played.run().visits
+    if not visits:
+        return None
+    tree = stage.mission.tree
+    reached = frozenset(node.full_path for node in tree.nodes
+                        if isinstance(node, MissionLeaf) and node.uid in played.reached)
+    return Rehearsal(visits[-1].outcome, reached, branches(tree))
+
+
+def branches(tree: Tree) -> Tuple[FrozenSet[str], ...]:
+    """Return the branches of a tree that have mission leaves."""
+    children = (child for node in tree.nodes if len(node.children) > 1 for child in node.children)
+    leaves = (frozenset(node.full_path for node in child.iterate() if isinstance(node, MissionLeaf))
+              for child in children)
+    return tuple(filter(None, leaves))

@@ -1,16 +1,35 @@
 """The world of the simulated robot: the building, the visitor, and the controller's configuration,
 which all nodes know in addition to a request."""
+import json
 import os
-from typing import Mapping, NamedTuple
+from typing import Mapping, NamedTuple, Tuple
+
+import msgspec
+from msgspec.structs import astuple
 
 from behavior_controller.config import knowledge_files, phrases
 from behavior_controller.config.settings import Settings
+from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.folders import of_mission
+from behavior_controller.robot.requests import Exhibit, Location, Point
+from behavior_controller.text import Unreadable, read_text
 
 from unit_tests import folders
-from unit_tests.robot import building
-from unit_tests.robot.building import Building
 from unit_tests.robot.visitor import Manners, Visitor
+
+
+class Building(NamedTuple):
+    """The places of a mission, the entrance, the robot's home."""
+
+    exhibits: Tuple[Exhibit, ...]
+    entrance: Exhibit
+    home: Exhibit
+
+    def query(self, what: str) -> Tuple[Exhibit, ...]:
+        """Return what ``exhibits``, ``entrance`` or ``home`` (any case) means. Raises KeyError for
+        the rest."""
+        places = {"exhibits": self.exhibits, "entrance": (self.entrance,), "home": (self.home,)}
+        return places[what.lower()]
 
 
 class World(NamedTuple):
@@ -28,10 +47,10 @@ def world(behaviour: str, settings: Settings) -> World:
     if settings.interface.has_knowledge_files:
         known = knowledge_files.load(mission)
         language, utility = phrases.load(known.language, mission), known.phrases
-        knowledge = building.of_files(known)
+        knowledge = building_of(known)
     else:
         language, utility = phrases.load(settings.language, mission), {}
-        knowledge = building.load(building_file(mission))
+        knowledge = load_building(building_file(mission))
     return World(Visitor(_manners(behaviour, language, utility, knowledge)), knowledge, settings)
 
 
@@ -53,3 +72,45 @@ def _manners(behaviour: str, language: phrases.Phrases, utility: Mapping[int, st
     is_stop = knowledge.home in knowledge.exhibits
     return Manners(behaviour, questions, yes, no, None if is_stop else (home.x, home.y),
                    knowledge.exhibits)
+
+
+# ------------------------------------------------------------------------------------- the building
+
+
+def building_of(known: knowledge_files.Knowledge) -> Building:
+    """Return the places of release 1.0's files."""
+    return Building(known.tour, known.tour[-1], known.tour[0])
+
+
+class _Place(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """A place as the file has it, with the fields of an Exhibit; home needs no descriptions and no
+    gesture."""
+
+    name: str
+    description1: str = ""
+    description2: str = ""
+    location: Location
+    gesture: Point = Point(0.0, 0.0, 0.0)
+
+
+class _Places(msgspec.Struct, forbid_unknown_fields=True):
+    exhibits: Tuple[_Place, ...]
+    entrance: _Place
+    home: _Place
+
+
+FORM = ("there are exhibits (a list), entrance and home; each place has name and location "
+        "[x, y, degrees], and may have description1, description2 and gesture [x, y, z]")
+
+
+def load_building(path: str) -> Building:
+    """Read a file of places. Raises ConfigurationError if it cannot be used."""
+    try:
+        places = msgspec.convert(json.loads(read_text(path)), _Places)
+    except (Unreadable, json.JSONDecodeError, msgspec.MsgspecError, RecursionError) as error:
+        place = getattr(error, "lineno", 0), getattr(error, "colno", 0)
+        reason = "the places cannot be read: {}".format(error)
+        raise ConfigurationError([Fault(path, *place, reason, FORM)]) from error
+    exhibits, entrance, home = astuple(places)
+    return Building(tuple(Exhibit(*astuple(place)) for place in exhibits),
+                    Exhibit(*astuple(entrance)), Exhibit(*astuple(home)))

@@ -26,11 +26,10 @@ from unit_tests.run.controller import read_errors, read_exit_code
 from unit_tests.judge.facts import Facts
 from unit_tests.robot.journal import Journal, JournalEntry, Tail
 from unit_tests.judge.junit import to_xml
-from unit_tests.rehearsal.faultless_play import rehearse
 from unit_tests.judge.report import title, to_page, write
 from unit_tests.robot.options import Configuration, Options, STARTUP_TIMEOUT
 from unit_tests.robot.world import World
-from unit_tests.rehearsal.play import Stage, TIMED_OUT
+from unit_tests.rehearsal.play import Stage, TIMED_OUT, rehearse
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 """The report. Beside it is the same as a page, with the record's story and timeline."""
