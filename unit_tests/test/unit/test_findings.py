@@ -254,10 +254,10 @@ def test_a_goodbye_is_for_a_visitor_who_is_there_when_it_begins(presence, second
 def test_an_exhibit_is_left_out_of_a_tour_that_succeeds(steps, behaviour, expected):
     tour = [step for drive in TOUR[:4] for step in (leaf("take"), asked(drive))]
     seen = play(*tour, asked(BACK), leaf("bye"), *steps, behaviour=behaviour)
-    assert kinds(seen) == expected and len(seen.visited) == 4
+    assert kinds(seen) == expected and len(seen.stops) == 4
     whole = play(*tour, leaf("take"), asked(TOUR[4]), asked(BACK), leaf("bye"), *steps,
                  behaviour=behaviour)
-    assert kinds(whole) == [] and len(whole.visited) == 5
+    assert kinds(whole) == [] and len(whole.stops) == 5
 
 
 def test_a_mission_that_takes_exhibits_one_by_one_may_be_meant_to_show_only_some():

@@ -66,10 +66,10 @@ class Plan:
         self.calm = plays.calm(visitors, ways)
         self.stage = self.theatre.stage(ways[0])
         robot = self.stage.settings.interface
-        self.topics = rehearsed_topics(robot)
+        self.topics = [topic.name for topic in rehearsed_topics(robot)]
         _check_robot(robot, options)
         self.silent = [offer.name for offer in self.stage.mission.offers
-                       if isinstance(offer, Topic) and offer not in self.topics]
+                       if isinstance(offer, Topic) and offer.name not in self.topics]
         is_restricted = options.faults == NONE or options.runs or options.planned \
             or options.silent or options.kinds or options.limit < LIMIT
         self.is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 \
@@ -90,9 +90,8 @@ class Plan:
         else:
             yield self.calm
             if options.faults != NONE:
-                topics = [topic.name for topic in self.topics]
                 is_pairs = options.faults == PAIRS
-                yield list(plays.single(survey.outcomes, self.kinds, topics, is_pairs))
+                yield list(plays.single(survey.outcomes, self.kinds, self.topics, is_pairs))
                 if is_pairs:
                     yield list(plays.pairs(survey.outcomes, self.kinds))
             if self.is_complete and survey.has_ended:
@@ -225,7 +224,6 @@ def _check_robot(interface: Any, options: argparse.Namespace) -> None:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Play, print the findings, and return the exit code."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     options = read(argv)
     page = open(options.html, "w", encoding="utf-8") if options.html else None
     try:
@@ -233,8 +231,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     except BehaviorControllerError as error:
         print(error)
         return exit_codes.WRONG_INPUT
-    except KeyboardInterrupt:
-        return exit_codes.UNAVAILABLE
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     result = rehearse(todo, options.jobs)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     print(json.dumps(as_json(result), indent=1) if options.json else as_text(result))

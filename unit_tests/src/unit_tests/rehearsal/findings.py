@@ -78,9 +78,10 @@ class Play:
                                 key=lambda exchange: exchange.call)
         self.drives = [exchange for exchange in self.exchanges
                        if isinstance(exchange.request, GoTo)]
-        goals = {goal(drive)[:2] for drive in self.drives}
-        self.visited = [place for place in stage.knowledge.exhibits
-                        if place.location[:2] in goals]
+        goals = {goal(drive)[:2]: drive.uid for drive in reversed(self.drives)}
+        self.stops = {place: goals[place.location[:2]] for place in stage.knowledge.exhibits
+                      if place.location[:2] in goals}
+        """The stops that the robot was sent to, each with the leaf that did it first."""
         self.leaves = [result for result in self.run.results
                        if isinstance(self.node(result.uid), MissionLeaf)]
         self.done = [result for result in self.leaves if result.letter == "S"]
@@ -111,13 +112,6 @@ class Play:
         """How the nodes ended that say goodbye."""
         return [result for result in self.leaves
                 if self.spec(result.uid).says_goodbye(self.node(result.uid).name)]
-
-    @property
-    def stops(self) -> Dict[str, int]:
-        """The names of the stops that the robot was sent to, each with the leaf that did it."""
-        return {clean(place.name): next(drive.uid for drive in self.drives
-                                        if goal(drive)[:2] == place.location[:2])
-                for place in self.visited}
 
     def presence(self, at: float) -> Tuple[float, bool]:
         """Return whether a visitor was present at that time, and before that, since when."""
@@ -448,7 +442,7 @@ def _left_out(play: Play) -> Iterator[Place]:
     A mission that does not take one stop after the other may be meant to show only some; so may
     one that asks the visitor meanwhile.
     """
-    if play.outcome != "SUCCESS" or play.behaviour != ENGAGES or not play.visited:
+    if play.outcome != "SUCCESS" or play.behaviour != ENGAGES or not play.stops:
         return
     if any(recovery.outcome in (SKIPPED, GIVEN_UP) for recovery in play.run.recoveries):
         return
@@ -457,10 +451,9 @@ def _left_out(play: Play) -> Iterator[Place]:
         return
     if any(result.began > taken[0].began for result in play.writers(data.VISITOR_RESPONSE)):
         return
-    missed = [clean(place.name) for place in play.stage.knowledge.exhibits
-              if place not in play.visited]
-    if missed:
-        stops = ", ".join(missed)
+    stops = ", ".join(clean(place.name) for place in play.stage.knowledge.exhibits
+                      if place not in play.stops)
+    if stops:
         yield taken[-1].uid, f"the visitor says yes, and the robot does not drive to {stops}"
 
 
@@ -481,7 +474,7 @@ def _shown_away(play: Play) -> Iterator[Place]:
     if play.faults or play.behaviour != ENGAGES:
         return
     taken = play.writers(data.CURRENT_EXHIBIT)
-    places = {place.location[:2] for place in play.visited}
+    places = {place.location[:2] for place in play.stops}
     by_stop: Dict[int, List[NodeResult]] = {}
     for show, chosen in play.shown:
         by_stop.setdefault(taken.index(chosen), []).append(show)
@@ -588,7 +581,7 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
     is_said = any(result.letter == "S" for result in play.goodbyes)
     if not play.outcome or is_said or play.behaviour != ENGAGES:
         return
-    if not play.faults and play.outcome == "SUCCESS" and len(play.visited) > 1:
+    if not play.faults and play.outcome == "SUCCESS" and len(play.stops) > 1:
         yield play.drives[-1].uid, "the last drive ends here, and the visitor is told no goodbye"
     if play.calm is None or play.faults != 1:
         return

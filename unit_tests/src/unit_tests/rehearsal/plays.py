@@ -16,6 +16,7 @@ from behavior_controller.config.settings import defaults
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Request
+from behavior_controller.text import clean
 
 from unit_tests.rehearsal import findings
 from unit_tests.rehearsal.findings import RobotCall, Finding, Play
@@ -132,7 +133,8 @@ class Theatre:
                 outcome = BROKEN
             elif not outcome and findings.waits_for_a_visitor(play):
                 outcome = NO_VISITOR
-            return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
+            return Outcome(scene, outcome, play.played.seconds,
+                           tuple((clean(place.name), uid) for place, uid in play.stops.items()),
                            tuple(findings.findings(play)), play.played.reached, play.succeeded,
                            tuple(play.switched.items()),
                            tuple(play.calls()) if scene.is_listed else ())
