@@ -29,7 +29,7 @@ from behavior_controller.ros_arguments import ASSIGNMENT
 from behavior_controller.text import Source, did_you_mean
 
 from unit_tests import folders
-from unit_tests.robot.behaviour import NODES, OPTIONAL, SERVERS, nodes
+from unit_tests.robot.behaviour import NODES, OPTIONAL, SERVERS
 from unit_tests.robot.faults import KINDS, PlannedFault, REFUSED, parse_planned_fault
 from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES, RANDOM
 from unit_tests.robot.world import World, world
@@ -196,15 +196,10 @@ class Arguments(NamedTuple):
         """The folder of this run's journal and record."""
         return self.values.get(FOLDER) or os.path.join(controller_folders.ros_home(), "unit_tests")
 
-    def simulated(self) -> FrozenSet[str]:
-        """Return the nodes that are simulated for the configured robot, or those of all robots if
-        the configuration is wrong."""
-        try:
-            present = nodes(load_controller(self.values).interface)
-        except ConfigurationError:
-            present = dict.fromkeys(NODES)
-        return frozenset(node for node in present
-                         if self.values.get(USE_REAL[node], "").lower() != "true")
+    @property
+    def simulated(self) -> List[str]:
+        """The nodes that the launch file starts, in its order."""
+        return [node for node in NODES if self.values.get(USE_REAL[node], "").lower() != "true"]
 
 
 def of_process() -> Arguments:

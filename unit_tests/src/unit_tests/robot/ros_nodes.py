@@ -19,7 +19,7 @@ from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent
 
 from unit_tests.robot import behaviour, claims, options
 from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields, NODES
+from unit_tests.robot.behaviour import Fields
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
 from unit_tests.robot.journal import Journal, JournalEntry
 from unit_tests.robot.ros_messages import (
@@ -55,9 +55,9 @@ def main(name: str) -> int:
     try:
         options.check_words(arguments)
         own = options.read(arguments)
+        claims.check(name, own)
         if name not in behaviour.nodes(own.interface):
             _end_or_wait(name + ": this robot has no such node: choose another robotInterface")
-        claims.check(name, own)
     except NodesMissing as error:
         sys.exit("{}: {}".format(name, error))  # and roslaunch tries again
     except BehaviorControllerError as error:
@@ -90,7 +90,7 @@ def _refuse(name: str, arguments: Arguments, error: BehaviorControllerError) -> 
     is_whole = arguments.is_in_launch and not is_under_way
     if is_roslaunch(parent_command()) and not arguments.is_launched:
         # roslaunch starts it last: a roslaunch that is ended before that may leave some behind
-        is_last = name == [node for node in NODES if node in arguments.simulated()][-1]
+        is_last = name == arguments.simulated[-1]
         if not is_whole or is_last:
             print(error, flush=True)
         if is_whole and is_last:
