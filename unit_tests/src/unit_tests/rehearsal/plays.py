@@ -6,10 +6,9 @@ import signal
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache, partial
 from multiprocessing.pool import Pool
-from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
+from typing import (Any, Callable, FrozenSet, Iterator, List, Mapping, NamedTuple,
                     Sequence, Set, Tuple)
 
-from behavior_controller import exit_codes
 from behavior_controller.bt.loader.document import (
     garbage_collection_paused, read, with_includes)
 from behavior_controller.config.settings import defaults
@@ -36,9 +35,6 @@ CHUNK = 8
 
 NO_VISITOR = "waiting for a visitor"
 """The outcome of a pass in which no visitor is seen."""
-
-BROKEN = "exception"
-"""The outcome of a pass that an exception outside the tree ended."""
 
 
 class Scene(NamedTuple):
@@ -76,8 +72,8 @@ class Scene(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """The result of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, BROKEN, or empty if the
-    pass did not end.
+    """The result of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, or empty if the pass did
+    not end.
     """
 
     scene: Scene
@@ -128,11 +124,8 @@ class Theatre:
         """Play a scene and find what is wrong in it."""
         with garbage_collection_paused():
             play = self.play(scene)
-            outcome = play.outcome
-            if not outcome and play.played.exit_code == exit_codes.BROKEN:
-                outcome = BROKEN
-            elif not outcome and findings.waits_for_a_visitor(play):
-                outcome = NO_VISITOR
+            waits = findings.waits_for_a_visitor(play)
+            outcome = play.outcome or (NO_VISITOR if waits else "")
             return Outcome(scene, outcome, play.played.seconds,
                            tuple((clean(place.name), uid) for place, uid in play.stops.items()),
                            tuple(findings.findings(play)), play.played.reached, play.succeeded,
@@ -148,39 +141,30 @@ def calm(visitors: Sequence[str], ways: Sequence[bool]) -> List[Scene]:
     return [Scene(visitor, by_voice) for by_voice in ways for visitor in visitors]
 
 
-def new_calls(outcomes: Iterable[Outcome]) -> Iterator[Tuple[Outcome, List[RobotCall]]]:
-    """Yield each outcome without faults with its calls that the same visitor does not cause in an
-    earlier one: what is asked by tablet is mostly what is asked by voice.
-
-    A pass that does not end without a fault is not played with one.
-    """
-    known: Dict[str, Set[Tuple[str, str]]] = {}
-    for outcome in outcomes:
-        if outcome.outcome in ("SUCCESS", "FAILURE"):
-            before = known.setdefault(outcome.scene.visitor, set())
-            yield outcome, [
-                call for call in outcome.calls if (call.node, call.fields) not in before]
-            before.update((call.node, call.fields) for call in outcome.calls)
-
-
 def single(outcomes: Sequence[Outcome], kinds: Sequence[str], topics: Sequence[str],
            is_every: bool = False) -> Iterator[Scene]:
     """Yield the scenes of the calm ``outcomes`` with each call going wrong in each way, with each
     leaf's service going wrong for good from its first call on, and with each topic silent.
 
-    ``is_every``: also those calls that are not new.
+    Left out are calls that the same visitor causes in an earlier one, unless ``is_every``: what is
+    asked by tablet is mostly what is asked by voice. A pass that does not end without a fault is
+    not played with one.
     """
-    for outcome, calls in new_calls(outcomes):
+    known: Set[Tuple[str, str, str]] = set()
+    for outcome in outcomes:
+        scene = outcome.scene
+        if outcome.outcome not in ("SUCCESS", "FAILURE"):
+            continue
+        asked = [(call, (scene.visitor, call.node, call.fields)) for call in outcome.calls]
         leaves: Set[int] = set()
-        for call in outcome.calls if is_every else calls:
-            for kind in kinds:
-                yield outcome.scene.with_fault(PlannedFault(call.node, call.number, kind))
+        for call in (call for call, what in asked if is_every or what not in known):
+            fault = PlannedFault(call.node, call.number, kinds[0])
+            yield from (scene.with_fault(fault._replace(kind=kind)) for kind in kinds)
             if call.uid not in leaves:
                 leaves.add(call.uid)
-                yield outcome.scene.with_fault(
-                    PlannedFault(call.node, call.number, kinds[0], is_lasting=True))
-        for topic in topics:
-            yield outcome.scene._replace(silent=(topic,))
+                yield scene.with_fault(fault._replace(is_lasting=True))
+        yield from (scene._replace(silent=(topic,)) for topic in topics)
+        known.update(what for _, what in asked)
 
 
 def pairs(outcomes: Sequence[Outcome], kinds: Sequence[str]) -> Iterator[Scene]:

@@ -16,6 +16,7 @@ import rosgraph
 import rosgraph.network
 from rosgraph.names import get_ros_namespace, load_mappings, resolve_name
 
+from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.timeouts import Late, run_apart, run_together
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
@@ -174,9 +175,11 @@ def check_test(options: Options) -> None:
         raise Taken(others, False)
 
 
-def note_replacement(node: str, options: Options) -> None:
-    """Write how this process' node was replaced for the report, which asks the master only now and
-    then."""
+def note_replacement(node: str, options: Options, reason: str) -> None:
+    """Write how this process' node was replaced, if the master ends it for that ``reason``, for the
+    report, which asks the master only now and then."""
+    if NAME_IS_TAKEN not in reason or not options.arguments.is_launched:
+        return
     own = [claim for claim in of_process(node, options) if claim.node == node]
     line = "node {} was replaced during the test by another one, which is gone".format(own[0].name)
     with suppress(NodesMissing):

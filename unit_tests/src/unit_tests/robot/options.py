@@ -215,12 +215,9 @@ def check_words(arguments: Arguments) -> None:
                      "allowed: _key:=value, /name:=/other_name")
                for word in words if ASSIGNMENT not in word]
     declared = list(ROBOT) + list(USE_REAL.values())
-    for word in ros_arguments.given_to_roslaunch(ros_arguments.parent_command(), "unit_tests",
-                                                 ROBOT_LAUNCH):
-        name = word.partition(ASSIGNMENT)[0]
-        if name not in declared:  # roslaunch ignores it
-            text = "{} does not declare it".format(ROBOT_LAUNCH)
-            faults.append(Fault("argument " + word, 0, 0, text, did_you_mean(name, declared)))
+    launched = ros_arguments.given_to_roslaunch(ros_arguments.parent_command(), "unit_tests",
+                                                ROBOT_LAUNCH)
+    attempt(lambda: parse(launched, declared), faults)  # roslaunch ignores what it does not declare
     if faults:
         raise ConfigurationError(faults)
 

@@ -13,7 +13,6 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, NodesMissing
 from behavior_controller.robot.declarations import Service, Topic
-from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.types import TYPES
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 
@@ -65,7 +64,7 @@ def main(name: str) -> int:
     # before any thread is started: threads inherit it
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     rospy.init_node(name, argv=arguments.words, disable_signals=True)
-    rospy.core.add_preshutdown_hook(partial(_note_replacement, name, own))
+    rospy.core.add_preshutdown_hook(partial(claims.note_replacement, name, own))
     # no daemon: the process ends after its shutdown of ROS
     threading.Thread(target=_shut_down_at_a_signal).start()
     try:
@@ -96,12 +95,6 @@ def _refuse(name: str, arguments: Arguments, error: BehaviorControllerError) -> 
         if is_whole and is_last:
             os.kill(os.getppid(), signal.SIGINT)
     _end_or_wait(str(error))
-
-
-def _note_replacement(name: str, own: Options, reason: str) -> None:
-    """Let the report know if the master ends this node because another one has its name."""
-    if NAME_IS_TAKEN in reason and own.arguments.is_launched:
-        claims.note_replacement(name, own)
 
 
 def _end_or_wait(text: str) -> NoReturn:

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import time
+from pathlib import Path
 from typing import Callable, List, Optional, Sequence, Tuple
 
 import rospkg
@@ -187,8 +188,7 @@ def _write(paths: Sequence[str], text: str) -> str:
     """Write a file to the first folder where this user may write, and return its path."""
     for path in paths:
         try:
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text)
+            Path(path).write_text(text, encoding="utf-8")
             return path
         except OSError as error:
             reason = "nowhere: {}: {}".format(path, error.strerror)
@@ -200,8 +200,7 @@ def _save_junit(text: str) -> None:
     folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
     try:
         os.makedirs(folder, exist_ok=True)
-        with open(os.path.join(folder, JUNIT), "w", encoding="utf-8") as file:
-            file.write(text)
+        Path(folder, JUNIT).write_text(text, encoding="utf-8")
     except OSError as error:
         print("no JUnit file: {}: {}".format(folder, error.strerror), flush=True)
 
