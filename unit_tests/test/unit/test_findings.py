@@ -19,8 +19,7 @@ from unit_tests.rehearsal import findings
 from unit_tests.rehearsal.findings import Play, RobotCall
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.rehearsal.play import BUSY, Played, START, Stage
-from unit_tests.rehearsal.plays import Outcome, Scene
-from unit_tests.rehearsal.search import Search
+from unit_tests.rehearsal.plays import Outcome, Scene, Search
 from unit_tests.rehearsal.summary import Survey
 from unit_tests.robot.visitor import DECLINES, ENGAGES
 
@@ -35,8 +34,8 @@ STAGE = Stage(settings.defaults(), [
 ])
 TREE = STAGE.mission.tree
 UIDS = {node.name: node.uid for node in TREE.nodes}
-HOME = STAGE.knowledge.home.location
-TOUR = [GoTo(exhibit.location._replace(theta_deg=7.0)) for exhibit in STAGE.knowledge.exhibits]
+HOME = STAGE.world.knowledge.home.location
+TOUR = [GoTo(exhibit.location._replace(theta_deg=7.0)) for exhibit in STAGE.world.knowledge.exhibits]
 BACK = GoTo(HOME._replace(theta_deg=7.0))  # how the robot stands there does not matter
 NO_DATA, REFUSED = Failure(Cause.MISSING_DATA, "no {x}", "/x"), Failure(Cause.REFUSED, "no", "/x")
 FAULT = JournalEntry(START, "a node", "/x", 1, {}, fault="refused")

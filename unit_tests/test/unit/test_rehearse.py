@@ -23,8 +23,7 @@ from behavior_controller.monitoring.story import Sentence
 from test_flawed_missions import FLAWED
 from unit_tests.rehearsal import cli, findings, html_report, plays
 from unit_tests.rehearsal.findings import RobotCall, Finding
-from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
-from unit_tests.rehearsal.search import Search
+from unit_tests.rehearsal.plays import Outcome, Scene, Search, Theatre
 from unit_tests.rehearsal.summary import (
     FindingSummary, VisitorRow, Share, Survey, shortened)
 from unit_tests.robot.faults import KINDS, PlannedFault

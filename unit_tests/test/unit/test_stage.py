@@ -99,11 +99,11 @@ def test_the_visitor_answers_when_the_question_is_over():
 
 
 def test_a_request_without_sense_is_refused_at_once():
-    blank = tuple(exhibit._replace(description1=" ") for exhibit in LAB_TOUR.knowledge.exhibits)
+    blank = tuple(exhibit._replace(description1=" ") for exhibit in LAB_TOUR.world.knowledge.exhibits)
     on = Stage(settings.defaults(),
                [parse(M.format('<Sequence><RetrieveListOfExhibits/><SelectExhibit/>'
                                '<DescribeExhibitSpeech name="1"/></Sequence>'))],
-               LAB_TOUR.world._replace(knowledge=LAB_TOUR.knowledge._replace(exhibits=blank)))
+               LAB_TOUR.world._replace(knowledge=LAB_TOUR.world.knowledge._replace(exhibits=blank)))
     played = play(on, call_times=REAL)
     speech = of(LeafFinished, played)[-1]
     assert (speech.failure.cause.value, speech.seconds) == ("refused", pytest.approx(0.0, abs=0.01))
@@ -231,7 +231,7 @@ def test_a_leaf_without_its_service_succeeds_unless_the_mission_needs_an_answer(
 
 def test_a_visitor_is_present_from_the_first_request_to_the_drive_home():
     played = play()
-    home = LAB_TOUR.knowledge.home.location
+    home = LAB_TOUR.world.knowledge.home.location
     requests = [line for line in played.journal if line.call and line.time < played.ended]
     left, = [
         line.time for line in requests

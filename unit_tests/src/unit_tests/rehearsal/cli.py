@@ -21,8 +21,7 @@ from behavior_controller.text import clean, count, did_you_mean
 
 from unit_tests.rehearsal import html_report, plays
 from unit_tests.rehearsal.play import LIMIT
-from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
-from unit_tests.rehearsal.search import Search
+from unit_tests.rehearsal.plays import Outcome, Scene, Search, Theatre
 from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey
 from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.faults import KINDS, PlannedFault
@@ -120,14 +119,10 @@ def _visitor(text: str) -> str:
 
 def _number(least: float, most: float, kind: Callable[[str], Any] = float) -> Callable[[str], Any]:
     def read(text: str) -> Any:
-        try:
-            number = kind(text)
-        except ValueError:
-            number = None
-        if number is None or not least <= number <= most:
-            raise argparse.ArgumentTypeError(
-                f"it cannot be {text} (allowed: {least:g} to {most:g})")
-        return number
+        with suppress(ValueError):
+            if least <= kind(text) <= most:
+                return kind(text)
+        raise argparse.ArgumentTypeError(f"it cannot be {text} (allowed: {least:g} to {most:g})")
     return read
 
 

@@ -79,7 +79,7 @@ class Play:
         self.drives = [exchange for exchange in self.exchanges
                        if isinstance(exchange.request, GoTo)]
         goals = {goal(drive)[:2]: drive.uid for drive in reversed(self.drives)}
-        self.stops = {place: goals[place.location[:2]] for place in stage.knowledge.exhibits
+        self.stops = {place: goals[place.location[:2]] for place in stage.world.knowledge.exhibits
                       if place.location[:2] in goals}
         """The stops that the robot was sent to, each with the leaf that did it first."""
         self.leaves = [result for result in self.run.results
@@ -295,14 +295,11 @@ def _shares_a_body(play: Play) -> Iterator[Place]:
         if not exchange.uid or play.node(exchange.uid).spec.is_recovery:
             continue  # a recovery's safe state
         before = under_way.get(exchange.service)
-        is_open = before is not None and before.answered is not None \
-            and before.answered > exchange.asked
-        if before is not None and is_open and before.uid != exchange.uid \
-                and not isinstance(exchange.request, QueryKnowledge):
+        if before is None or (before.answered or 0.0) <= exchange.asked:
+            under_way[exchange.service] = exchange
+        elif before.uid != exchange.uid and not isinstance(exchange.request, QueryKnowledge):
             yield exchange.uid, (f"{exchange.service} is asked while it still carries out the "
                                  f"request of {play.name(before.uid)}")
-        if not is_open:
-            under_way[exchange.service] = exchange
 
 
 def _cut_short(play: Play) -> Iterator[Place]:
@@ -311,13 +308,12 @@ def _cut_short(play: Play) -> Iterator[Place]:
 
     Find speech and gestures that are halted before they are over, with the visitor still there.
     """
-    steps = {step.call: step for step in play.run.steps}
+    took = {step.call: step.ended - step.began
+            for step in play.run.steps if step.ended is not None and not play.faults}
     for exchange in play.run.exchanges:
         is_cut = exchange.result is None and isinstance(exchange.request, (Say, PerformGesture))
-        step = steps.get(exchange.call)
-        if is_cut and not play.faults and play.is_visitor_here(exchange.asked) \
-                and step is not None and step.ended is not None:
-            seconds = step.ended - step.began
+        if is_cut and exchange.call in took and play.is_visitor_here(exchange.asked):
+            seconds = took[exchange.call]
             yield exchange.uid, f"it is halted after {seconds:.1f} s, before the robot is done"
 
 
@@ -451,7 +447,7 @@ def _left_out(play: Play) -> Iterator[Place]:
         return
     if any(result.began > taken[0].began for result in play.writers(data.VISITOR_RESPONSE)):
         return
-    stops = ", ".join(clean(place.name) for place in play.stage.knowledge.exhibits
+    stops = ", ".join(clean(place.name) for place in play.stage.world.knowledge.exhibits
                       if place not in play.stops)
     if stops:
         yield taken[-1].uid, f"the visitor says yes, and the robot does not drive to {stops}"
@@ -520,23 +516,22 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
 
 def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place]:
     """Find a leaf that reads the ``answer`` to an earlier question, or that replaces one unread."""
-    known: Optional[NodeResult] = None  # the answer that counts
+    source = ""  # the type of the leaf that wrote the answer
     is_used, listened = False, START
     for result in play.leaves:
         node = play.node(result.uid)
-        name = play.name(known.uid) if known is not None else ""
-        if known is not None and answer in entries(node, False):
+        if source and answer in entries(node, False):
             is_used = True
             if any(listened < at < result.began - AT_ONCE for at in asked):
-                yield result.uid, (f"it looks at the answer of {name} although another question "
+                yield result.uid, (f"it looks at the answer of {source} although another question "
                                    "was asked since")
         if answer in entries(node, True):
             listened = result.ended
-            if result.letter == "S" and known is not None and not is_used:
-                yield result.uid, (f"it replaces the answer of {name}, which nothing has looked "
-                                   "at")
             if result.letter == "S":
-                known, is_used = result, False
+                if source and not is_used:
+                    what = f"it replaces the answer of {source}, which nothing has looked at"
+                    yield result.uid, what
+                source, is_used = play.name(result.uid), False
 
 
 # ------------------------------------------------------------------------------------------ the end
@@ -560,14 +555,13 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
         node = play.node(exchange.uid)
         if exchange.request == SetAttention("scanning"):  # for the next visitor
             said.clear()
-        if not isinstance(exchange.request, Say) or not isinstance(node, MissionLeaf) \
-                or not play.is_visitor_here(exchange.asked):
-            continue
-        if node.spec.says_goodbye(node.name):
+        is_bye = isinstance(exchange.request, Say) and isinstance(node, MissionLeaf) \
+            and node.spec.says_goodbye(node.name)
+        if is_bye and play.is_visitor_here(exchange.asked):
             if exchange.request in said:
                 yield exchange.uid, "the same visitor hears it again"
             said[exchange.request] = exchange
-    for show, chosen in play.shown if said and not play.faults else ():
+    for show, chosen in play.shown if said else ():
         for bye in said.values():
             if bye.asked < chosen.began and play.is_visitor_here(show.began):
                 yield bye.uid, f"{play.name(show.uid)} goes on after it"
@@ -614,7 +608,7 @@ def _not_home(play: Play) -> Iterator[Place]:
     It may end elsewhere if the way home cannot be looked up, or if a recovery gives up for a
     service: the robot is then in the safe state, and the operator is told what to repair.
     """
-    home = play.stage.knowledge.home.location
+    home = play.stage.world.knowledge.home.location
     if not play.outcome or not play.drives or goal(play.drives[-1])[:2] == home[:2]:
         return
     last = play.drives[-1]

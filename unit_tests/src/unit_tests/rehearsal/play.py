@@ -33,7 +33,7 @@ from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.virtual_robot import SHORTEST_GAP, VirtualRobot
 from unit_tests.robot.visitor import Visitor
-from unit_tests.robot.world import Building, World, world as read_world
+from unit_tests.robot.world import World, world as read_world
 from unit_tests.robot import options
 from unit_tests.robot.options import Configuration
 
@@ -120,10 +120,6 @@ class Stage:
         self._registry = leaves.registry()
         self._checked = check(self._documents, self._registry)
         self.world = world or read_world("", settings)
-
-    @property
-    def knowledge(self) -> Building:
-        return self.world.knowledge
 
     def world_of(self, test: Configuration) -> World:
         """Return the world of a test, before the robot's first request."""

@@ -13,8 +13,7 @@ from behavior_controller.text import clean, count
 
 from unit_tests.rehearsal import findings
 from unit_tests.rehearsal.findings import Finding, FindingKind
-from unit_tests.rehearsal.plays import NO_VISITOR, Outcome, Scene, Theatre
-from unit_tests.rehearsal.search import Search
+from unit_tests.rehearsal.plays import NO_VISITOR, Outcome, Scene, Search, Theatre
 from unit_tests.robot.faults import KINDS
 from unit_tests.rehearsal.play import START, Place
 from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES

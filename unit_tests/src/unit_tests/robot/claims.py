@@ -110,7 +110,8 @@ class Taken(ConfigurationError):
 def of_test(options: Options, others: Sequence[str] = (CONTROLLER, REPORT)) -> List[Claim]:
     """Return the claims of all nodes of a test with these options: the simulated ones and
     ``others``."""
-    return [_claim(node, node, options) for node in behaviour.nodes(options.interface)
+    robot = options.world.settings.interface
+    return [_claim(node, node, options) for node in behaviour.nodes(robot)
             if node not in options.real_nodes] + [Claim(node, _resolved(node)) for node in others]
 
 
@@ -125,7 +126,7 @@ def of_process(node: str, options: Options) -> List[Claim]:
 
 
 def _claim(node: str, name: str, options: Options) -> Claim:
-    offers = offers_of(node, options.interface, options.test)
+    offers = offers_of(node, options.world.settings.interface, options.test)
     resources = [service.name for service in offers.services]
     if offers.topic is not None:
         resources.append(offers.publisher + ("/result" if offers.action is not None else ""))

@@ -76,8 +76,9 @@ def _quoted(names: Iterable[str]) -> str:
     return ", ".join(map("`{}`".format, names))
 
 
-def _some_of(names: Sequence[str]) -> str:
-    return "some of {}, with commas between them".format(", ".join(names))
+def _some_of(names: Sequence[str], least: int = 0) -> Reader[Tuple[str, ...]]:
+    return Reader("some of {}, with commas between them".format(", ".join(names)),
+                  _several(one_of(*names), least))
 
 
 @dataclass(frozen=True)
@@ -99,8 +100,8 @@ class Configuration:
         Reader(_SEED.allowed + ", or nothing", lambda text: _SEED(text) if text else None), None,
         "the same seed, the same faults and gaps between messages; empty: random, and printed")
     fault_kinds: Tuple[str, ...] = key(
-        Reader(_some_of(KINDS), _several(one_of(*KINDS), 1)), (REFUSED,),
-        "in which ways calls go wrong: {}, with commas between them".format(_quoted(KINDS)))
+        _some_of(KINDS, 1), (REFUSED,),
+        f"in which ways calls go wrong: {_quoted(KINDS)}, with commas between them")
     planned_faults: Tuple[PlannedFault, ...] = key(
         Reader(
             "node:call or node:call:kind, with commas between them, where node is one of {}, "
@@ -112,7 +113,7 @@ class Configuration:
         "how a robot of release 1.0 reports what it hears: `topic` is "
         "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`")
     absent_services: Tuple[str, ...] = key(
-        Reader(_some_of(OPTIONAL), _several(one_of(*OPTIONAL))), (),
+        _some_of(OPTIONAL), (),
         f"what a robot of release 1.0 does not offer: {_quoted(OPTIONAL)}, with commas between "
         "them")
     call_times: str = key(
@@ -214,10 +215,6 @@ def check_words(arguments: Arguments) -> None:
     faults += [Fault("argument " + word, 0, 0, "the node does not read it",
                      "allowed: _key:=value, /name:=/other_name")
                for word in words if ASSIGNMENT not in word]
-    declared = list(ROBOT) + list(USE_REAL.values())
-    launched = ros_arguments.given_to_roslaunch(ros_arguments.parent_command(), "unit_tests",
-                                                ROBOT_LAUNCH)
-    attempt(lambda: parse(launched, declared), faults)  # roslaunch ignores what it does not declare
     if faults:
         raise ConfigurationError(faults)
 
@@ -247,9 +244,9 @@ def parse(words: Sequence[str], names: Collection[str] = NAMES) -> Dict[str, str
     return values
 
 
-def given_to_roslaunch(command: Sequence[str]) -> List[str]:
-    """Return the arguments that a command line passes to our launch file."""
-    return ros_arguments.given_to_roslaunch(command, "unit_tests", LAUNCH_FILE)
+def given_to_roslaunch(command: Sequence[str], launch_file: str = LAUNCH_FILE) -> List[str]:
+    """Return the arguments that a command line passes to a launch file of ours."""
+    return ros_arguments.given_to_roslaunch(command, "unit_tests", launch_file)
 
 
 def is_by_run_test(command: Sequence[str]) -> bool:
@@ -270,16 +267,13 @@ class Options:
     world: World  # with the controller's settings
     real_nodes: FrozenSet[str]  # those that are not simulated
 
-    @property
-    def interface(self) -> Interface:
-        """What the robot offers."""
-        return self.world.settings.interface
-
 
 def read(arguments: Arguments) -> Options:
     """Read each file once. Raises ConfigurationError with every fault of files, arguments and of
     what roslaunch was given."""
-    parse(given_to_roslaunch(ros_arguments.parent_command()), [*NAMES, *INTERNAL])
+    command = ros_arguments.parent_command()  # roslaunch ignores what it does not declare
+    parse(given_to_roslaunch(command), [*NAMES, *INTERNAL])
+    parse(given_to_roslaunch(command, ROBOT_LAUNCH), [*ROBOT, *USE_REAL.values()])
     values = arguments.values
     faults: List[Fault] = []
     test = attempt(lambda: _drawn(load_test(values), values), faults)

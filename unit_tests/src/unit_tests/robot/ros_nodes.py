@@ -55,7 +55,7 @@ def main(name: str) -> int:
         options.check_words(arguments)
         own = options.read(arguments)
         claims.check(name, own)
-        if name not in behaviour.nodes(own.interface):
+        if name not in behaviour.nodes(own.world.settings.interface):
             _end_or_wait(name + ": this robot has no such node: choose another robotInterface")
     except NodesMissing as error:
         sys.exit("{}: {}".format(name, error))  # and roslaunch tries again
