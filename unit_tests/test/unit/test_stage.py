@@ -263,9 +263,9 @@ def test_a_robot_of_release_1_0_hears_by_topic_and_by_action(recognise_by):
 
 
 def test_an_exception_in_a_leaf_ends_the_pass(monkeypatch):
-    start = virtual_robot.VirtualGateway.start
+    start = virtual_robot.VirtualRobot.start
     monkeypatch.setattr(
-        virtual_robot.VirtualGateway, "start", lambda self, request: 1 / 0
+        virtual_robot.VirtualRobot, "start", lambda self, request: 1 / 0
         if isinstance(request, Say) else start(self, request))
     played = play(of_text(SAY))
     assert [event.exit_code for event in of(RunFinished, played)] == [played.exit_code] == [3]

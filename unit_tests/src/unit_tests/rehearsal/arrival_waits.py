@@ -39,7 +39,6 @@ class Wait(NamedTuple):
     """
 
     node: str
-    topic: str
     messages: int
     seconds: float
     after: Tuple["Wait", ...] = ()
@@ -106,7 +105,7 @@ def of_mission(world: World) -> List[Wait]:
             seconds, messages = _seconds(node), _messages(node, world)
             if seconds is not None and messages is not None:
                 after = tuple(waits[before] for before in _asked_before(node) if before in waits)
-                waits[node] = Wait(node.registration_id, node.topic.name, messages, seconds, after)
+                waits[node] = Wait(node.registration_id, messages, seconds, after)
     return list(waits.values())
 
 

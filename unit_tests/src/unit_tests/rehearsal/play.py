@@ -163,7 +163,7 @@ class _Play(Runner):
         robot.note = self._note
         self._note(shown(mission.tree))
         mission.tree.follow(self._follow)
-        context = mission.context(robot.gateway, robot.topics, events, robot.health)
+        context = mission.context(robot, robot.topics, events, robot.health)
         super().__init__(Running(mission.tree, context, mission.file, robot.test.mission_runs),
                          lambda: False)
 

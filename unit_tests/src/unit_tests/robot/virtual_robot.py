@@ -61,8 +61,9 @@ FILES = {Service: "srv", Action: "action", Publication: "msg"}
 """The folder and ending of the file of a type."""
 
 
-class VirtualRobot:
-    """The nodes of one play, and what the ROS edge would report of them."""
+class VirtualRobot(Gateway):
+    """The nodes of one play, and what the ROS edge would report of them. It carries requests to
+    them, and ends calls as the real gateway does."""
 
     def __init__(self, mission: Mission, world: World, test: Configuration,
                  shortest_gap: float = SHORTEST_GAP):
@@ -72,7 +73,6 @@ class VirtualRobot:
         """Gets messages, as the record has them."""
         self.clock, self.wake = mission.tree.clock, mission.tree.wake.emit
         self.health = Health(self.wake)
-        self.gateway = VirtualGateway(self)
         self.topics = VirtualTopics(self)
         self.journal: List[JournalEntry] = []
         self.asked: List[Tuple[float, Request]] = []
@@ -86,6 +86,11 @@ class VirtualRobot:
         """Return the time of the current event: later than that of every event before."""
         self._newest = max(self.clock.now(), self._newest + _ORDER)
         return self._newest
+
+    def start(self, request: Request) -> Call:
+        """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
+        self.asked.append((self.stamp(), request))
+        return _VirtualCall(self, request).call
 
     def after(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Run ``callback`` once, ``seconds`` from now."""
@@ -222,24 +227,11 @@ class VirtualTopics(FakeTopics):
 # -------------------------------------------------------------------------------------------- calls
 
 
-class VirtualGateway(Gateway):
-    """Carries requests to the simulated nodes, and ends calls as the real gateway does."""
-
-    def __init__(self, robot: VirtualRobot):
-        self._robot = robot
-
-    def start(self, request: Request) -> Call:
-        """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
-        robot = self._robot
-        robot.asked.append((robot.stamp(), request))
-        service = robot.mission.settings.interface.service(type(request))
-        return _VirtualCall(robot, service, request).call
-
-
 class _VirtualCall:
     """A call on its way to a node and back."""
 
-    def __init__(self, robot: VirtualRobot, service: Service, request: Request):
+    def __init__(self, robot: VirtualRobot, request: Request):
+        service = robot.mission.settings.interface.service(type(request))
         self._robot, self._service, self._request = robot, service, request
         self._began = robot.clock.now()
         self._deadline = robot.mission.settings.deadline(service)
