@@ -44,34 +44,26 @@ def world(behaviour: str, settings: Settings) -> World:
     """Return the world before the robot's first request; ``behaviour`` is the visitor's. Raises
     ConfigurationError."""
     mission = settings.scenario_specification
+    utility: Mapping[int, str] = {}  # the phrases of release 1.0, which add to the language
     if settings.interface.has_knowledge_files:
         known = knowledge_files.load(mission)
         language, utility = phrases.load(known.language, mission), known.phrases
         knowledge = building_of(known)
     else:
-        language, utility = phrases.load(settings.language, mission), {}
+        language = phrases.load(settings.language, mission)
         knowledge = load_building(building_file(mission))
-    return World(Visitor(_manners(behaviour, language, utility, knowledge)), knowledge, settings)
+    asking = [speech for speech in phrases.SPEECHES if speech.asks]
+    questions = [language.speech(speech.node) for speech in asking]
+    questions += [utility[speech.utility] for speech in asking if speech.utility in utility]
+    home = None if knowledge.home in knowledge.exhibits else knowledge.home.location[:2]
+    manners = Manners(behaviour, questions, *language.tablet_options, home, knowledge.exhibits)
+    return World(Visitor(manners), knowledge, settings)
 
 
 def building_file(mission: str = "") -> str:
     """Return the path of the building of a robot without knowledge files, for a mission that may
     have its own."""
     return of_mission(os.path.join(folders.share(), "data", "exhibits.json"), mission)
-
-
-def _manners(behaviour: str, language: phrases.Phrases, utility: Mapping[int, str],
-             knowledge: Building) -> Manners:
-    """Return a visitor's manners; ``utility`` are the utility phrases of release 1.0, which add to
-    the language."""
-    asking = [speech for speech in phrases.SPEECHES if speech.asks]
-    questions = [language.speech(speech.node) for speech in asking]
-    questions += [utility[speech.utility] for speech in asking if speech.utility in utility]
-    yes, no = language.tablet_options
-    home = knowledge.home.location
-    is_stop = knowledge.home in knowledge.exhibits
-    return Manners(behaviour, questions, yes, no, None if is_stop else (home.x, home.y),
-                   knowledge.exhibits)
 
 
 # ------------------------------------------------------------------------------------- the building
