@@ -1,7 +1,7 @@
 """The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
 detected in a play."""
 from functools import lru_cache
-from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple
+from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.ports import reference
@@ -150,15 +150,11 @@ class Play:
         """Return the services of which a call went wrong on purpose."""
         return frozenset(line.resource for line in self.played.journal if line.fault is not None)
 
-    def faulty_leaves(self) -> List[LeafFailure]:
-        """Return the failures of leaves, not of their retries, at those services."""
-        faulty = self.faulty()
-        return [failed for failed in self.run.failures
-                if failed.failure.resource in faulty and not failed.attempt]
-
-    def handled(self) -> Set[str]:
-        """Return the paths of the nodes from whose failures there was a recovery."""
-        return {recovery.path for recovery in self.run.recoveries}
+    def unhandled(self) -> List[LeafFailure]:
+        """Return the failures of leaves at those services from which there was no recovery."""
+        faulty, handled = self.faulty(), {recovery.path for recovery in self.run.recoveries}
+        return [failed for failed in self.run.failures if failed.failure.resource in faulty
+                and not failed.attempt and failed.path not in handled]
 
     def caller(self, line: JournalEntry) -> int:
         """Return the leaf that made a call in the journal."""
@@ -398,9 +394,9 @@ def _unrecovered(play: Play) -> Iterator[Place]:
     if play.outcome != "FAILURE" or play.calm is None or play.calm.outcome != "SUCCESS":
         return
     is_given_up = any(recovery.outcome == GIVEN_UP for recovery in play.run.recoveries)
-    unhandled = [failed for failed in play.faulty_leaves() if failed.path not in play.handled()]
-    if len(play.faulty()) == 1 and not is_given_up and unhandled:
-        yield unhandled[0].uid, "its failure ends the pass, and no recovery handles it"
+    if len(play.faulty()) == 1 and not is_given_up:
+        for failed in play.unhandled()[:1]:
+            yield failed.uid, "its failure ends the pass, and no recovery handles it"
 
 
 def _budget_spent(play: Play) -> Iterator[Place]:
@@ -581,9 +577,8 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
         return
     tried = {result.uid for result in play.goodbyes}
     omitted = [result.uid for result in play.calm.goodbyes if result.uid not in tried]
-    for failed in play.faulty_leaves()[:1] if omitted else ():
-        if failed.path not in play.handled():
-            yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
+    for failed in play.unhandled()[:1] if omitted else ():
+        yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
 
 
 def _left_on(play: Play) -> Iterator[Place]:

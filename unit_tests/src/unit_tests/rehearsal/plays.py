@@ -98,6 +98,15 @@ class Outcome(NamedTuple):
     switched: Tuple[Tuple[Request, int], ...]
     calls: Tuple[RobotCall, ...] = ()
 
+    def rank(self) -> Tuple[Any, ...]:
+        """Return the key by which the shortest play sorts first; of equals, the first declared
+        visitor and kind of fault."""
+        scene = self.scene
+        return (scene.rate > 0, len(scene.planned + scene.silent),
+                sum(fault.is_lasting for fault in scene.planned), round(self.seconds),
+                BEHAVIOURS.index(scene.visitor), not scene.by_voice,
+                [KINDS.index(fault.kind) for fault in scene.planned], scene)
+
 
 class Theatre:
     """A mission on its stages, one for visitors who answer by voice and one for the tablet. Each
@@ -285,7 +294,7 @@ class Search:
         near = [outcome for outcome in self._outcomes
                 if before is not None and before.uid in outcome.reached
                 and outcome.calls and (node.uid, outcome.scene) not in self._bases]
-        for outcome in sorted(near, key=_distance)[:MOST_BASES]:
+        for outcome in sorted(near, key=Outcome.rank)[:MOST_BASES]:
             self._bases.add((node.uid, outcome.scene))
             scene = outcome.scene._replace(is_traced=True)
             for call in outcome.calls:
@@ -324,11 +333,6 @@ def _sibling_before(node: Node) -> Optional[Node]:
 
 def _below(node: Any) -> Set[int]:
     return {below.uid for below in node.iterate()} if node is not None else set()
-
-
-def _distance(outcome: Outcome) -> Tuple[int, int, bool]:
-    scene = outcome.scene
-    return len(scene.planned + scene.silent), BEHAVIOURS.index(scene.visitor), not scene.by_voice
 
 
 # ------------------------------------------------------------------------------------- on all cores

@@ -4,7 +4,7 @@ import math
 import shlex
 from collections import Counter
 from typing import (
-    Any, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple)
+    Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple)
 
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.monitoring.story import Sentence, Story
@@ -149,10 +149,9 @@ class Survey:
 
         A condition on a topic that is not simulated is none of them.
         """
-        calmly = {uid for outcome in self._calm for uid in outcome.reached}
+        failed = {uid for outcome in self._calm for uid in outcome.reached} - self._succeeded
         for node in self.nodes:
-            if node.uid in calmly - self._succeeded and isinstance(node, MissionLeaf) \
-                    and not node.spec.is_recovery \
+            if node.uid in failed and isinstance(node, MissionLeaf) and not node.spec.is_recovery \
                     and not any(isinstance(topic, Topic) and topic.rehearsed is None
                                 for topic in node.spec.listens):
                 yield node.uid, "it never succeeds"
@@ -202,7 +201,7 @@ class Survey:
 
     def _of_play(self, key: Key) -> FindingSummary:
         plays = self._found[key]
-        shortest = min(plays, key=lambda number: _length(self.outcomes[number]))
+        shortest = min(plays, key=lambda number: self.outcomes[number].rank())
         scene = self.outcomes[shortest].scene
         return self._summary(plays[shortest])._replace(
             plays=len(plays), scene=scene, seconds=self.outcomes[shortest].seconds,
@@ -271,13 +270,3 @@ def shortened(story: Sequence[Sentence]) -> Tuple[Sentence, ...]:
     half = MOST_SENTENCES // 2
     gap = story[half]._replace(text=f"… {count(left_out, 'sentence', 'sentences')} more …")
     return (*story[:half], gap, *story[-half:])
-
-
-def _length(outcome: Outcome) -> Tuple[Any, ...]:
-    """Return the key by which the shortest play sorts first; of equals, the first declared visitor
-    and kind of fault."""
-    scene = outcome.scene
-    lasting = [fault for fault in scene.planned if fault.is_lasting]
-    return (scene.rate > 0, len(scene.planned + scene.silent), len(lasting),
-            round(outcome.seconds), BEHAVIOURS.index(scene.visitor), not scene.by_voice,
-            [KINDS.index(fault.kind) for fault in scene.planned], scene)
