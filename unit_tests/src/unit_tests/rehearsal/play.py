@@ -133,12 +133,12 @@ class Stage:
         tree = build(self._documents, self._registry, ManualClock(START), checked=self._checked)
         mission = dataclasses.replace(self.mission, tree=tree)
         robot = VirtualRobot(mission, self.world_of(test), test, shortest_gap)
-        situations = Situations(tree, robot, not test.planned_faults) if has_situations else None
+        met = Situations(tree, robot, not test.planned_faults).met if has_situations else {}
         play = _Play(robot)
         for topic in rehearsed_topics(self.settings.interface):
             if topic.name not in silent:
                 robot.publish(topic)
-        return play.played(situations.met if situations is not None else {})
+        return play.played(met)
 
 
 class _TimeIsUp(Exception):

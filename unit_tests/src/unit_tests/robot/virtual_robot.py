@@ -124,12 +124,12 @@ class VirtualRobot(Gateway):
             self.presence.append((entry.time, visitor.is_here))
 
 
-class VirtualNode:
+class VirtualNode(SimulatedNode):
     """One node: whether it is running, and the times of its messages."""
 
     def __init__(self, robot: VirtualRobot, name: str):
+        super().__init__(name, robot.test, robot.world, robot.stamp, robot.write)
         self._robot = robot
-        self.model = SimulatedNode(name, robot.test, robot.world, robot.stamp, robot.write)
         self.is_away = False
         self._listens_until = -math.inf  # an action returns nothing later
         self._times: Iterator[float] = iter(())
@@ -153,19 +153,18 @@ class VirtualNode:
         self._robot.after(NOTICED, lambda: self._report(True))
 
     def _report(self, is_well: bool) -> None:
-        name = self.model.name
         for offer in self._robot.mission.offers:
-            if offer.node == name and isinstance(offer, Service):
-                change = available_again(offer.kind, offer.name, name)
+            if offer.node == self.name and isinstance(offer, Service):
+                change = available_again(offer.kind, offer.name, self.name)
                 if not is_well:
-                    change = gone(offer.kind, offer.name, name, NOT_RUNNING, offer.absence)
+                    change = gone(offer.kind, offer.name, self.name, NOT_RUNNING, offer.absence)
                 self._robot.health.report(GONE, change)
 
     # ------------------------------------------------------------------------------------- messages
 
     def publish(self) -> None:
         """Publish from now on, as a node does when it starts."""
-        self._times = self.model.arrivals().times(self._robot.clock.now())
+        self._times = self.arrivals().times(self._robot.clock.now())
         self._await_next()
 
     def listen(self, seconds: float) -> None:
@@ -178,11 +177,11 @@ class VirtualNode:
         self._timer = self._robot.after(gap, self._publish_next)
 
     def _publish_next(self) -> None:
-        robot, offers = self._robot, self.model.offers
+        robot, offers = self._robot, self.offers
         self._await_next()
         if offers.action is not None and robot.clock.now() > self._listens_until:
             return
-        fields = self.model.message(offers.publisher)
+        fields = self.message(offers.publisher)
         if fields is not None and offers.topic is not None:
             robot.topics.publish(offers.topic, TOPICS[offers.topic.name].value(fields))
 
@@ -289,7 +288,7 @@ class _VirtualCall:
         names, response_fields = slots(service)
         # without an srv file, the fields are those of the record
         fields = dict(zip(names, service.values(request, names))) if names else asdict(request)
-        reply = node.model.reply(service, service.name, fields, response_fields, request)
+        reply = node.reply(service, service.name, fields, response_fields, request)
         if reply.entry.fault == CRASH:
             node.crash()
         return reply
