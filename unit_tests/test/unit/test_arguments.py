@@ -24,7 +24,7 @@ def check(given):
 
 def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeypatch):
     monkeypatch.setenv("COLUMNS", "1000")
-    usage = options.usage().splitlines()
+    usage = options.usage("a remark").splitlines()
     # the test's own meaning counts where both have the key
     for key in {each.name: each
                 for each in settings.KEYS + options.KEYS + options.OWN}.values():
@@ -32,7 +32,7 @@ def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeyp
         told = usage[place + 1].strip()
         assert told.startswith("{} ({}; ".format(key.plain_meaning, key.allowed))
         assert key.default_text + ")" in told
-        assert told.endswith(")") == (key.name != "recordDirectory")
+        assert told.endswith(")") == (key.name not in ("arrivalRate", "recordDirectory"))
 
 
 def test_the_help_tells_what_is_required_and_what_is_simulated_by_default(monkeypatch):

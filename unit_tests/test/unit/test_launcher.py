@@ -22,7 +22,7 @@ def test_help_is_no_test(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "1000")
     assert run_test.main(["--help"]) == 0
     text = capsys.readouterr().out
-    assert "failureRate" in text
+    assert "failureRate" in text and "; from arrivalRate " in text
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

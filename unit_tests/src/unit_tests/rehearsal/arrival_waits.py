@@ -72,11 +72,13 @@ def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
     late = [wait for wait in waits if wait.missed(rate) > 1 - ENOUGH]
     worst = [max((wait for wait in late if wait.node == node), key=lambda wait: wait.missed(rate))
              for node in dict.fromkeys(wait.node for wait in late)]
-    lines = [wait.warning(rate) for wait in worst]
-    if worst:
-        lines.append(f"from arrivalRate {lowest_rate(waits)} on, all that this mission waits for "
-                     f"comes in time in {100 * ENOUGH:.0f} % of waits")
-    return lines
+    return [wait.warning(rate) for wait in worst] + ([sufficient(waits)] if worst else [])
+
+
+def sufficient(waits: Sequence[Wait]) -> str:
+    """Return in a line from which rate on messages come in time."""
+    return (f"from arrivalRate {lowest_rate(waits)} on, all that this mission waits for comes in "
+            f"time in {100 * ENOUGH:.0f} % of waits")
 
 
 def lowest_rate(waits: Sequence[Wait]) -> int:

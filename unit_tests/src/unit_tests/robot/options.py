@@ -347,8 +347,6 @@ USAGE = (
     "passed, 1: failed, 2: nothing was tested. The configuration files have the defaults, shown "
     "here after the names.")
 
-REMARKS = {"recordDirectory": "; in a test a folder for a copy, and not none"}
-
 SECTIONS: Mapping[str, Sequence[Key]] = {
     FILE_NAME: KEYS,
     settings.FILE_NAME + " (verboseMode and missionRuns, which it has too, are as above)":
@@ -357,8 +355,11 @@ SECTIONS: Mapping[str, Sequence[Key]] = {
 }
 
 
-def usage() -> str:
-    """Return the help text: all arguments with their current values. Raises ConfigurationError."""
+def usage(of_rate: str = "") -> str:
+    """Return the help text: all arguments with their current values. ``of_rate`` is added to the
+    meaning of the arrival rate. Raises ConfigurationError."""
+    remarks = {"recordDirectory": "in a test a folder for a copy, and not none",
+               "arrivalRate": of_rate}
     values = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
     values.update(config_file.values_of(load_test({})))
     lines = list(USAGE)
@@ -368,9 +369,9 @@ def usage() -> str:
             value = config_file.to_text(values.get(declared.name, declared.default))
             default = "" if declared.default is REQUIRED else "default "
             allowed = f"{declared.allowed}; {default}{declared.default_text}"
-            remark = REMARKS.get(declared.name, "")
+            text = f"      {declared.plain_meaning} ({allowed})"
             lines += [f"  {declared.name:<26} {value}".rstrip(),
-                      f"      {declared.plain_meaning} ({allowed}){remark}"]
+                      "; ".join(filter(None, [text, remarks.get(declared.name)]))]
     lines += ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())]
     width = shutil.get_terminal_size().columns
     return "\n".join(

@@ -12,6 +12,7 @@ from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.missions import load as missions
 from behavior_controller.ros_arguments import version
 
+from unit_tests.rehearsal import arrival_waits
 from unit_tests.robot import claims, options
 from unit_tests.robot.options import Arguments
 from unit_tests.run.test_node import NOTHING_TESTED, NOT_RUN, read_verdict
@@ -25,7 +26,8 @@ def main(words: Optional[Sequence[str]] = None) -> int:
             print("runTest", version())
             return 0
         if {"-h", "--help"} & set(given):
-            print(options.usage())
+            waits = arrival_waits.of_mission(options.read(Arguments([], {})).world)
+            print(options.usage(arrival_waits.sufficient(waits) if waits else ""))
             return 0
         values = options.parse(given)
         own = options.read(Arguments([], values))
