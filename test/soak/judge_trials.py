@@ -36,6 +36,7 @@ sys.path[:0] = [
 ]
 
 from breakages import ON_PURPOSE, Breakage, Catalogue, Needs, breakages  # noqa: E402
+from behavior_controller import exit_codes  # noqa: E402
 from behavior_controller.config import recovery_policy, settings  # noqa: E402
 from behavior_controller.execution.events import (  # noqa: E402
     EntriesWritten, LeafFinished, Message, Noticed, Recovered, Recovering, Retried, StepStarted,
@@ -70,7 +71,7 @@ def stage(name: str) -> Stage:
 def verdict_on(on: Stage, test: Configuration, played: Played) -> Tuple[str, ...]:
     """Return the objections of the judge to a play; none: PASSED."""
     facts = Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
-                  on.mission, played.cut_off)
+                  on.mission, played.cut_off, has_timed_out=played.has_timed_out)
     return judge(facts).objections
 
 
@@ -251,8 +252,9 @@ def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:
         plays += 1
         with breakage.broken():
             played = stage(name).play(test)
-            if played.error and ON_PURPOSE not in played.error:
-                raise RuntimeError("{} cannot be made: {}".format(breakage, played.error))
+            is_broken = played.exit_code == exit_codes.BROKEN
+            if is_broken and ON_PURPOSE not in played.errors[-1][1]:
+                raise RuntimeError("{} cannot be made: {}".format(breakage, played.errors[-1][1]))
             shown = difference(well.played, played)
             if shown:
                 try:

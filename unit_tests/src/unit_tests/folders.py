@@ -1,6 +1,7 @@
 """Where the package's own files are, in the source tree and when installed; and the notes in the
 folder of a run, by which the processes of a test tell each other how they ended."""
 import os
+from pathlib import Path
 
 from behavior_controller import folders
 
@@ -12,14 +13,12 @@ def share() -> str:
 
 def note(folder: str, name: str, text: str) -> None:
     """Write a note."""
-    with open(os.path.join(folder, name), "w", encoding="utf-8") as file:
-        file.write(text)
+    Path(folder, name).write_text(text, encoding="utf-8")
 
 
 def noted(folder: str, name: str) -> str:
     """Return the text of a note; empty if there is none."""
     try:
-        with open(os.path.join(folder, name), encoding="utf-8") as file:
-            return file.read()
+        return Path(folder, name).read_text(encoding="utf-8")
     except OSError:
         return ""

@@ -6,10 +6,9 @@ order.
 
 from behavior_controller.config import phrases
 
-from unit_tests.robot import building
-from unit_tests.robot.world import building_file
+from unit_tests.robot.world import building_file, load_building
 
-KNOWLEDGE = building.load(building_file())
+KNOWLEDGE = load_building(building_file())
 SPEECH = phrases.load("English").speech
 
 

@@ -8,8 +8,6 @@ from behavior_controller.config import settings
 from unit_tests.robot import options
 from unit_tests.robot.world import world
 from unit_tests.run import test_node
-from unit_tests.judge.facts import Facts
-from unit_tests.robot.journal import Journal
 from unit_tests.judge.verdict import judge
 
 from expected import animate, attend
@@ -41,16 +39,13 @@ class MissionRun(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        folder = options.of_process().folder
-        outcome = test_node.wait_for_end(folder, cls.limit)
-        cls.model, cls.exit_code = outcome.run, outcome.exit_code
-        cls.journal = Journal(folder).news()
-        cls.requests = [line for line in cls.journal if line.call > 0]
         test = options.defaults(visitorBehaviour=cls.behaviour, missionRuns=cls.runs,
-                                callTimes=options.NONE)
+                                callTimes=options.NONE, testTimeout=cls.limit)
         around = world(cls.behaviour, settings.defaults(**cls.chosen))
-        cls.verdict = judge(Facts(cls.model, cls.journal, cls.exit_code, test, around,
-                                  cut_off=outcome.cut_off, stall=outcome.stall))
+        facts = test_node.wait_for_end(options.of_process().folder, test, around)
+        cls.model, cls.journal, cls.exit_code = facts[:3]
+        cls.requests = [line for line in cls.journal if line.call > 0]
+        cls.verdict = judge(facts)
 
     def assert_ended_with_success(self):
         """Expect exit code 0 and a verdict without objections."""

@@ -27,7 +27,7 @@ def facts(faults=(), mission=(), on=None, **test):
     test = dataclasses.replace(CALM, **dict(given, **test))
     played = on.play(test)
     return Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
-                 on.mission, played.cut_off)
+                 on.mission, played.cut_off, has_timed_out=played.has_timed_out)
 
 
 def of_test_with(of_test, **test):

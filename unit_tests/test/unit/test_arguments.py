@@ -24,7 +24,7 @@ def check(given):
 
 def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeypatch):
     monkeypatch.setenv("COLUMNS", "1000")
-    usage = options.usage({"arrivalRate": "a remark"}).splitlines()
+    usage = options.usage("a remark").splitlines()
     # the test's own meaning counts where both have the key
     for key in {each.name: each
                 for each in settings.KEYS + options.KEYS + options.OWN}.values():
@@ -37,7 +37,7 @@ def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeyp
 
 def test_the_help_tells_what_is_required_and_what_is_simulated_by_default(monkeypatch):
     monkeypatch.setenv("COLUMNS", "1000")
-    usage = options.usage({})
+    usage = options.usage()
     assert "messages per minute on each topic, on average; 1 or more, inf allowed (" in usage
     assert "; required)" in usage and "default required" not in usage
     assert ("  use_real_faceDetection     false\n      the real faceDetection is running; it is "
@@ -48,13 +48,13 @@ def test_the_help_tells_what_is_required_and_what_is_simulated_by_default(monkey
 
 def test_the_help_fits_the_terminal(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    assert max(map(len, options.usage({}).splitlines())) <= 80
+    assert max(map(len, options.usage().splitlines())) <= 80
 
 
 def test_what_is_not_for_users_is_refused():
     for name in options.INTERNAL:
         assert "unknown" in faults(options.parse, [name + ":=x"])[0]
-        assert options.parse([name + ":=x"], options.INTERNAL) == {name: "x"}
+        assert options.parse([name + ":=x"], [name]) == {name: "x"}
 
 
 LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", "silent", "crash",
@@ -110,7 +110,8 @@ def test_every_word_that_is_not_understood_is_named():
         "argument failurRate:=0.9: unknown (did you mean failureRate?)",
         "argument mision:=museum: unknown (did you mean mission?)",
         "argument _failureRate:=1: unknown (did you mean failureRate?)",
-        "argument failureRate=1: this is not of the form name:=value (--help lists the names)",
+        "argument failureRate=1: this is not of the form name:=value (rosrun unit_tests runTest --help "
+        "lists all)",
         "argument randomSeed:=: it has no value (leave it out, and the configuration decides)",
         "argument colour:=red: unknown (rosrun unit_tests runTest --help lists all)",
         "argument seed:=1: randomSeed is given twice (leave out all but one)"
@@ -121,14 +122,20 @@ def test_every_value_that_is_not_allowed_is_named():
     told = faults(
         check, {
             "failureRate": "2", "monitorPort": "99999", "verboseMode": "yes",
-            "use_real_speechEvent": "x", "recordDirectory": "none", "language": "Klingon"
+            "use_real_speechEvent": "x", "recordDirectory": "none"
         })
     assert [fault.partition(":")[0] for fault in told] == [
-        "argument failureRate", "argument verboseMode", "argument monitorPort", "language",
+        "argument failureRate", "argument verboseMode", "argument monitorPort",
         "argument use_real_speechEvent", "argument recordDirectory"
     ]
     assert all(value in fault
-               for value, fault in zip(('"2"', '"yes"', '"99999"', "Klingon", '"x"'), told))
+               for value, fault in zip(('"2"', '"yes"', '"99999"', '"x"'), told))
+
+
+def test_a_language_without_phrases_is_named_beside_a_value_that_is_not_allowed():
+    told = faults(check, {"failureRate": "2", "language": "Klingon"})
+    assert [fault.partition(":")[0] for fault in told] == ["argument failureRate", "language"]
+    assert "Klingon" in told[1]
 
 
 def test_what_only_another_robot_has_is_named():

@@ -1,6 +1,7 @@
 """The kinds of findings: what in a play is one, and what is none. Whole missions with each mistake
 are in test_flawed_missions."""
 import itertools
+from types import SimpleNamespace
 
 import pytest
 from msgspec.structs import replace
@@ -15,9 +16,11 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, Location, QueryKnowledge, Say, SetAnimation, SetAttention)
 
 from unit_tests.rehearsal import findings
-from unit_tests.rehearsal.findings import ROOT, Play
+from unit_tests.rehearsal.findings import Play, RobotCall
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.rehearsal.play import BUSY, Played, START, Stage
+from unit_tests.rehearsal.plays import Outcome, Scene, Search
+from unit_tests.rehearsal.summary import Survey
 from unit_tests.robot.visitor import DECLINES, ENGAGES
 
 STAGE = Stage(settings.defaults(), [
@@ -31,8 +34,8 @@ STAGE = Stage(settings.defaults(), [
 ])
 TREE = STAGE.mission.tree
 UIDS = {node.name: node.uid for node in TREE.nodes}
-HOME = STAGE.knowledge.home.location
-TOUR = [GoTo(exhibit.location._replace(theta_deg=7.0)) for exhibit in STAGE.knowledge.exhibits]
+HOME = STAGE.world.knowledge.home.location
+TOUR = [GoTo(exhibit.location._replace(theta_deg=7.0)) for exhibit in STAGE.world.knowledge.exhibits]
 BACK = GoTo(HOME._replace(theta_deg=7.0))  # how the robot stands there does not matter
 NO_DATA, REFUSED = Failure(Cause.MISSING_DATA, "no {x}", "/x"), Failure(Cause.REFUSED, "no", "/x")
 FAULT = JournalEntry(START, "a node", "/x", 1, {}, fault="refused")
@@ -75,7 +78,7 @@ def play(*steps, behaviour=ENGAGES, faults=0, calm=None, times=None, **played):
     events = [(START, shown(TREE)), (START, PassStarted(1, START))]
     events += [(START + at + number / 1000, event) for at, step in zip(moments, steps)
                for number, event in enumerate(step)]
-    given = dict(events=events, journal=[], exit_code=0, cut_off="", error="", reached=frozenset(),
+    given = dict(events=events, journal=[], exit_code=0, cut_off="", errors=[], reached=frozenset(),
                  waiting=(), seconds=100.0, asked=(), presence=[(START, True)])
     return Play(STAGE, Played(**dict(given, **played)), behaviour, faults, calm)
 
@@ -101,9 +104,10 @@ def kinds(seen):
          [("busy-loop", "drive", "it is ticked again and again and waits for nothing")]),
         (play(leaf("hi"), **waiting("drive")),
          [("waits-for-ever", "drive", "after 100 s it still waits here")]),
-        (play(error="ZeroDivisionError: no", exit_code=4),
+        (play(errors=[(0, "ZeroDivisionError: no")], exit_code=4),
          [("exception", "all", "ZeroDivisionError: no")]),
-        (play([Noticed("warning", "so what"), Noticed("error", "Exception in node 'hi' [x]: no")]),
+        (play([Noticed("warning", "so what")],
+              errors=[(UIDS["hi"], "Exception in node 'hi' [x]: no")]),
          [("exception", "hi", "Exception in node 'hi' [x]: no")]),
         (play(leaf("drive", "FAILURE", NO_DATA)), [("missing-data", "drive", "no {x}")]),
         (play(leaf("drive", "FAILURE", NO_DATA), leaf("drive", "FAILURE", NO_DATA)),
@@ -249,10 +253,10 @@ def test_a_goodbye_is_for_a_visitor_who_is_there_when_it_begins(presence, second
 def test_an_exhibit_is_left_out_of_a_tour_that_succeeds(steps, behaviour, expected):
     tour = [step for drive in TOUR[:4] for step in (leaf("take"), asked(drive))]
     seen = play(*tour, asked(BACK), leaf("bye"), *steps, behaviour=behaviour)
-    assert kinds(seen) == expected and len(seen.visited) == 4
+    assert kinds(seen) == expected and len(seen.stops) == 4
     whole = play(*tour, leaf("take"), asked(TOUR[4]), asked(BACK), leaf("bye"), *steps,
                  behaviour=behaviour)
-    assert kinds(whole) == [] and len(whole.visited) == 5
+    assert kinds(whole) == [] and len(whole.stops) == 5
 
 
 def test_a_mission_that_takes_exhibits_one_by_one_may_be_meant_to_show_only_some():
@@ -262,22 +266,32 @@ def test_a_mission_that_takes_exhibits_one_by_one_may_be_meant_to_show_only_some
 def test_of_a_branch_that_no_play_reaches_only_the_top_is_told_and_of_a_row_the_first():
     def unreached(*names):
         reached = {UIDS[name] for name in names}
-        return [node.name for node in findings.unreached(TREE.nodes, reached)]
+        driven = SimpleNamespace(calls=[RobotCall("robotNavigation", 1, UIDS["left"], "", True)])
+        return [node.name for node in Search(TREE.nodes, reached, [driven], "refused").targets()]
     assert unreached() == ["all"]
     assert unreached("all", "some", "see", "help") == ["drive", "others"]
     assert unreached("all", "some", "both") == ["see", "others", "left", "right", "help"]
     assert unreached(*UIDS) == []
 
 
+def of_all_plays(reached=(), succeeded=(), switched=()):
+    """Return kind, node and text of what all plays together show: one without a fault."""
+    survey = Survey(SimpleNamespace(stage=lambda by_voice: STAGE))
+    survey.take(Outcome(Scene(ENGAGES), "SUCCESS", 9.0, (), (),
+                        frozenset(UIDS[name] for name in reached),
+                        frozenset(UIDS[name] for name in succeeded), tuple(switched)))
+    told = survey.findings(SimpleNamespace(unreached=lambda: ()))
+    return [(each.kind.name, each.where, each.what) for each in told]
+
+
 def test_a_leaf_that_only_fails_with_faults_may_never_succeed():
-    def never_true(reached, succeeded):
-        return [TREE.nodes[finding.uid - 1].name for finding in findings.never_true(
-            TREE.nodes, {UIDS[name] for name in reached}, {UIDS[name] for name in succeeded})]
-    assert never_true(["see", "look", "help", "some"], ["look"]) == ["see"]
+    assert of_all_plays(["see", "look", "help", "some"], ["look"]) == [
+        ("never-true", "see", "it never succeeds")]
 
 
 def test_what_is_switched_on_must_be_switched_off_in_some_play():
-    assert findings.never_off(STAGE, {ON: UIDS["hi"], STIR: 0, SetAnimation("disabled"): 0}) == [
-        ("never-off", UIDS["hi"], "attention is never switched off")]
-    assert findings.never_off(STAGE, {ON: 0, OFF: 0}) == findings.never_off(STAGE, {}) == []
-    assert findings.never_off(STAGE, {ON: 0})[0].uid == ROOT
+    off = "attention is never switched off"
+    assert of_all_plays(switched=[(ON, UIDS["hi"]), (STIR, 0), (SetAnimation("disabled"), 0)]) == [
+        ("never-off", "hi", off)]
+    assert of_all_plays(switched=[(ON, 0), (OFF, 0)]) == of_all_plays() == []
+    assert of_all_plays(switched=[(ON, 0)]) == [("never-off", "all", off)]

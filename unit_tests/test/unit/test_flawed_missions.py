@@ -227,7 +227,7 @@ def rehearse(tmp_path, nodes, words):
     path = tmp_path / "mission.xml"
     path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(
         steps(*nodes)))
-    return cli.rehearse(cli.plan(cli.read([str(path), *words])), jobs=1)
+    return cli.rehearse(cli.Plan(cli.read([str(path), *words])), jobs=1)
 
 
 def told(found):

@@ -1,7 +1,13 @@
 """Tests of the journal that the simulated nodes share."""
 import threading
 
-from unit_tests.robot.journal import Journal, JournalEntry, RepeatFilter
+from behavior_controller.config import settings
+
+from unit_tests.robot import options
+from unit_tests.robot.journal import Journal, JournalEntry
+from unit_tests.robot.simulated_node import SimulatedNode
+from unit_tests.robot.visitor import ENGAGES
+from unit_tests.robot.world import world
 
 
 def line(number, node="textToSpeech"):
@@ -35,10 +41,17 @@ def test_nothing_is_skipped_where_nothing_is(tmp_path):
 
 
 def test_a_message_gets_a_line_if_it_has_changed_or_a_tenth_of_a_second_has_passed():
-    told = RepeatFilter()
-    assert [told.is_due({"data": text}, at) for text, at in (
-        ("a", 0.0), ("a", 0.05), ("a", 0.1), ("b", 0.11), ("a", 0.12), ("a", 0.2))] == [
-        True, False, True, True, True, False]
+    heard, told = {}, []
+    node = SimulatedNode("speechEvent", options.defaults(), world(ENGAGES, settings.defaults()),
+                         lambda: heard["at"], told.append)
+    node.world.visitor.is_here = True
+    for text, at in (
+            ("a", 0.0), ("a", 0.05), ("a", 0.1), ("b", 0.11), ("a", 0.12), ("a", 0.2)):
+        heard.update(at=at)
+        node.world.visitor.utterance = lambda: text
+        assert node.message("/speechEvent/text") == {"data": text}
+    assert [(entry.time, entry.content["data"]) for entry in told] == [
+        (0.0, "a"), (0.1, "a"), (0.11, "b"), (0.12, "a")]
 
 
 def test_half_a_line_is_left_for_later(tmp_path):

@@ -109,6 +109,6 @@ def test_an_argument_that_the_simulated_robot_does_not_declare(given, monkeypatc
         "roslaunch", "unit_tests", "simulatedRobot.launch", "failureRate:=0.1", word
     ])
     with pytest.raises(ConfigurationError) as refusal:
-        options.check_words(options.of_process())
+        options.read(options.of_process())
     fault, = refusal.value.faults
     assert fault.file == "argument " + word and meant in fault.hint

@@ -12,8 +12,11 @@ import pytest
 from behavior_controller.config import knowledge_files
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import ConfigurationError
+from behavior_controller.robot.interfaces import INTERFACES
 
-from unit_tests.robot import building, options
+from unit_tests.robot import options
+from unit_tests.robot.behaviour import NODES, nodes
+from unit_tests.robot.world import load_building
 from unit_tests.run import controller
 
 REPOSITORY = os.path.dirname(
@@ -134,15 +137,19 @@ def test_a_robot_of_release_1_0_stands_in_the_building_of_its_knowledge_files(gi
                for number in (1, 5)) < set(world.visitor.manners.questions)
 
 
-def test_a_robot_has_the_nodes_of_its_interface(given):
+def test_a_robot_has_the_nodes_of_its_interface():
     all_nodes = {
         "animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention", "robotNavigation",
         "tabletEvent", "textToSpeech", "faceDetection", "speechEvent", "robotLocalization"
     }
     for robot, lacking in (("D5.4.3", {"robotLocalization"}),
-                           ("release-1.0", {"knowledgeBase", "faceDetection"}), ("none", set())):
-        given("robotInterface:=" + robot)
-        assert all_nodes - options.of_process().simulated() == lacking
+                           ("release-1.0", {"knowledgeBase", "faceDetection"})):
+        assert all_nodes - set(nodes(INTERFACES[robot])) == lacking
+
+
+def test_the_launch_file_starts_all_nodes_but_the_real_ones(given):
+    given("use_real_textToSpeech:=True", "use_real_faceDetection:=false")
+    assert set(NODES) - set(options.of_process().simulated) == {"textToSpeech"}
 
 
 @pytest.mark.parametrize("end, noted, returned", [
@@ -229,7 +236,7 @@ def test_a_place_needs_a_name_and_a_location_alone(tmp_path):
      ).write_text("""{"exhibits": [{"name": "a", "location": [1, 2, 3], "gesture": [4, 5, 6],
         "description1": "one", "description2": "two"}], "entrance": {"name": "b", "location": [1, 2, 3]},
         "home": {"name": "c", "location": [0, 0, 0]}}""")
-    knowledge = building.load(str(tmp_path / "places.json"))
+    knowledge = load_building(str(tmp_path / "places.json"))
     first, = knowledge.exhibits
     assert (first.description1, first.description2) == ("one", "two")
     assert (first.location, first.gesture) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))

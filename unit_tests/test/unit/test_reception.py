@@ -18,7 +18,7 @@ from unit_tests.robot.visitor import BEHAVIOURS, Visitor
 from plays import facts, stage
 
 RECEPTION = {"scenarioSpecification": "reception"}
-PLACES = [place.name for place in stage(**RECEPTION).knowledge.exhibits]
+PLACES = [place.name for place in stage(**RECEPTION).world.knowledge.exhibits]
 
 
 def of_reception(by_voice=True, **test):
@@ -74,7 +74,7 @@ NOWHERE = Exhibit("nowhere", "?", "", Location(0.0, 0.0, 0.0), Point(0.0, 0.0, 0
 @pytest.mark.parametrize("wanted, asked, walks", [(0, 1, True), (3, 4, False), (None, 5, False)])
 def test_a_visitor_is_shown_the_way_to_any_place_and_led_to_a_near_one(wanted, asked, walks):
     usual = stage(**RECEPTION)
-    known = usual.knowledge.exhibits
+    known = usual.world.knowledge.exhibits
     place = NOWHERE if wanted is None else known[wanted]
     others = [each for each in known if each is not place]
     manners = usual.world.visitor.manners._replace(
@@ -83,7 +83,7 @@ def test_a_visitor_is_shown_the_way_to_any_place_and_led_to_a_near_one(wanted, a
     of_test = facts(on=on)
     visit, = of_test.run.visits
     assert judge(of_test).passed and visit.outcome == "SUCCESS" and len(visit.stops) == asked
-    assert drives(of_test) == ([place.location, usual.knowledge.home.location] if walks else [])
+    assert drives(of_test) == ([place.location, usual.world.knowledge.home.location] if walks else [])
     pointed = [each.request.target for each in of_test.run.exchanges
                if isinstance(each.request, PerformGesture) and each.request.type == "deictic"]
     assert set(pointed) == (set() if wanted is None else {place.gesture})

@@ -7,13 +7,11 @@ from behavior_controller import folders
 from behavior_controller.bt.loader.document import read, with_includes
 from behavior_controller.config import knowledge_files, phrases, settings
 
-from unit_tests.robot import building
-from unit_tests.robot.world import World, building_file
-from unit_tests.rehearsal.faultless_play import rehearse
-from unit_tests.rehearsal.play import Stage
+from unit_tests.robot.world import World, building_file, building_of, load_building
+from unit_tests.rehearsal.play import Stage, rehearse
 from unit_tests.robot.visitor import Manners, Visitor
 
-KNOWLEDGE = building.load(building_file())
+KNOWLEDGE = load_building(building_file())
 LANGUAGE = phrases.load("English")
 TOUR = {"RetrieveListOfExhibits", "SelectExhibit", "Navigate", "FollowMeSpeech"}
 GOODBYE = {"EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", "GoodbyeGesture"}
@@ -79,7 +77,7 @@ def test_no_press_on_a_tablet_that_does_not_tell_brings_a_tour():
 def play_release(behaviour, **chosen):
     manners = Manners(behaviour, [QUESTION, PRESS], *LANGUAGE.tablet_options, None)
     return on_stage(folders.mission("release_1_0_tour"), dict(chosen, robotInterface="release-1.0"),
-                    manners, building.of_files(FILES))
+                    manners, building_of(FILES))
 
 
 def test_the_branches_are_those_of_the_nodes_with_several_children(tmp_path):

@@ -6,6 +6,7 @@ import pytest
 pytest.importorskip("rosgraph", reason="needs ROS, which this interpreter does not have")
 
 from unit_tests import folders  # noqa: E402
+from unit_tests.robot import options  # noqa: E402
 from unit_tests.run import controller, test_node  # noqa: E402
 
 
@@ -61,13 +62,16 @@ def test_a_run_without_an_end_has_no_verdict(tmp_path):
     assert test_node.read_verdict(str(tmp_path)) is None
 
 
-def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(given, tmp_path):
+def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(
+        given, tmp_path, monkeypatch):
     given("folder:={}".format(tmp_path))
 
-    def stand_still(_):
+    def stand_still(*_):
         time.sleep(0.4)
         (tmp_path / controller.EXIT_CODE).write_text("0\n")
 
-    outcome = test_node.wait_for_end(str(tmp_path), 60.0, stand_still)
+    monkeypatch.setattr(test_node, "show_progress", stand_still)
+    monkeypatch.setattr(test_node, "PROGRESS_INTERVAL", 0.0)
+    outcome = test_node.wait_for_end(str(tmp_path), options.defaults(testTimeout=60.0), None)
     assert outcome.exit_code == 0 and not outcome.cut_off
     assert outcome.stall > 0.3

@@ -48,13 +48,13 @@ def changes_of_health(played):
 def facts(played, behaviour="engages", runs=1, on=LAB_TOUR):
     test = dataclasses.replace(CALM, visitor_behaviour=behaviour, mission_runs=runs)
     return Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
-                 on.mission, played.cut_off)
+                 on.mission, played.cut_off, has_timed_out=played.has_timed_out)
 
 
 def test_a_calm_tour_passes_and_its_facts_are_judged():
     played = play(mission_runs=2)
     assert [event.outcome for event in of(PassFinished, played)] == ["SUCCESS", "SUCCESS"]
-    assert played.exit_code == 0 and not played.cut_off and not played.error
+    assert played.exit_code == 0 and not played.cut_off and not played.errors
     assert judge(facts(played, runs=2)).passed
 
 
@@ -99,11 +99,11 @@ def test_the_visitor_answers_when_the_question_is_over():
 
 
 def test_a_request_without_sense_is_refused_at_once():
-    blank = tuple(exhibit._replace(description1=" ") for exhibit in LAB_TOUR.knowledge.exhibits)
+    blank = tuple(exhibit._replace(description1=" ") for exhibit in LAB_TOUR.world.knowledge.exhibits)
     on = Stage(settings.defaults(),
                [parse(M.format('<Sequence><RetrieveListOfExhibits/><SelectExhibit/>'
                                '<DescribeExhibitSpeech name="1"/></Sequence>'))],
-               LAB_TOUR.world._replace(knowledge=LAB_TOUR.knowledge._replace(exhibits=blank)))
+               LAB_TOUR.world._replace(knowledge=LAB_TOUR.world.knowledge._replace(exhibits=blank)))
     played = play(on, call_times=REAL)
     speech = of(LeafFinished, played)[-1]
     assert (speech.failure.cause.value, speech.seconds) == ("refused", pytest.approx(0.0, abs=0.01))
@@ -231,7 +231,7 @@ def test_a_leaf_without_its_service_succeeds_unless_the_mission_needs_an_answer(
 
 def test_a_visitor_is_present_from_the_first_request_to_the_drive_home():
     played = play()
-    home = LAB_TOUR.knowledge.home.location
+    home = LAB_TOUR.world.knowledge.home.location
     requests = [line for line in played.journal if line.call and line.time < played.ended]
     left, = [
         line.time for line in requests
@@ -263,9 +263,9 @@ def test_a_robot_of_release_1_0_hears_by_topic_and_by_action(recognise_by):
 
 
 def test_an_exception_in_a_leaf_ends_the_pass(monkeypatch):
-    start = virtual_robot.VirtualGateway.start
+    start = virtual_robot.VirtualRobot.start
     monkeypatch.setattr(
-        virtual_robot.VirtualGateway, "start", lambda self, request: 1 / 0
+        virtual_robot.VirtualRobot, "start", lambda self, request: 1 / 0
         if isinstance(request, Say) else start(self, request))
     played = play(of_text(SAY))
     assert [event.exit_code for event in of(RunFinished, played)] == [played.exit_code] == [3]
@@ -299,7 +299,8 @@ def test_a_pass_that_gives_up_with_its_node_gone_waits_for_it():
 def test_an_exception_beside_the_leaves_ends_the_mission(monkeypatch):
     monkeypatch.setattr(virtual_robot.Health, "publish", lambda self, events: 1 / 0)
     played = play(of_text(SAY))
-    assert (played.exit_code, played.error) == (4, "ZeroDivisionError: division by zero")
+    assert (played.exit_code, played.errors) == (
+        4, [(0, "ZeroDivisionError: division by zero")])
 
 
 def test_the_record_is_what_a_record_holds():

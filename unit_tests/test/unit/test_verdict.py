@@ -69,7 +69,7 @@ def test_no_message_ever_comes_to_a_mission_that_waits_for_its_visitor():
     on = stage()
     played = on.play(dataclasses.replace(CALM, test_timeout=1000.0), ["/faceDetection/data"])
     of_test = facts()._replace(run=played.run(), journal=played.journal, exit_code=None,
-                               cut_off=TIMED_OUT.format(1000))
+                               cut_off=TIMED_OUT.format(1000), has_timed_out=True)
     verdict = judge(of_test)
     assert verdict.passed and "PASSED: no pass ended; " in str(verdict)
     assert "never came" in str(verdict)
@@ -483,7 +483,8 @@ def test_a_timer_that_never_ends_is_no_wait_for_the_visitor():
     journal = [line for line in of_test.journal if line.time < lines[-1].time + 1.0]
     journal += [line._replace(time=line.time + 900) for line in journal if not line.call][-3:]
     assert_objects(of_test._replace(run=Run(lines), journal=journal, exit_code=None,
-                                    cut_off=TIMED_OUT.format(2000)), "Sleep", " was due ")
+                                    cut_off=TIMED_OUT.format(2000), has_timed_out=True),
+                   "Sleep", " was due ")
 
 
 def test_a_service_that_was_there_is_not_taken_for_gone():

@@ -10,9 +10,9 @@ from unit_tests.rehearsal import arrival_waits
 from unit_tests.robot import options
 from unit_tests.rehearsal.arrival_waits import Wait
 
-GAZE = Wait("IsMutualGazeDiscovered", "/overtAttention/mode", 2, 15.0)
-SPEECH = Wait("IsYesNoUttered", "/speechEvent/text", 1, 10.0)
-FACE = Wait("IsVisitorDiscovered", "/faceDetection/data", 1, 2.0, (GAZE,))
+GAZE = Wait("IsMutualGazeDiscovered", 2, 15.0)
+SPEECH = Wait("IsYesNoUttered", 1, 10.0)
+FACE = Wait("IsVisitorDiscovered", 1, 2.0, (GAZE,))
 
 
 def of(mission, tmp_path, monkeypatch):

@@ -10,8 +10,7 @@ from unit_tests.robot.faults import CRASH
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.options import Configuration
 from unit_tests.robot.world import World
-from unit_tests.rehearsal.faultless_play import Rehearsal
-from unit_tests.rehearsal.play import TIMED_OUT
+from unit_tests.rehearsal.play import Rehearsal
 
 Kind = TypeVar("Kind")
 
@@ -37,17 +36,13 @@ class Facts(NamedTuple):
     rehearsal: Optional[Rehearsal] = None  # the same mission on a robot without faults
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
     errors: Tuple[str, ...] = ()  # that the controller reported on its terminal
+    has_timed_out: bool = False  # it was cut off because it had lasted too long
     stall: float = 0.0  # the longest time, in seconds, for which the test itself could not run
 
     @property
     def late(self) -> float:
         """Seconds by which something may come late: nothing can be in time while nothing runs."""
         return LATE + self.stall
-
-    @property
-    def has_timed_out(self) -> bool:
-        """Whether the test was cut off because it had lasted too long."""
-        return self.cut_off.startswith(TIMED_OUT.split("{")[0])
 
     @property
     def is_disturbed(self) -> bool:

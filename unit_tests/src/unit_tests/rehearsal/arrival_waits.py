@@ -3,6 +3,7 @@ while it waits.
 
 Messages come at Poisson times, so this is arithmetic; nothing is run.
 """
+import itertools
 import math
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -38,7 +39,6 @@ class Wait(NamedTuple):
     """
 
     node: str
-    topic: str
     messages: int
     seconds: float
     after: Tuple["Wait", ...] = ()
@@ -84,17 +84,8 @@ def sufficient(waits: Sequence[Wait]) -> str:
 def lowest_rate(waits: Sequence[Wait]) -> int:
     """Return the lowest whole number of messages per minute of which enough come in time, at least
     1."""
-    def is_enough(rate: int) -> bool:
-        return all(wait.missed(rate) <= 1 - ENOUGH for wait in waits)
-
-    high = 1
-    while not is_enough(high):
-        high *= 2
-    low = high // 2  # not enough, or 0
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if is_enough(middle) else (middle, high)
-    return high
+    return next(rate for rate in itertools.count(1)
+                if all(wait.missed(rate) <= 1 - ENOUGH for wait in waits))
 
 
 # -------------------------------------------------------------------------------------- the mission
@@ -116,7 +107,7 @@ def of_mission(world: World) -> List[Wait]:
             seconds, messages = _seconds(node), _messages(node, world)
             if seconds is not None and messages is not None:
                 after = tuple(waits[before] for before in _asked_before(node) if before in waits)
-                waits[node] = Wait(node.registration_id, node.topic.name, messages, seconds, after)
+                waits[node] = Wait(node.registration_id, messages, seconds, after)
     return list(waits.values())
 
 

@@ -8,6 +8,7 @@ import signal
 import sys
 import textwrap
 import time
+from contextlib import suppress
 from typing import (
     Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple)
 
@@ -19,23 +20,19 @@ from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, count, did_you_mean
 
 from unit_tests.rehearsal import html_report, plays
-from unit_tests.rehearsal.play import Stage
-from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
-from unit_tests.rehearsal.search import Search
+from unit_tests.rehearsal.play import LIMIT
+from unit_tests.rehearsal.plays import Outcome, Scene, Search, Theatre
 from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey
 from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.faults import KINDS, PlannedFault
 from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES
-from unit_tests.robot.options import CONTROLLER, load_controller
+from unit_tests.robot.options import CONTROLLER, load_controller, parse
 
 NONE, PAIRS = "none", "pairs"
 FAULTS = (NONE, "single", PAIRS)
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 """The default failure rates."""
-
-LIMIT = 3600.0
-"""Seconds of the mission's time after which a pass counts as one that does not end."""
 
 BAR = 30
 """Letters of the progress bar."""
@@ -46,36 +43,42 @@ WIDTH = 110
 ASR = "asrEnabled"
 
 
-class Plan(NamedTuple):
-    """The plays of a rehearsal. ``is_complete``: each visitor and each fault, so that something can
-    be said of a node that is not reached."""
+class Plan:
+    """The plays of a rehearsal that the ``options`` of the command ask for.
 
-    theatre: Theatre
-    options: argparse.Namespace
-    calm: List[Scene]
-    kinds: Sequence[str]
-    is_complete: bool
-    chosen: List[str]  # the arguments of the command that are the same for all scenes
+    ``calm`` are the scenes without faults, ``stage`` is that of the first one. ``topics`` have
+    messages, ``silent`` are those that the mission uses and that nothing simulates. ``chosen`` are
+    the arguments of the command that are the same for all scenes. ``is_complete``: each visitor
+    and each fault is played, so that something can be said of a node that is not reached.
+    """
 
-    @property
-    def stage(self) -> Stage:
-        """The stage of the first scene."""
-        return self.theatre.stage(self.calm[0].by_voice)
+    def __init__(self, options: argparse.Namespace):
+        """Raises FaultsFound."""
+        self.options, self.kinds = options, options.kinds or KINDS
+        given = parse(options.settings, CONTROLLER)
+        is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
+        path = options.mission if is_file else find(options.mission)
+        controller = load_controller(given)
+        self.theatre = Theatre(controller.values, path, options.limit)
+        ways = [controller.asr_enabled] if ASR in given else [True, False]
+        visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
+        self.calm = plays.calm(visitors, ways)
+        self.stage = self.theatre.stage(ways[0])
+        robot = self.stage.settings.interface
+        self.topics = [topic.name for topic in rehearsed_topics(robot)]
+        _check_robot(robot, options)
+        self.silent = [offer.name for offer in self.stage.mission.offers
+                       if isinstance(offer, Topic) and offer.name not in self.topics]
+        is_restricted = options.faults == NONE or options.runs or options.planned \
+            or options.silent or options.kinds or options.limit < LIMIT
+        self.is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 \
+            and not is_restricted
+        others = [word for word in options.settings if not word.startswith(ASR + ":=")]
+        self.chosen = [options.mission, *others]
 
-    @property
-    def topics(self) -> List[Topic]:
-        """The topics that have messages."""
-        return rehearsed_topics(self.stage.settings.interface)
-
-    @property
-    def silent(self) -> List[str]:
-        """The topics that the mission uses and that nothing simulates."""
-        return [offer.name for offer in self.stage.mission.offers
-                if isinstance(offer, Topic) and offer not in self.topics]
-
-    def rounds(self, outcomes: List[Outcome], search: Search) -> Iterator[List[Scene]]:
-        """Yield the scenes of one round after the other; the ``outcomes`` of each are known before
-        the next one is planned."""
+    def rounds(self, survey: Survey, search: Search) -> Iterator[List[Scene]]:
+        """Yield the scenes of one round after the other; the ``survey`` has the outcomes of each
+        before the next one is planned."""
         options = self.options
         if options.runs:
             yield plays.random(self.calm, options.runs, options.failureRate or RATES,
@@ -86,14 +89,11 @@ class Plan(NamedTuple):
         else:
             yield self.calm
             if options.faults != NONE:
-                topics = [topic.name for topic in self.topics]
                 is_pairs = options.faults == PAIRS
-                yield list(plays.single(list(outcomes), self.kinds, topics, is_pairs))
+                yield list(plays.single(survey.outcomes, self.kinds, self.topics, is_pairs))
                 if is_pairs:
-                    yield list(plays.pairs(outcomes, self.kinds))
-            # what comes after a pass that does not end is not known
-            calm = [outcome for outcome in outcomes if outcome.scene.is_calm]
-            if self.is_complete and all(outcome.outcome for outcome in calm):
+                    yield list(plays.pairs(survey.outcomes, self.kinds))
+            if self.is_complete and survey.has_ended:
                 yield from search.rounds()
 
 
@@ -119,14 +119,10 @@ def _visitor(text: str) -> str:
 
 def _number(least: float, most: float, kind: Callable[[str], Any] = float) -> Callable[[str], Any]:
     def read(text: str) -> Any:
-        try:
-            number = kind(text)
-        except ValueError:
-            number = None
-        if number is None or not least <= number <= most:
-            raise argparse.ArgumentTypeError(
-                f"it cannot be {text} (allowed: {least:g} to {most:g})")
-        return number
+        with suppress(ValueError):
+            if least <= kind(text) <= most:
+                return kind(text)
+        raise argparse.ArgumentTypeError(f"it cannot be {text} (allowed: {least:g} to {most:g})")
     return read
 
 
@@ -202,41 +198,6 @@ def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
     return options
 
 
-def plan(options: argparse.Namespace) -> Plan:
-    """Return the plays that the options ask for. Raises FaultsFound."""
-    given = _settings(options.settings)
-    is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
-    path = options.mission if is_file else find(options.mission)
-    controller = load_controller(given)
-    theatre = Theatre(controller.values, path, options.limit)
-    ways = [controller.asr_enabled] if ASR in given else [True, False]
-    visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
-    _check_robot(theatre.stage(ways[0]).settings.interface, options)
-    is_restricted = options.faults == NONE or options.runs or options.planned or options.silent \
-        or options.kinds or options.limit < LIMIT
-    is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and not is_restricted
-    others = [word for word in options.settings if not word.startswith(ASR + ":=")]
-    return Plan(theatre, options, plays.calm(visitors, ways), options.kinds or KINDS, is_complete,
-                [options.mission, *others])
-
-
-def _settings(words: Sequence[str]) -> Dict[str, str]:
-    """Return key -> value. Raises ConfigurationError with every key that the controller does not
-    have."""
-    given, faults = {}, []
-    for word in words:
-        name, is_assignment, value = word.partition(":=")
-        if is_assignment and name in CONTROLLER:
-            given[name] = value
-        else:
-            faults.append(Fault("argument " + clean(word), 0, 0,
-                                "this is not a key of the controller's configuration",
-                                did_you_mean(name, CONTROLLER) or "the form is key:=value"))
-    if faults:
-        raise ConfigurationError(faults)
-    return given
-
-
 def _check_robot(interface: Any, options: argparse.Namespace) -> None:
     """Raise ConfigurationError with every node and topic that the robot does not have."""
     faults = []
@@ -258,16 +219,14 @@ def _check_robot(interface: Any, options: argparse.Namespace) -> None:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Play, print the findings, and return the exit code."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     options = read(argv)
     page = open(options.html, "w", encoding="utf-8") if options.html else None
     try:
-        todo = plan(options)
+        todo = Plan(options)
     except BehaviorControllerError as error:
         print(error)
         return exit_codes.WRONG_INPUT
-    except KeyboardInterrupt:
-        return exit_codes.UNAVAILABLE
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     result = rehearse(todo, options.jobs)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     print(json.dumps(as_json(result), indent=1) if options.json else as_text(result))
@@ -284,35 +243,22 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
     """Play all scenes, or those until Ctrl-C, and return what they show."""
     began = time.monotonic()
     survey = Survey(todo.theatre, todo.calm[0].by_voice, todo.chosen)
-    outcomes: List[Outcome] = []
-    search = Search(todo.stage.mission.tree.nodes, survey.reached, outcomes, todo.kinds[0])
-    scenes: List[Scene] = []
+    search = Search(survey.nodes, survey.reached, survey.outcomes, todo.kinds[0])
     planned = 0
-    try:
-        with plays.players(todo.theatre, jobs) as play_all:
-            for scenes in todo.rounds(outcomes, search):
-                planned += len(scenes)
-                for outcome in with_progress(play_all(scenes), len(scenes)):
-                    survey.take(outcome)
-                    if outcome.calls or outcome.scene.is_calm:
-                        outcomes.append(outcome)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        if sys.stderr.isatty():
-            sys.stderr.write("\r\x1b[K")  # takes the line away
-    is_whole = todo.is_complete and survey.plays == planned
-    story = survey.story(scenes[0]) if planned == survey.plays == 1 else ()
-    findings = survey.findings(search if is_whole else None)
-    return Result(todo, survey.rows(), survey.shares(), findings, survey.plays, planned,
-                  time.monotonic() - began, tuple(_story_lines(story)), _unmet(todo, outcomes))
-
-
-def _unmet(todo: Plan, outcomes: Iterable[Outcome]) -> Tuple[PlannedFault, ...]:
-    """Return the planned faults whose calls no play has made."""
-    made = {(call.node, call.number) for outcome in outcomes for call in outcome.calls}
-    return tuple(fault for fault in todo.options.planned
-                 if (fault.node, fault.call) not in made)
+    with suppress(KeyboardInterrupt), plays.players(todo.theatre, jobs) as play_all:
+        for scenes in todo.rounds(survey, search):
+            planned += len(scenes)
+            for outcome in with_progress(play_all(scenes), len(scenes)):
+                survey.take(outcome)
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\x1b[K")  # takes the line away
+    played = len(survey.outcomes)
+    findings = survey.findings(search if todo.is_complete and played == planned else None)
+    story = survey.story(survey.outcomes[0].scene) if planned == played == 1 else ()
+    made = {call[:2] for outcome in survey.outcomes for call in outcome.calls}
+    unmet = tuple(fault for fault in todo.options.planned if fault[:2] not in made)
+    return Result(todo, survey.rows(), survey.shares(), findings, played, planned,
+                  time.monotonic() - began, tuple(_story_lines(story)), unmet)
 
 
 def with_progress(outcomes: Iterable[Outcome], of: int) -> Iterator[Outcome]:

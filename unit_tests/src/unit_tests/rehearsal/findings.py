@@ -1,9 +1,7 @@
 """The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
 detected in a play."""
-import re
 from functools import lru_cache
-from typing import (
-    Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple)
+from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.ports import reference
@@ -13,13 +11,13 @@ from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
 from behavior_controller.execution.state import Exchange, LeafFailure, NodeResult
 from behavior_controller.leaves import data
 from behavior_controller.leaves.base import MissionLeaf
-from behavior_controller.robot.declarations import Sense, Topic
+from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say, SetAttention)
 from behavior_controller.text import clean, count
 
-from unit_tests.rehearsal.play import BUSY, Played, START, Stage
+from unit_tests.rehearsal.play import BUSY, Place, Played, START, Stage
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.visitor import DECLINES, ENGAGES
 
@@ -36,11 +34,6 @@ AT_ONCE = 0.01
 
 ROOT = 1
 """The uid of the root, which stands for the whole mission."""
-
-_PLACE = re.compile(r"\((\S[^()]*):(\d+):(\d+)\)$")
-
-Place = Tuple[int, str]
-"""The uid of the node at which something is wrong, and what is wrong, in words."""
 
 
 class Finding(NamedTuple):
@@ -85,9 +78,10 @@ class Play:
                                 key=lambda exchange: exchange.call)
         self.drives = [exchange for exchange in self.exchanges
                        if isinstance(exchange.request, GoTo)]
-        goals = {goal(drive)[:2] for drive in self.drives}
-        self.visited = [place for place in stage.knowledge.exhibits
-                        if place.location[:2] in goals]
+        goals = {goal(drive)[:2]: drive.uid for drive in reversed(self.drives)}
+        self.stops = {place: goals[place.location[:2]] for place in stage.world.knowledge.exhibits
+                      if place.location[:2] in goals}
+        """The stops that the robot was sent to, each with the leaf that did it first."""
         self.leaves = [result for result in self.run.results
                        if isinstance(self.node(result.uid), MissionLeaf)]
         self.done = [result for result in self.leaves if result.letter == "S"]
@@ -108,12 +102,6 @@ class Play:
         return self.nodes[(uid or ROOT) - 1]
 
     @property
-    def is_cut_off(self) -> bool:
-        """Whether the pass had not ended when its time, or the number of its requests, was used up.
-        """
-        return self.played.exit_code is None and self.played.cut_off != BUSY
-
-    @property
     def late(self) -> List[Exchange]:
         """The requests of the last share of the time."""
         since = START + self.played.seconds * (1 - LAST_SHARE)
@@ -124,13 +112,6 @@ class Play:
         """How the nodes ended that say goodbye."""
         return [result for result in self.leaves
                 if self.spec(result.uid).says_goodbye(self.node(result.uid).name)]
-
-    @property
-    def stops(self) -> Dict[str, int]:
-        """The names of the stops that the robot was sent to, each with the leaf that did it."""
-        return {clean(place.name): next(drive.uid for drive in self.drives
-                                        if goal(drive)[:2] == place.location[:2])
-                for place in self.visited}
 
     def presence(self, at: float) -> Tuple[float, bool]:
         """Return whether a visitor was present at that time, and before that, since when."""
@@ -169,15 +150,11 @@ class Play:
         """Return the services of which a call went wrong on purpose."""
         return frozenset(line.resource for line in self.played.journal if line.fault is not None)
 
-    def faulty_leaves(self) -> List[LeafFailure]:
-        """Return the failures of leaves, not of their retries, at those services."""
-        faulty = self.faulty()
-        return [failed for failed in self.run.failures
-                if failed.failure.resource in faulty and not failed.attempt]
-
-    def handled(self) -> Set[str]:
-        """Return the paths of the nodes from whose failures there was a recovery."""
-        return {recovery.path for recovery in self.run.recoveries}
+    def unhandled(self) -> List[LeafFailure]:
+        """Return the failures of leaves at those services from which there was no recovery."""
+        faulty, handled = self.faulty(), {recovery.path for recovery in self.run.recoveries}
+        return [failed for failed in self.run.failures if failed.failure.resource in faulty
+                and not failed.attempt and failed.path not in handled]
 
     def caller(self, line: JournalEntry) -> int:
         """Return the leaf that made a call in the journal."""
@@ -227,7 +204,7 @@ def _busy_loop(play: Play) -> Iterator[Place]:
 def _retries_for_ever(play: Play) -> Iterator[Place]:
     """A service fails for good, and the mission makes the same request again without a limit: the
     pass never ends. Give the loop a number of attempts, and each attempt a pause."""
-    if not play.is_cut_off or play.calm is None or not play.calm.outcome:
+    if not play.played.has_timed_out or play.calm is None or not play.calm.outcome:
         return
     failed = [exchange for exchange in play.late if isinstance(exchange.result, Failure)]
     if failed:
@@ -239,20 +216,20 @@ def _retries_for_ever(play: Play) -> Iterator[Place]:
 
 def _endless(play: Play) -> Iterator[Place]:
     """The pass never ends: a loop without a bound repeats the same requests."""
-    if play.is_cut_off and play.late and not any(_retries_for_ever(play)):
+    if play.played.has_timed_out and play.late and not any(_retries_for_ever(play)):
         yield play.late[-1].uid, f"after {play.played.seconds:.0f} s it still repeats itself"
 
 
 def _waits_for_ever(play: Play) -> Iterator[Place]:
     """The pass never ends: what the robot waits for does not come, and no limit ends the wait."""
-    if play.is_cut_off and not play.late and not waits_for_a_visitor(play):
+    if play.played.has_timed_out and not play.late and not waits_for_a_visitor(play):
         yield _waiting(play), f"after {play.played.seconds:.0f} s it still waits here"
 
 
 def waits_for_a_visitor(play: Play) -> bool:
     """Return whether no visitor has been seen to the end: a robot may wait for a visitor without a
     limit."""
-    if not play.is_cut_off or play.late:
+    if not play.played.has_timed_out or play.late:
         return False
     seekers = [result for result in play.leaves if Sense.VISITOR in play.spec(result.uid).listens]
     if any(result.letter == "S" for result in seekers):
@@ -272,9 +249,7 @@ def _waiting(play: Play) -> int:
 def _exception(play: Play) -> Iterator[Place]:
     """A node raises an exception, which ends the pass at once, or a declaration does not fit its
     messages."""
-    for text in filter(None, [play.played.error, *(error.text for error in play.run.errors)]):
-        named = [node.uid for node in play.nodes if f"'{node.full_path}'" in text]
-        yield _script_at(play, text) or (named[0] if named else ROOT), text
+    yield from play.played.errors
     topics = {topic.name for topic in play.stage.settings.interface.topics}
     for failed in play.run.failures:
         # no fault does this, and no visitor who is not understood: what a package declares does not
@@ -283,17 +258,6 @@ def _exception(play: Play) -> Iterator[Place]:
         is_answer = cause is Cause.UNUSABLE_ANSWER and resource not in topics
         if cause is Cause.TYPE_MISMATCH or is_answer and not play.faults:
             yield failed.uid, failed.failure.message
-
-
-def _script_at(play: Play, text: str) -> int:
-    """Return the node whose script is at the place with which an error ends; 0 if there is none."""
-    match = _PLACE.search(text)
-    if match is None:
-        return 0
-    place = int(match[2]), int(match[3])
-    before = [node for node in play.nodes if clean(node.element.document.file) == match[1]
-              and node.element.place() <= place]
-    return max(before, key=lambda node: node.element.place()).uid if before else 0
 
 
 def _missing_data(play: Play) -> Iterator[Place]:
@@ -327,14 +291,11 @@ def _shares_a_body(play: Play) -> Iterator[Place]:
         if not exchange.uid or play.node(exchange.uid).spec.is_recovery:
             continue  # a recovery's safe state
         before = under_way.get(exchange.service)
-        is_open = before is not None and before.answered is not None \
-            and before.answered > exchange.asked
-        if before is not None and is_open and before.uid != exchange.uid \
-                and not isinstance(exchange.request, QueryKnowledge):
+        if before is None or (before.answered or 0.0) <= exchange.asked:
+            under_way[exchange.service] = exchange
+        elif before.uid != exchange.uid and not isinstance(exchange.request, QueryKnowledge):
             yield exchange.uid, (f"{exchange.service} is asked while it still carries out the "
                                  f"request of {play.name(before.uid)}")
-        if not is_open:
-            under_way[exchange.service] = exchange
 
 
 def _cut_short(play: Play) -> Iterator[Place]:
@@ -343,13 +304,12 @@ def _cut_short(play: Play) -> Iterator[Place]:
 
     Find speech and gestures that are halted before they are over, with the visitor still there.
     """
-    steps = {step.call: step for step in play.run.steps}
+    took = {step.call: step.ended - step.began
+            for step in play.run.steps if step.ended is not None and not play.faults}
     for exchange in play.run.exchanges:
         is_cut = exchange.result is None and isinstance(exchange.request, (Say, PerformGesture))
-        step = steps.get(exchange.call)
-        if is_cut and not play.faults and play.is_visitor_here(exchange.asked) \
-                and step is not None and step.ended is not None:
-            seconds = step.ended - step.began
+        if is_cut and exchange.call in took and play.is_visitor_here(exchange.asked):
+            seconds = took[exchange.call]
             yield exchange.uid, f"it is halted after {seconds:.1f} s, before the robot is done"
 
 
@@ -434,9 +394,9 @@ def _unrecovered(play: Play) -> Iterator[Place]:
     if play.outcome != "FAILURE" or play.calm is None or play.calm.outcome != "SUCCESS":
         return
     is_given_up = any(recovery.outcome == GIVEN_UP for recovery in play.run.recoveries)
-    unhandled = [failed for failed in play.faulty_leaves() if failed.path not in play.handled()]
-    if len(play.faulty()) == 1 and not is_given_up and unhandled:
-        yield unhandled[0].uid, "its failure ends the pass, and no recovery handles it"
+    if len(play.faulty()) == 1 and not is_given_up:
+        for failed in play.unhandled()[:1]:
+            yield failed.uid, "its failure ends the pass, and no recovery handles it"
 
 
 def _budget_spent(play: Play) -> Iterator[Place]:
@@ -464,10 +424,8 @@ def _unwanted_drive(play: Play) -> Iterator[Place]:
     """The robot drives to a stop although the visitor says no."""
     visit = play.run.state.visit
     is_declined = play.behaviour == DECLINES and visit is not None and visit.asked is not None
-    if is_declined and not play.faults and play.visited:
-        places = {place.location[:2] for place in play.visited}
-        first = next(drive for drive in play.drives if goal(drive)[:2] in places)
-        yield first.uid, "the visitor says no, and the robot drives to a stop"
+    for drive in list(play.stops.values())[:1] if is_declined and not play.faults else ():
+        yield drive, "the visitor says no, and the robot drives to a stop"
 
 
 def _left_out(play: Play) -> Iterator[Place]:
@@ -476,7 +434,7 @@ def _left_out(play: Play) -> Iterator[Place]:
     A mission that does not take one stop after the other may be meant to show only some; so may
     one that asks the visitor meanwhile.
     """
-    if play.outcome != "SUCCESS" or play.behaviour != ENGAGES or not play.visited:
+    if play.outcome != "SUCCESS" or play.behaviour != ENGAGES or not play.stops:
         return
     if any(recovery.outcome in (SKIPPED, GIVEN_UP) for recovery in play.run.recoveries):
         return
@@ -485,18 +443,16 @@ def _left_out(play: Play) -> Iterator[Place]:
         return
     if any(result.began > taken[0].began for result in play.writers(data.VISITOR_RESPONSE)):
         return
-    missed = [clean(place.name) for place in play.stage.knowledge.exhibits
-              if place not in play.visited]
-    if missed:
-        stops = ", ".join(missed)
+    stops = ", ".join(clean(place.name) for place in play.stage.world.knowledge.exhibits
+                      if place not in play.stops)
+    if stops:
         yield taken[-1].uid, f"the visitor says yes, and the robot does not drive to {stops}"
 
 
 def _drives_twice(play: Play) -> Iterator[Place]:
     """The robot is sent to the place where it stands."""
     for before, drive in zip(play.drives, play.drives[1:]):
-        is_there = before.answered is not None and before.answered < drive.asked \
-            and isinstance(before.result, Answer)
+        is_there = isinstance(before.result, Answer) and (before.answered or 0.0) < drive.asked
         if is_there and not play.faults and goal(drive) == goal(before):
             yield drive.uid, "the robot has just arrived there"
 
@@ -510,7 +466,7 @@ def _shown_away(play: Play) -> Iterator[Place]:
     if play.faults or play.behaviour != ENGAGES:
         return
     taken = play.writers(data.CURRENT_EXHIBIT)
-    places = {place.location[:2] for place in play.visited}
+    places = {place.location[:2] for place in play.stops}
     by_stop: Dict[int, List[NodeResult]] = {}
     for show, chosen in play.shown:
         by_stop.setdefault(taken.index(chosen), []).append(show)
@@ -556,23 +512,22 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
 
 def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place]:
     """Find a leaf that reads the ``answer`` to an earlier question, or that replaces one unread."""
-    known: Optional[NodeResult] = None  # the answer that counts
+    source = ""  # the type of the leaf that wrote the answer
     is_used, listened = False, START
     for result in play.leaves:
         node = play.node(result.uid)
-        name = play.name(known.uid) if known is not None else ""
-        if known is not None and answer in entries(node, False):
+        if source and answer in entries(node, False):
             is_used = True
             if any(listened < at < result.began - AT_ONCE for at in asked):
-                yield result.uid, (f"it looks at the answer of {name} although another question "
+                yield result.uid, (f"it looks at the answer of {source} although another question "
                                    "was asked since")
         if answer in entries(node, True):
             listened = result.ended
-            if result.letter == "S" and known is not None and not is_used:
-                yield result.uid, (f"it replaces the answer of {name}, which nothing has looked "
-                                   "at")
             if result.letter == "S":
-                known, is_used = result, False
+                if source and not is_used:
+                    what = f"it replaces the answer of {source}, which nothing has looked at"
+                    yield result.uid, what
+                source, is_used = play.name(result.uid), False
 
 
 # ------------------------------------------------------------------------------------------ the end
@@ -596,14 +551,13 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
         node = play.node(exchange.uid)
         if exchange.request == SetAttention("scanning"):  # for the next visitor
             said.clear()
-        if not isinstance(exchange.request, Say) or not isinstance(node, MissionLeaf) \
-                or not play.is_visitor_here(exchange.asked):
-            continue
-        if node.spec.says_goodbye(node.name):
+        is_bye = isinstance(exchange.request, Say) and isinstance(node, MissionLeaf) \
+            and node.spec.says_goodbye(node.name)
+        if is_bye and play.is_visitor_here(exchange.asked):
             if exchange.request in said:
                 yield exchange.uid, "the same visitor hears it again"
             said[exchange.request] = exchange
-    for show, chosen in play.shown if said and not play.faults else ():
+    for show, chosen in play.shown if said else ():
         for bye in said.values():
             if bye.asked < chosen.began and play.is_visitor_here(show.began):
                 yield bye.uid, f"{play.name(show.uid)} goes on after it"
@@ -617,15 +571,14 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
     is_said = any(result.letter == "S" for result in play.goodbyes)
     if not play.outcome or is_said or play.behaviour != ENGAGES:
         return
-    if not play.faults and play.outcome == "SUCCESS" and len(play.visited) > 1:
+    if not play.faults and play.outcome == "SUCCESS" and len(play.stops) > 1:
         yield play.drives[-1].uid, "the last drive ends here, and the visitor is told no goodbye"
     if play.calm is None or play.faults != 1:
         return
     tried = {result.uid for result in play.goodbyes}
     omitted = [result.uid for result in play.calm.goodbyes if result.uid not in tried]
-    for failed in play.faulty_leaves()[:1] if omitted else ():
-        if failed.path not in play.handled():
-            yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
+    for failed in play.unhandled()[:1] if omitted else ():
+        yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
 
 
 def _left_on(play: Play) -> Iterator[Place]:
@@ -650,7 +603,7 @@ def _not_home(play: Play) -> Iterator[Place]:
     It may end elsewhere if the way home cannot be looked up, or if a recovery gives up for a
     service: the robot is then in the safe state, and the operator is told what to repair.
     """
-    home = play.stage.knowledge.home.location
+    home = play.stage.world.knowledge.home.location
     if not play.outcome or not play.drives or goal(play.drives[-1])[:2] == home[:2]:
         return
     last = play.drives[-1]
@@ -697,58 +650,3 @@ def findings(play: Play) -> List[Finding]:
     """Return the findings of a play."""
     return list(dict.fromkeys(Finding(kind.name, uid or ROOT, clean(what)) for kind in KINDS
                               for uid, what in kind.detect(play)))
-
-
-# --------------------------------------------------------------------------------- of all the plays
-
-
-def unreached(nodes: List[Node], reached: Collection[int]) -> List[Node]:
-    """Return the nodes that no play has reached; of a whole branch only the topmost, of nodes that
-    follow one another only the first.
-
-    A tree that is called several times is one part of the file: one call that reaches a node is
-    enough.
-    """
-    known = {node.element for node in nodes if node.uid in reached}
-    return [node for node in nodes if node.element not in known
-            and (node.parent is None or node.parent.uid in reached)
-            and not _follows_another(node, reached)]
-
-
-def _follows_another(node: Node, reached: Collection[int]) -> bool:
-    """Return whether the node is ticked only after a sibling that was not reached either."""
-    before = sibling_before(node)
-    return before is not None and before.uid not in reached
-
-
-def sibling_before(node: Node) -> Optional[Node]:
-    """Return the sibling after which a node is ticked; None if it does not wait for another."""
-    parent = node.parent
-    if parent is None or not parent.spec.next_after or parent.children[0] is node:
-        return None
-    return parent.children[parent.children.index(node) - 1]
-
-
-def never_true(nodes: List[Node], reached: Collection[int],
-               succeeded: Collection[int]) -> List[Finding]:
-    """Return the leaves that were ``reached`` in a pass without faults and have never succeeded.
-
-    A condition on a topic that is not simulated is none of them.
-    """
-    return [Finding(NEVER_TRUE.name, node.uid, "it never succeeds") for node in nodes
-            if node.uid in reached and node.uid not in succeeded and isinstance(node, MissionLeaf)
-            and not node.spec.is_recovery
-            and not any(isinstance(topic, Topic) and topic.rehearsed is None
-                        for topic in node.spec.listens)]
-
-
-def never_off(stage: Stage, switched: Dict[Request, int]) -> List[Finding]:
-    """Return what no play has switched off; ``switched`` are all requests of the kinds that the
-    safe state sends, with the leaf of each."""
-    left_on = []
-    for safe in stage.settings.interface.safe_state:
-        others = [uid for request, uid in switched.items() if type(request) is type(safe)]
-        if safe not in switched and others:
-            what = f"{safe.switches} is never switched off"
-            left_on.append(Finding(NEVER_OFF.name, others[0] or ROOT, what))
-    return left_on

@@ -5,21 +5,23 @@ Time goes from one event to the next, so a pass takes some hundredths of a secon
 """
 import dataclasses
 import math
-import os
 from typing import (
-    Collection, Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple)
+    Collection, FrozenSet, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple)
 
 from behavior_controller import exit_codes, leaves
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.engine.node import Result
-from behavior_controller.bt.engine.tree import Change
+from behavior_controller.bt.engine.failure import TickError
+from behavior_controller.bt.engine.node import Node, Result
+from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.linter.walker import check
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.status import IDLE, RUNNING
 from behavior_controller.config.settings import Settings
+from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution.events import Event, Events, Line, PassFinished
 from behavior_controller.execution.run import Run
+from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.missions import load as missions
 from behavior_controller.missions.runner import PACE, Runner, Running
 from behavior_controller.monitoring.record.recorder import Entries, shown, traversed, written
@@ -28,7 +30,6 @@ from behavior_controller.robot.requests import Request
 from unit_tests.rehearsal import blocked_leaf
 from unit_tests.rehearsal.situations import Situations
 from unit_tests.robot.behaviour import rehearsed_topics
-from unit_tests.robot.building import Building
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.virtual_robot import SHORTEST_GAP, VirtualRobot
 from unit_tests.robot.visitor import Visitor
@@ -38,6 +39,12 @@ from unit_tests.robot.options import Configuration
 
 START = 1000.0
 """When a play begins, in seconds of its clock; events and journal have the times of that clock."""
+
+LIMIT = 3600.0
+"""Seconds of the mission's time after which a pass counts as one that does not end."""
+
+STEP = 0.5
+"""Seconds between two messages of each topic where nothing fails."""
 
 LONG_PACE = 0.25
 """Seconds between the ticks of a mission that changes something at every tick, instead of
@@ -62,6 +69,10 @@ CALM = options.defaults(failureRate=0.0, callTimes=options.NONE)
 """A test without faults in which every message comes in time."""
 
 
+Place = Tuple[int, str]
+"""The uid of the node at which something is wrong, and what is wrong, in words."""
+
+
 class Played(NamedTuple):
     """The result of a play. ``exit_code`` is the controller's; None: it had not ended when its time
     was up."""
@@ -70,7 +81,8 @@ class Played(NamedTuple):
     journal: Sequence[JournalEntry]
     exit_code: Optional[int]
     cut_off: str  # why the play was stopped before the end
-    error: str  # an exception that ended the mission; empty: none
+    # the exceptions that were reported, each with its node; 0: none, it ended the mission
+    errors: Sequence[Place]
     reached: FrozenSet[int]  # the uids of the nodes that were ticked
     # the uids of the nodes that were running at the end, without a running child
     waiting: Tuple[int, ...]
@@ -82,6 +94,11 @@ class Played(NamedTuple):
     ended: float = math.inf
     # what each call met that reached a node, by that and its number, if it was asked for
     situations: Mapping[Tuple[str, int], bytes] = {}
+
+    @property
+    def has_timed_out(self) -> bool:
+        """Whether its time, or the number of its requests, was used up before the mission's end."""
+        return self.exit_code is None and self.cut_off != BUSY
 
     def run(self) -> Run:
         """Return the model of the run."""
@@ -104,17 +121,6 @@ class Stage:
         self._checked = check(self._documents, self._registry)
         self.world = world or read_world("", settings)
 
-    @classmethod
-    def of_file(cls, settings: Settings, path: str) -> "Stage":
-        """Return the stage for a mission file. Raises FaultsFound."""
-        name = os.path.splitext(os.path.basename(path))[0]
-        return cls(dataclasses.replace(settings, scenario_specification=name),
-                   with_includes(read(path)))
-
-    @property
-    def knowledge(self) -> Building:
-        return self.world.knowledge
-
     def world_of(self, test: Configuration) -> World:
         """Return the world of a test, before the robot's first request."""
         manners = self.world.visitor.manners._replace(behaviour=test.visitor_behaviour)
@@ -126,29 +132,66 @@ class Stage:
         say nothing."""
         tree = build(self._documents, self._registry, ManualClock(START), checked=self._checked)
         mission = dataclasses.replace(self.mission, tree=tree)
-        play = _Play(mission, self.world_of(test), test, shortest_gap)
-        if has_situations:
-            play.note_situations()
-        return play.run(silent)
+        robot = VirtualRobot(mission, self.world_of(test), test, shortest_gap)
+        met = Situations(tree, robot, not test.planned_faults).met if has_situations else {}
+        play = _Play(robot)
+        for topic in rehearsed_topics(self.settings.interface):
+            if topic.name not in silent:
+                robot.publish(topic)
+        return play.played(met)
 
 
 class _TimeIsUp(Exception):
     """The play ends here; the text says why."""
 
 
-class _VirtualRunner(Runner):
-    """A runner that advances the clock to the next event instead of waiting for it."""
+class _Play(Runner):
+    """A play in progress: it advances the clock to the next event instead of waiting for it, and
+    records what happens."""
 
-    deadline = math.inf
-    robot: VirtualRobot
-    _busy = 0
+    def __init__(self, robot: VirtualRobot):
+        self._robot, self._busy = robot, 0
+        self._deadline = START + robot.test.test_timeout
+        self._history: List[Tuple[float, Event]] = []
+        self._ended = math.inf
+        self._errors: List[Place] = []
+        self._ticked: Set[int] = set()
+        mission = robot.mission
+        self._entries = Entries(mission.tree)
+        events = Events()
+        events.subscribe(self._note)
+        robot.note = self._note
+        self._note(shown(mission.tree))
+        mission.tree.follow(self._follow)
+        context = mission.context(robot, robot.topics, events, robot.health)
+        super().__init__(Running(mission.tree, context, mission.file, robot.test.mission_runs),
+                         lambda: False)
+
+    def played(self, situations: Mapping[Tuple[str, int], bytes]) -> Played:
+        """Play until the mission is over or its time is up."""
+        robot, cut_off = self._robot, ""
+        exit_code: Optional[int] = None
+        try:
+            with blocked_leaf.ended():
+                exit_code = self.run()
+        except _TimeIsUp as reason:
+            cut_off, self._ended = str(reason), math.inf
+        except Exception as error:  # as the node does: an exception in a leaf is an outcome too
+            exit_code = exit_codes.BROKEN
+            self._errors.append((0, f"{type(error).__name__}: {' '.join(str(error).split())}"))
+        waiting = tuple(node.uid for node in self.tree.nodes if node.status is RUNNING
+                        and not any(child.status is RUNNING for child in node.children))
+        return Played(self._history, robot.journal, exit_code, cut_off, self._errors,
+                      frozenset(self._ticked), waiting, min(robot.clock.now(), self._ended) - START,
+                      [query for query in robot.asked if query[0] <= self._ended],
+                      robot.presence, self._ended, situations)
 
     def _tick(self) -> Result:
         result = super()._tick()
         self._busy += self.tree.busy_loops
         if self._busy > MOST_BUSY:
             raise _TimeIsUp(BUSY)
-        if len(self.robot.asked) > MOST_REQUESTS:
+        if len(self._robot.asked) > MOST_REQUESTS:
             raise _TimeIsUp(TOO_MANY)
         return result
 
@@ -162,67 +205,16 @@ class _VirtualRunner(Runner):
         while not wake.test_and_clear():
             due = clock.next_due()
             moment = limit if due is None else min(limit, due)
-            if moment > self.deadline and not self._is_over():  # the last pass was in time
-                raise _TimeIsUp(TIMED_OUT.format(self.deadline - START))
+            if moment > self._deadline and not self._is_over():  # the last pass was in time
+                raise _TimeIsUp(TIMED_OUT.format(self._deadline - START))
             clock.set_to(max(clock.now(), moment))
             clock.run_due()
             if moment == limit:
                 return
 
-
-class _Play:
-    """A play in progress: it runs the mission and records what happens."""
-
-    def __init__(self, mission: missions.Mission, world: World, test: Configuration,
-                 shortest_gap: float):
-        self._mission, self._test = mission, test
-        self._robot = VirtualRobot(mission, world, test, self._note, shortest_gap)
-        self._events: List[Tuple[float, Event]] = []
-        self._entries = Entries(mission.tree)
-        self._ended = math.inf
-        self._reached: Set[int] = set()
-        self._met: Dict[Tuple[str, int], bytes] = {}
-
-    def note_situations(self) -> None:
-        """Note what each call meets, from the first fault on if one is planned."""
-        situations = Situations(self._mission.tree, self._robot)
-        is_wanted = not self._test.planned_faults
-
-        def note(entry: JournalEntry) -> None:
-            nonlocal is_wanted
-            if is_wanted:
-                self._met[entry.node, entry.call] = situations.now()
-            is_wanted = is_wanted or entry.fault is not None
-
-        self._robot.called = note
-
-    def run(self, silent: Collection[str]) -> Played:
-        """Play until the mission is over or its time is up."""
-        robot, tree = self._robot, self._mission.tree
-        events = Events()
-        events.subscribe(self._note)
-        self._note(shown(tree))
-        tree.follow(self._follow)
-        for topic in rehearsed_topics(self._mission.settings.interface):
-            if topic.name not in silent:
-                robot.publish(topic)
-        context = self._mission.context(robot.gateway, robot.topics, events, robot.health)
-        running = Running(tree, context, self._mission.file, self._test.mission_runs)
-        runner = _VirtualRunner(running, lambda: False)
-        runner.deadline = START + self._test.test_timeout
-        runner.robot = robot
-        return self._played(*_ended(runner))
-
-    def _played(self, exit_code: Optional[int], cut_off: str, error: str) -> Played:
-        robot = self._robot
-        ended = self._ended if exit_code is not None else math.inf
-        running = [node for node in self._mission.tree.nodes if node.status is RUNNING]
-        waiting = tuple(node.uid for node in running
-                        if not any(child.status is RUNNING for child in node.children))
-        asked = [(at, request) for at, request in robot.asked if at <= ended]
-        return Played(self._events, robot.journal, exit_code, cut_off, error,
-                      frozenset(self._reached), waiting, min(robot.clock.now(), ended) - START,
-                      asked, robot.presence, ended, self._met)
+    def _report(self, error: BehaviorControllerError, text: str) -> None:
+        super()._report(error, text)
+        self._errors.append((_node_of(error, self.tree.nodes), text))
 
     def _follow(self, is_first: Optional[bool], changes: List[Change]) -> None:
         self._robot.topics.reads.clear()
@@ -230,24 +222,59 @@ class _Play:
         if news:
             self._note(written(*news))
         if is_first is not None:
-            self._note(traversed(self._robot.clock.now(), is_first, changes))
-        self._reached.update(node.uid for node, _, new in changes if new is not IDLE)
+            self._note(traversed(self.clock.now(), is_first, changes))
+        self._ticked.update(node.uid for node, _, new in changes if new is not IDLE)
 
     def _note(self, event: Event) -> None:
         """Add an event to the run."""
         at = self._robot.stamp()
-        self._events.append((at, event))
+        self._history.append((at, event))
         if isinstance(event, PassFinished):
             self._ended = at
 
 
-def _ended(runner: Runner) -> Tuple[Optional[int], str, str]:
-    """Run, and return the exit code, why the end was not awaited, and the exception that ended the
-    run."""
-    try:
-        with blocked_leaf.ended():
-            return runner.run(), "", ""
-    except _TimeIsUp as reason:
-        return None, str(reason), ""
-    except Exception as error:  # as the node does: an exception in a leaf is an outcome too
-        return exit_codes.BROKEN, "", f"{type(error).__name__}: {' '.join(str(error).split())}"
+def _node_of(error: BehaviorControllerError, nodes: Sequence[Node]) -> int:
+    """Return the node, or that of the script, in which an error was raised; 0 if none is known."""
+    node, cause = (error.node, error.cause) if isinstance(error, TickError) else (None, error)
+    origin = getattr(cause, "origin", None)
+    if origin is not None and (node is None or node.element is not origin[0]):
+        node = next((node for node in nodes if node.element is origin[0]), None)
+    return node.uid if node is not None else 0
+
+
+# ------------------------------------------------------------------------------ without any failure
+
+
+class Rehearsal(NamedTuple):
+    """How the mission should go: its outcome, the paths of the leaves that it reaches, and its
+    branches.
+
+    A branch is a child of a node with several children; it is given as the paths of the mission
+    leaves below it.
+    """
+
+    outcome: str
+    reached: FrozenSet[str]
+    branches: Tuple[FrozenSet[str], ...]
+
+
+def rehearse(stage: Stage, behaviour: str) -> Optional[Rehearsal]:
+    """Return how one pass of the mission goes with a visitor of that behaviour; None if that cannot
+    be told."""
+    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=LIMIT)
+    played = stage.play(test, shortest_gap=STEP)
+    visits = played.run().visits
+    if not visits:
+        return None
+    tree = stage.mission.tree
+    reached = frozenset(node.full_path for node in tree.nodes
+                        if isinstance(node, MissionLeaf) and node.uid in played.reached)
+    return Rehearsal(visits[-1].outcome, reached, branches(tree))
+
+
+def branches(tree: Tree) -> Tuple[FrozenSet[str], ...]:
+    """Return the branches of a tree that have mission leaves."""
+    children = (child for node in tree.nodes if len(node.children) > 1 for child in node.children)
+    leaves = (frozenset(node.full_path for node in child.iterate() if isinstance(node, MissionLeaf))
+              for child in children)
+    return tuple(filter(None, leaves))

@@ -1,23 +1,29 @@
 """The plays of a rehearsal: which visitor, which faults, by voice or tablet; run on all cores, and
 evaluated."""
 import dataclasses
+import itertools
 import multiprocessing
 import signal
 from contextlib import ExitStack, contextmanager
+from functools import lru_cache, partial
 from multiprocessing.pool import Pool
 from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
                     Optional, Sequence, Set, Tuple)
 
-from behavior_controller.bt.loader.document import garbage_collection_paused
+from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.loader.document import garbage_collection_paused, read, with_includes
 from behavior_controller.config.settings import defaults
+from behavior_controller.folders import mission_name
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Request
+from behavior_controller.text import clean, count
 
 from unit_tests.rehearsal import findings
 from unit_tests.rehearsal.findings import RobotCall, Finding, Play
 from unit_tests.robot.faults import KINDS, PlannedFault
+from unit_tests.rehearsal.play import CALM, Place, Stage
 from unit_tests.robot.options import REAL
-from unit_tests.rehearsal.play import CALM, Stage
+from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES
 
 MESSAGES = 1.0
 """Seconds between two messages of a topic, or half of ``topicMaxAge`` if less: in a rehearsal no
@@ -29,11 +35,17 @@ FEW = 60
 CHUNK = 8
 """Plays that a process receives at once."""
 
+MOST_PLAYS = 400
+"""Plays towards all nodes together."""
+
+MOST_BASES = 12
+"""Plays that get a further fault for a node in one round."""
+
+BURSTS = (2, 3, 4)
+"""How many calls in a row go wrong where nothing says which ones have to."""
+
 NO_VISITOR = "waiting for a visitor"
 """The outcome of a pass in which no visitor is seen."""
-
-BROKEN = "exception"
-"""The outcome of a pass that an exception outside the tree ended."""
 
 
 class Scene(NamedTuple):
@@ -71,8 +83,8 @@ class Scene(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """The result of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, BROKEN, or empty if the
-    pass did not end.
+    """The result of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, or empty if the pass did
+    not end.
     """
 
     scene: Scene
@@ -86,6 +98,15 @@ class Outcome(NamedTuple):
     switched: Tuple[Tuple[Request, int], ...]
     calls: Tuple[RobotCall, ...] = ()
 
+    def rank(self) -> Tuple[Any, ...]:
+        """Return the key by which the shortest play sorts first; of equals, the first declared
+        visitor and kind of fault."""
+        scene = self.scene
+        return (scene.rate > 0, len(scene.planned + scene.silent),
+                sum(fault.is_lasting for fault in scene.planned), round(self.seconds),
+                BEHAVIOURS.index(scene.visitor), not scene.by_voice,
+                [KINDS.index(fault.kind) for fault in scene.planned], scene)
+
 
 class Theatre:
     """A mission on its stages, one for visitors who answer by voice and one for the tablet. Each
@@ -95,15 +116,13 @@ class Theatre:
         """``chosen`` are the values of the controller's keys, ``mission`` is a file; ``limit`` is
         in seconds of the mission's time."""
         self.chosen, self.mission, self.limit = dict(chosen), mission, limit
-        self._stages: Dict[bool, Stage] = {}
-        self._calm: Dict[Scene, Play] = {}
+        self.stage: Callable[[bool], Stage] = lru_cache(maxsize=None)(self._stage)
+        """Returns the stage, by voice or not. Raises FaultsFound if it cannot be played."""
+        self._calm_play: Callable[[Scene], Play] = lru_cache(maxsize=None)(self.play)
 
-    def stage(self, by_voice: bool) -> Stage:
-        """Return the stage. Raises FaultsFound if the mission cannot be played."""
-        if by_voice not in self._stages:
-            self._stages[by_voice] = Stage.of_file(
-                defaults(**dict(self.chosen, asrEnabled=by_voice)), self.mission)
-        return self._stages[by_voice]
+    def _stage(self, by_voice: bool) -> Stage:
+        own = dict(asrEnabled=by_voice, scenarioSpecification=mission_name(self.mission))
+        return Stage(defaults(**{**self.chosen, **own}), with_includes(read(self.mission)))
 
     def play(self, scene: Scene) -> Play:
         """Play a scene."""
@@ -111,33 +130,24 @@ class Theatre:
             CALM, visitor_behaviour=scene.visitor, planned_faults=scene.planned,
             failure_rate=scene.rate, random_seed=scene.seed, fault_kinds=scene.kinds,
             test_timeout=self.limit, call_times=REAL)
-        stage = self.stage(scene.by_voice)
+        stage, silent = self.stage(scene.by_voice), scene.silent
+        robot = stage.settings.interface
+        if not stage.settings.asr_enabled and robot.tells(Sense.UTTERANCE):
+            silent += (robot.evidence(Sense.UTTERANCE).topic.name,)  # no speech is recognised
         gap = min(MESSAGES, stage.settings.topic_max_age / 2)
-        played = stage.play(test, scene.silent + self._unheard(stage), gap, scene.is_listed)
+        played = stage.play(test, silent, gap, scene.is_listed)
         faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
         calm = None if scene.is_calm else self._calm_play(scene.calm)
         return Play(stage, played, scene.visitor, faults, calm)
-
-    @staticmethod
-    def _unheard(stage: Stage) -> Tuple[str, ...]:
-        """Return the topic that says nothing because speech is not recognised, if it is so."""
-        robot = stage.settings.interface
-        if stage.settings.asr_enabled or not robot.tells(Sense.UTTERANCE):
-            return ()
-        return (robot.evidence(Sense.UTTERANCE).topic.name,)
-
-    def _calm_play(self, scene: Scene) -> Play:
-        if scene not in self._calm:
-            self._calm[scene] = self.play(scene)
-        return self._calm[scene]
 
     def evaluate(self, scene: Scene) -> Outcome:
         """Play a scene and find what is wrong in it."""
         with garbage_collection_paused():
             play = self.play(scene)
-            outcome = play.outcome or (BROKEN if play.played.error else
-                                       NO_VISITOR if findings.waits_for_a_visitor(play) else "")
-            return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
+            waits = findings.waits_for_a_visitor(play)
+            outcome = play.outcome or (NO_VISITOR if waits else "")
+            return Outcome(scene, outcome, play.played.seconds,
+                           tuple((clean(place.name), uid) for place, uid in play.stops.items()),
                            tuple(findings.findings(play)), play.played.reached, play.succeeded,
                            tuple(play.switched.items()),
                            tuple(play.calls()) if scene.is_listed else ())
@@ -151,39 +161,30 @@ def calm(visitors: Sequence[str], ways: Sequence[bool]) -> List[Scene]:
     return [Scene(visitor, by_voice) for by_voice in ways for visitor in visitors]
 
 
-def new_calls(outcomes: Iterable[Outcome]) -> Iterator[Tuple[Outcome, List[RobotCall]]]:
-    """Yield each outcome without faults with its calls that the same visitor does not cause in an
-    earlier one: what is asked by tablet is mostly what is asked by voice.
-
-    A pass that does not end without a fault is not played with one.
-    """
-    known: Dict[str, Set[Tuple[str, str]]] = {}
-    for outcome in outcomes:
-        if outcome.outcome in ("SUCCESS", "FAILURE"):
-            before = known.setdefault(outcome.scene.visitor, set())
-            yield outcome, [
-                call for call in outcome.calls if (call.node, call.fields) not in before]
-            before.update((call.node, call.fields) for call in outcome.calls)
-
-
 def single(outcomes: Sequence[Outcome], kinds: Sequence[str], topics: Sequence[str],
            is_every: bool = False) -> Iterator[Scene]:
     """Yield the scenes of the calm ``outcomes`` with each call going wrong in each way, with each
     leaf's service going wrong for good from its first call on, and with each topic silent.
 
-    ``is_every``: also those calls that are not new.
+    Left out are calls that the same visitor causes in an earlier one, unless ``is_every``: what is
+    asked by tablet is mostly what is asked by voice. A pass that does not end without a fault is
+    not played with one.
     """
-    for outcome, calls in new_calls(outcomes):
+    known: Set[Tuple[str, str, str]] = set()
+    for outcome in outcomes:
+        scene = outcome.scene
+        if outcome.outcome not in ("SUCCESS", "FAILURE"):
+            continue
+        asked = [(call, (scene.visitor, call.node, call.fields)) for call in outcome.calls]
         leaves: Set[int] = set()
-        for call in outcome.calls if is_every else calls:
-            for kind in kinds:
-                yield outcome.scene.with_fault(PlannedFault(call.node, call.number, kind))
+        for call in (call for call, what in asked if is_every or what not in known):
+            fault = PlannedFault(call.node, call.number, kinds[0])
+            yield from (scene.with_fault(fault._replace(kind=kind)) for kind in kinds)
             if call.uid not in leaves:
                 leaves.add(call.uid)
-                yield outcome.scene.with_fault(
-                    PlannedFault(call.node, call.number, kinds[0], is_lasting=True))
-        for topic in topics:
-            yield outcome.scene._replace(silent=(topic,))
+                yield scene.with_fault(fault._replace(is_lasting=True))
+        yield from (scene._replace(silent=(topic,)) for topic in topics)
+        known.update(what for _, what in asked)
 
 
 def pairs(outcomes: Sequence[Outcome], kinds: Sequence[str]) -> Iterator[Scene]:
@@ -217,47 +218,159 @@ def random(scenes: Sequence[Scene], runs: int, rates: Sequence[float], seed: int
             for rate in rates for run in range(runs)]
 
 
+# -------------------------------------------------------------------------------------- the search
+
+
+class Search:
+    """Plans plays in rounds, from the ``outcomes`` so far: a play that comes as far as the sibling
+    before a node gets a further fault below that sibling, until the sibling fails.
+
+    ``plays`` is the number of planned plays. ``is_cut``: more could have been tried.
+    """
+
+    def __init__(self, nodes: List[Node], reached: Set[int], outcomes: List[Outcome], kind: str):
+        """``reached`` and ``outcomes`` grow with each round that is played."""
+        self._nodes, self._reached, self._outcomes = nodes, reached, outcomes
+        self._kind = kind
+        self._tried: Set[Scene] = set()
+        self._bases: Set[Tuple[int, Scene]] = set()
+        self.plays = 0
+        self.is_cut = False
+
+    def targets(self) -> List[Node]:
+        """Return the nodes to search for, which no play has reached; of a whole branch only the
+        topmost, of nodes that follow one another only the first.
+
+        A tree that is called several times is one part of the file: one call that reaches a node is
+        enough. None is a recovery from a step that cannot fail.
+        """
+        known = {node.element for node in self._nodes if node.uid in self._reached}
+        asked = {call.uid for outcome in self._outcomes for call in outcome.calls}
+        targets = []
+        for node in self._nodes:
+            before = _sibling_before(node)
+            is_first = before is None or before.uid in self._reached
+            is_top = node.parent is None or node.parent.uid in self._reached
+            may_be_needed = not node.spec.is_recovery or _below(before) & asked
+            if node.element not in known and is_top and is_first and may_be_needed:
+                targets.append(node)
+        return targets
+
+    def unreached(self) -> Iterator[Place]:
+        """Yield the nodes that are still not reached, and in words how sure it is that no play
+        reaches them."""
+        runs = count(len(self._outcomes), "simulated run", "simulated runs")
+        for node in self.targets():
+            yield node.uid, (f"not reached by {runs}" if self.is_cut else
+                             f"no visitor and no fault brings the mission here, in {runs}")
+
+    def rounds(self) -> Iterator[List[Scene]]:
+        """Yield the scenes of each round."""
+        yield from self._towards()
+        if self.targets():
+            yield self._new(self._bursts())
+            yield from self._towards()
+
+    def _towards(self) -> Iterator[List[Scene]]:
+        while True:
+            scenes = self._new(scene for node in self.targets() for scene in self._extended(node))
+            if not scenes:
+                return
+            yield scenes
+
+    def _new(self, scenes: Iterable[Scene]) -> List[Scene]:
+        new = [scene for scene in dict.fromkeys(scenes) if scene not in self._tried]
+        chosen = new[:MOST_PLAYS - self.plays]
+        self.is_cut = self.is_cut or len(chosen) < len(new)
+        self._tried.update(chosen)
+        self.plays += len(chosen)
+        return chosen
+
+    def _extended(self, node: Node) -> Iterator[Scene]:
+        """Yield the nearest plays that end before ``node``, with a further fault below its sibling.
+        """
+        before = _sibling_before(node)
+        below = _below(before)
+        near = [outcome for outcome in self._outcomes
+                if before is not None and before.uid in outcome.reached
+                and outcome.calls and (node.uid, outcome.scene) not in self._bases]
+        for outcome in sorted(near, key=Outcome.rank)[:MOST_BASES]:
+            self._bases.add((node.uid, outcome.scene))
+            scene = outcome.scene._replace(is_traced=True)
+            for call in outcome.calls:
+                if call.uid in below and call.is_done:
+                    fault = PlannedFault(call.node, call.number, self._kind)
+                    yield scene.with_fault(fault)
+                    yield scene.with_fault(fault._replace(is_lasting=True))
+
+    def _bursts(self) -> Iterator[Scene]:
+        """Yield, for a visitor who engages, several faults in a row from each leaf's first call on,
+        and each two services that go wrong for good."""
+        for outcome in self._outcomes:
+            scene = outcome.scene._replace(is_traced=True)
+            if not outcome.scene.is_calm or scene.visitor != ENGAGES:
+                continue
+            first: Dict[int, PlannedFault] = {}
+            for call in outcome.calls:
+                first.setdefault(call.uid, PlannedFault(call.node, call.number, self._kind))
+            for fault in first.values():
+                for length in BURSTS:
+                    burst = (fault._replace(call=fault.call + later) for later in range(length))
+                    yield scene._replace(planned=tuple(burst))
+            nodes = {fault.node: fault for fault in reversed(list(first.values()))}  # their first
+            lasting = (fault._replace(is_lasting=True) for fault in nodes.values())
+            for pair in itertools.combinations(sorted(lasting), 2):
+                yield scene._replace(planned=pair)
+
+
+def _sibling_before(node: Node) -> Optional[Node]:
+    """Return the sibling after which a node is ticked; None if it does not wait for another."""
+    parent = node.parent
+    if parent is None or not parent.spec.next_after or parent.children[0] is node:
+        return None
+    return parent.children[parent.children.index(node) - 1]
+
+
+def _below(node: Any) -> Set[int]:
+    return {below.uid for below in node.iterate()} if node is not None else set()
+
+
 # ------------------------------------------------------------------------------------- on all cores
 
-
-_theatre: Optional[Theatre] = None
 
 PlayAll = Callable[[Sequence[Scene]], Iterator[Outcome]]
 
 
-def _open(*arguments: Any) -> None:
-    """Prepare a process for its plays."""
-    global _theatre
-    _theatre = Theatre(*arguments)
+@lru_cache(maxsize=1)
+def _theatre(chosen: Tuple[Tuple[str, Any], ...], mission: str, limit: float) -> Theatre:
+    return Theatre(dict(chosen), mission, limit)
 
 
-def _evaluate(scene: Scene) -> Outcome:
-    assert _theatre is not None
-    return _theatre.evaluate(scene)
+def _evaluate(arguments: Tuple[Any, ...], scene: Scene) -> Outcome:
+    """Play a scene in another process, whose theatre has these arguments."""
+    return _theatre(*arguments).evaluate(scene)
 
 
 @contextmanager
 def players(theatre: Theatre, jobs: int) -> Iterator[PlayAll]:
     """Give a function that yields the result of each scene as soon as it is known."""
     with ExitStack() as processes:
-        pool: Optional[Pool] = None
+        pool = lru_cache()(lambda: processes.enter_context(_pool(jobs)))
 
         def play_all(scenes: Sequence[Scene]) -> Iterator[Outcome]:
-            nonlocal pool
             if jobs <= 1 or len(scenes) <= FEW:
                 return map(theatre.evaluate, scenes)
-            pool = pool or processes.enter_context(_pool(theatre, jobs))
-            return pool.imap_unordered(_evaluate, scenes, CHUNK)
+            arguments = tuple(theatre.chosen.items()), theatre.mission, theatre.limit
+            return pool().imap_unordered(partial(_evaluate, arguments), scenes, CHUNK)
 
         yield play_all
 
 
-def _pool(theatre: Theatre, jobs: int) -> Pool:
+def _pool(jobs: int) -> Pool:
     # Ctrl-C is for this process; the others inherit that they ignore it, else each would print a
     # traceback
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    arguments = theatre.chosen, theatre.mission, theatre.limit
     try:
-        return multiprocessing.get_context("spawn").Pool(jobs, _open, arguments)
+        return multiprocessing.get_context("spawn").Pool(jobs)
     finally:
         signal.signal(signal.SIGINT, before)

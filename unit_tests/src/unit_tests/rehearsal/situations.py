@@ -2,13 +2,14 @@
 import enum
 import hashlib
 from collections import deque
-from typing import Any, Iterator, List, Tuple
+from typing import Any, Dict, Iterator, List, Tuple
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.execution.events import LETTERS
 from behavior_controller.leaves import data
 
+from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.virtual_robot import VirtualRobot
 
 _OF_ALL_NODES = vars(Node).keys() | vars(Node("")) | {
@@ -29,13 +30,20 @@ class Situations:
     moments, and the numbers of failures that a recovery has handled.
     """
 
-    def __init__(self, tree: Tree, robot: VirtualRobot):
-        self._tree, self._robot = tree, robot
+    def __init__(self, tree: Tree, robot: VirtualRobot, is_wanted: bool):
+        """``is_wanted``: from the first call on, and not from the first fault on."""
+        self._tree, self._robot, self._is_wanted = tree, robot, is_wanted
+        self.met: Dict[Tuple[str, int], bytes] = {}  # what each call met, by node and number
+        robot.called = self._note
         self._nodes = [node for node in tree.nodes if not node.spec.is_recovery]
         self._names: List[Tuple[int, List[str]]] = [(0, [])] * len(self._nodes)
 
-    def now(self) -> bytes:
-        """Return the digest for this moment."""
+    def _note(self, entry: JournalEntry) -> None:
+        if self._is_wanted:
+            self.met[entry.node, entry.call] = self._digest()
+        self._is_wanted = self._is_wanted or entry.fault is not None
+
+    def _digest(self) -> bytes:
         tree, now = self._tree, self._robot.clock.now()
         entries = [(path, name, str(entry.value)) for path, board in tree.blackboards.items()
                    for name, entry in board.local.items() if name not in _TIMES]

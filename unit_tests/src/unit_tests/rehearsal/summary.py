@@ -3,18 +3,19 @@ of success."""
 import math
 import shlex
 from collections import Counter
-from typing import Any, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import (
+    Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple)
 
-from behavior_controller.robot.requests import Request
+from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.monitoring.story import Sentence, Story
+from behavior_controller.robot.declarations import Topic
 from behavior_controller.text import clean, count
 
 from unit_tests.rehearsal import findings
 from unit_tests.rehearsal.findings import Finding, FindingKind
-from unit_tests.rehearsal.plays import NO_VISITOR, Outcome, Scene, Theatre
-from unit_tests.rehearsal.search import Search, verdict
+from unit_tests.rehearsal.plays import NO_VISITOR, Outcome, Scene, Search, Theatre
 from unit_tests.robot.faults import KINDS
-from unit_tests.rehearsal.play import START
+from unit_tests.rehearsal.play import START, Place
 from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES
 
 Z = 1.96
@@ -84,35 +85,24 @@ class Survey:
     def __init__(self, theatre: Theatre, by_voice: bool = True, chosen: Sequence[str] = ()):
         """``by_voice``: the stage whose tree gives the nodes their places; ``chosen`` are the
         arguments of the command that are the same for all plays."""
-        self.theatre = theatre
+        self._theatre, self._chosen = theatre, chosen
         self._stage = theatre.stage(by_voice)
-        self._nodes = self._stage.mission.tree.nodes
-        self._chosen = chosen
-        self.plays = 0
-        self._outcomes: List[Outcome] = []
-        self._shortest: Dict[Key, Tuple[Outcome, Finding]] = {}
-        self._plays_of: Dict[Key, Set[int]] = {}
+        self.nodes = self._stage.mission.tree.nodes
+        self.outcomes: List[Outcome] = []
+        self._found: Dict[Key, Dict[int, Finding]] = {}  # by the number of the play
         self.reached: Set[int] = set()  # the uids of nodes
-        self._calmly: Set[int] = set()  # reached without a fault
         self._succeeded: Set[int] = set()
-        self._switched: Dict[Request, int] = {}
 
     def take(self, outcome: Outcome) -> None:
         """Add the result of a scene."""
-        self._outcomes.append(
-            outcome._replace(findings=(), calls=(), reached=_NONE, succeeded=_NONE))
         self.reached |= outcome.reached
-        if outcome.scene.is_calm:
-            self._calmly |= outcome.reached
         self._succeeded |= outcome.succeeded
-        self._switched.update(outcome.switched)
         for finding in outcome.findings:
-            key = finding.kind, self.place(finding.uid)
-            self._plays_of.setdefault(key, set()).add(self.plays)
-            known = self._shortest.get(key)
-            if known is None or _length(outcome) < _length(known[0]):
-                self._shortest[key] = outcome, finding
-        self.plays += 1
+            plays = self._found.setdefault((finding.kind, self.place(finding.uid)), {})
+            plays.setdefault(len(self.outcomes), finding)
+        # of the many others only the end is needed
+        self.outcomes.append(outcome if outcome.calls or outcome.scene.is_calm else
+                             outcome._replace(findings=(), reached=_NONE, succeeded=_NONE))
 
     @property
     def has_ended(self) -> bool:
@@ -121,54 +111,67 @@ class Survey:
 
     @property
     def _calm(self) -> List[Outcome]:
-        return [outcome for outcome in self._outcomes if outcome.scene.is_calm]
+        return [outcome for outcome in self.outcomes if outcome.scene.is_calm]
 
-    def whole(self, search: Optional[Search]) -> List[Finding]:
-        """Return what only all plays together show, if each visitor and each fault was played, and
+    def _whole(self, search: Optional[Search]) -> Iterator[Tuple[FindingKind, Place]]:
+        """Yield what only all plays together show, if each visitor and each fault was played, and
         ``search`` has planned faults towards the nodes that they do not reach."""
-        if not self.has_ended:
-            return []
-        of_all = self._never_succeeds() + self._one_way()
-        if search is None:
-            return of_all
-        of_all += findings.never_true(self._nodes, self._calmly, self._succeeded)
-        of_all += findings.never_off(self._stage, self._switched)
-        return of_all + [Finding(findings.UNREACHED.name, node.uid, verdict(search, self.plays))
-                         for node in search.targets()]
+        detectors = {findings.NEVER_SUCCEEDS: self._never_succeeds, findings.ONE_WAY: self._one_way}
+        if search is not None:
+            detectors.update({findings.NEVER_TRUE: self._never_true,
+                              findings.NEVER_OFF: self._never_off,
+                              findings.UNREACHED: search.unreached})
+        for kind, detect in detectors.items() if self.has_ended else ():
+            for place in detect():
+                yield kind, place
 
-    def _never_succeeds(self) -> List[Finding]:
-        """Return the finding that no visitor's pass succeeds without a fault, if all were played.
-        """
+    def _never_succeeds(self) -> Iterator[Place]:
+        """Find that no visitor's pass succeeds without a fault, if all were played."""
         visitors = {outcome.scene.visitor for outcome in self._calm}
         outcomes = {outcome.outcome for outcome in self._calm}
-        if visitors != set(BEHAVIOURS) or outcomes & {"SUCCESS", NO_VISITOR}:
-            return []
-        return [Finding(findings.NEVER_SUCCEEDS.name, findings.ROOT,
-                        f"each of {count(len(self._calm), 'pass', 'passes')} fails")]
+        if visitors == set(BEHAVIOURS) and not outcomes & {"SUCCESS", NO_VISITOR}:
+            yield findings.ROOT, f"each of {count(len(self._calm), 'pass', 'passes')} fails"
 
-    def _one_way(self) -> List[Finding]:
-        """Return the finding that voice and tablet lead a visitor who engages to other stops, on a
-        robot that understands both."""
+    def _one_way(self) -> Iterator[Place]:
+        """Find that voice and tablet lead a visitor who engages to other stops, on a robot that
+        understands both."""
         stops = {outcome.scene.by_voice: dict(outcome.stops) for outcome in self._calm
                  if outcome.scene.visitor == ENGAGES}
-        if len(stops) < 2 or not self._stage.settings.tablet_tells:
-            return []
-        one_way = []
-        for by_voice, way in ((True, "tablet"), (False, "voice")):
-            missed = [name for name in stops[by_voice] if name not in stops[not by_voice]]
-            if missed:
-                what = f"by {way} the robot does not come to {', '.join(missed)}"
-                one_way.append(Finding(findings.ONE_WAY.name, stops[by_voice][missed[0]], what))
-        return one_way
+        if len(stops) == 2 and self._stage.settings.tablet_tells:
+            for by_voice, way in ((True, "tablet"), (False, "voice")):
+                missed = [name for name in stops[by_voice] if name not in stops[not by_voice]]
+                if missed:
+                    what = f"by {way} the robot does not come to {', '.join(missed)}"
+                    yield stops[by_voice][missed[0]], what
+
+    def _never_true(self) -> Iterator[Place]:
+        """Find the leaves that were reached in a pass without faults and have never succeeded.
+
+        A condition on a topic that is not simulated is none of them.
+        """
+        failed = {uid for outcome in self._calm for uid in outcome.reached} - self._succeeded
+        for node in self.nodes:
+            if node.uid in failed and isinstance(node, MissionLeaf) and not node.spec.is_recovery \
+                    and not any(isinstance(topic, Topic) and topic.rehearsed is None
+                                for topic in node.spec.listens):
+                yield node.uid, "it never succeeds"
+
+    def _never_off(self) -> Iterator[Place]:
+        """Find what the mission switches on, and no play has switched off."""
+        switched = {request: uid for outcome in self.outcomes for request, uid in outcome.switched}
+        for safe in self._stage.settings.interface.safe_state:
+            others = [uid for request, uid in switched.items() if type(request) is type(safe)]
+            if others and safe not in switched:
+                yield others[0] or findings.ROOT, f"{safe.switches} is never switched off"
 
     def findings(self, search: Optional[Search] = None) -> List[FindingSummary]:
         """Return the findings, those of one kind together, each with its consequences."""
-        every = {key: self._of_play(key) for key in self._shortest}
+        every = {key: self._of_play(key) for key in self._found}
         places = {place for _, place in every}
-        for finding in self.whole(search):
-            key = finding.kind, self.place(finding.uid)
-            if key[1] not in places or finding.uid == findings.ROOT:
-                every.setdefault(key, self._summary(finding))
+        for kind, (uid, what) in self._whole(search):
+            key = kind.name, self.place(uid)
+            if key[1] not in places or uid == findings.ROOT:
+                every.setdefault(key, self._summary(Finding(kind.name, uid, what)))
         order = list(findings.BY_NAME)
         keys = sorted(every, key=lambda key: (order.index(key[0]), every[key].seconds,
                                               every[key].where))
@@ -187,36 +190,38 @@ class Survey:
         in no play without the other."""
         if key[1] == other[1]:
             return True
-        if other not in self._plays_of:  # the mission never comes to its proper end
+        if other not in self._found:  # the mission never comes to its proper end
             return key[0] != other[0]
-        engaged = {number for number, outcome in enumerate(self._outcomes)
+        engaged = {number for number, outcome in enumerate(self.outcomes)
                    if outcome.scene.is_calm and outcome.scene.visitor == ENGAGES}
-        plays, others = self._plays_of.get(key, engaged), self._plays_of[other]
+        plays, others = set(self._found.get(key, engaged)), set(self._found[other])
         if key[0] == findings.ONE_WAY.name:  # of the plays of one way
             return not plays.isdisjoint(others)
         return bool(plays) and plays <= others
 
     def _of_play(self, key: Key) -> FindingSummary:
-        outcome, finding = self._shortest[key]
-        return self._summary(finding)._replace(
-            plays=len(self._plays_of[key]), scene=outcome.scene, seconds=outcome.seconds,
-            story=shortened(self.story(outcome.scene)), command=self.command(outcome.scene))
+        plays = self._found[key]
+        shortest = min(plays, key=lambda number: self.outcomes[number].rank())
+        scene = self.outcomes[shortest].scene
+        return self._summary(plays[shortest])._replace(
+            plays=len(plays), scene=scene, seconds=self.outcomes[shortest].seconds,
+            story=shortened(self.story(scene)), command=self.command(scene))
 
     def _summary(self, finding: Finding) -> FindingSummary:
-        where = clean(self._nodes[finding.uid - 1].full_path)
+        where = clean(self.nodes[finding.uid - 1].full_path)
         return FindingSummary(findings.BY_NAME[finding.kind], where, self.place(finding.uid),
                               finding.what)
 
     def place(self, uid: int) -> str:
         """Return file, line and column of a node."""
-        element = self._nodes[uid - 1].element
+        element = self.nodes[uid - 1].element
         return "{}:{}:{}".format(clean(element.document.file), *element.place())
 
     def story(self, scene: Scene) -> Tuple[Sentence, ...]:
         """Return the sentences of a play; their times are seconds from its beginning."""
         story = Story()
         return tuple(sentence._replace(at=sentence.at - START)
-                     for line in self.theatre.play(scene).run.lines
+                     for line in self._theatre.play(scene).run.lines
                      for sentence in story.take(line.time, line.event))
 
     def command(self, scene: Scene) -> str:
@@ -240,7 +245,7 @@ class Survey:
         rows = []
         for calm in self._calm:
             counted = Counter(
-                outcome.outcome for outcome in self._outcomes
+                outcome.outcome for outcome in self.outcomes
                 if not outcome.scene.is_calm and outcome.scene[:2] == calm.scene[:2])
             rows.append(VisitorRow(calm.scene.visitor, calm.scene.by_voice, calm.outcome,
                                    calm.seconds, len(calm.stops), tuple(sorted(counted.items()))))
@@ -248,9 +253,13 @@ class Survey:
 
     def shares(self) -> List[Share]:
         """Return the share of successes for each failure rate, of the plays with random faults."""
-        rates = sorted({outcome.scene.rate for outcome in self._outcomes if outcome.scene.seed})
-        return [_share(rate, [outcome for outcome in self._outcomes if outcome.scene.rate == rate])
-                for rate in rates]
+        shares = []
+        for rate in sorted({outcome.scene.rate for outcome in self.outcomes if outcome.scene.seed}):
+            runs = [outcome for outcome in self.outcomes if outcome.scene.rate == rate]
+            seconds = [outcome.seconds for outcome in runs if outcome.outcome]
+            shares.append(Share(rate, len(runs), sum(run.outcome == "SUCCESS" for run in runs),
+                                sum(seconds) / len(seconds) if seconds else math.nan))
+        return shares
 
 
 def shortened(story: Sequence[Sentence]) -> Tuple[Sentence, ...]:
@@ -261,19 +270,3 @@ def shortened(story: Sequence[Sentence]) -> Tuple[Sentence, ...]:
     half = MOST_SENTENCES // 2
     gap = story[half]._replace(text=f"… {count(left_out, 'sentence', 'sentences')} more …")
     return (*story[:half], gap, *story[-half:])
-
-
-def _length(outcome: Outcome) -> Tuple[Any, ...]:
-    """Return the key by which the shortest play sorts first; of equals, the first declared visitor
-    and kind of fault."""
-    scene = outcome.scene
-    lasting = [fault for fault in scene.planned if fault.is_lasting]
-    return (scene.rate > 0, len(scene.planned + scene.silent), len(lasting),
-            round(outcome.seconds), BEHAVIOURS.index(scene.visitor), not scene.by_voice,
-            [KINDS.index(fault.kind) for fault in scene.planned], scene)
-
-
-def _share(rate: float, outcomes: Sequence[Outcome]) -> Share:
-    seconds = [outcome.seconds for outcome in outcomes if outcome.outcome]
-    return Share(rate, len(outcomes), sum(outcome.outcome == "SUCCESS" for outcome in outcomes),
-                 sum(seconds) / len(seconds) if seconds else math.nan)

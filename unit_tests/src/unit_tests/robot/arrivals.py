@@ -13,13 +13,13 @@ class Arrivals:
         self._per_second = rate / 60
         self._random = random.Random(seed)
 
-    def gap(self) -> float:
-        """Return the seconds until the next message; their mean is exactly 60 / rate."""
-        return 0.0 if math.isinf(self._per_second) else self._random.expovariate(self._per_second)
-
     def times(self, start: float) -> Iterator[float]:
-        """Yield when each message is due. Late delivery of one message does not shift the next."""
+        """Yield when each message is due; the mean of their gaps is exactly 60 / rate seconds.
+
+        Late delivery of one message does not shift the next.
+        """
         due = start
         while True:
-            due += self.gap()
+            if math.isfinite(self._per_second):
+                due += self._random.expovariate(self._per_second)
             yield due

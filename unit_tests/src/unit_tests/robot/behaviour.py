@@ -64,10 +64,6 @@ def _object_to_place(request: Fields) -> Optional[str]:
     return "{} is not a place".format(numbers)
 
 
-def _object_to_query(request: Fields) -> Optional[str]:
-    return _object_to_subject({"parameters": request["parameters"].lower()})
-
-
 _object_to_subject = _allow("parameters", "exhibits", "entrance", "home")
 _object_to_language = _allow("language", *LANGUAGES)
 
@@ -76,10 +72,6 @@ def _object_to_text(request: Fields) -> Optional[str]:
     if not request["message"].strip():
         return "there is no text"
     return _object_to_language(request) if "language" in request else None
-
-
-def _places(request: Fields, world: World) -> Answer:
-    return Answer(exhibits=world.knowledge.query(request["parameters"]))
 
 
 def _press(request: Fields, world: World) -> Optional[Answer]:
@@ -116,7 +108,10 @@ SERVICES: Mapping[type, SimulatedService] = {
     Say: SimulatedService(_object_to_text, seconds=_seconds_of_speech),
     GoTo: SimulatedService(_object_to_place, seconds=lambda request: 15.0),
     SetPose: SimulatedService(_object_to_place),
-    QueryKnowledge: SimulatedService(_object_to_query, _places, Answer(exhibits=(NOWHERE,))),
+    QueryKnowledge: SimulatedService(
+        lambda request: _object_to_subject({"parameters": request["parameters"].lower()}),
+        lambda request, world: Answer(exhibits=world.knowledge.query(request["parameters"])),
+        Answer(exhibits=(NOWHERE,))),
     Prompt: SimulatedService(
         _object_to_text, _press, Answer(response="Perhaps"), lambda request: 5.0),
     SetRecognition: SimulatedService(_allow("status", "true", "false")),
@@ -147,9 +142,7 @@ def possible(fault: Optional[str], service: Service,
     simulated = SERVICES.get(service.request)
     brings = len(response_fields) > 1 and simulated is not None and simulated.nonsense is not None
     has_nonsense = service.success is not None and nonsense(service.success) is not None
-    if fault == WRONG and not brings and not has_nonsense:
-        return REFUSED
-    return fault
+    return fault if fault != WRONG or brings or has_nonsense else REFUSED
 
 
 def response(service: Service, answer: Optional[Answer], fault: Optional[str] = None) -> Fields:
@@ -191,10 +184,6 @@ def _faces(world: World) -> Faces:
     return Faces(("visitor",), (visitor.attention == "seeking" and visitor.looks_back,))
 
 
-def _face_fields(faces: Faces) -> Fields:
-    return {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}
-
-
 def _attention(world: World) -> AttentionStatus:
     visitor, robot = world.visitor, world.settings.interface
     if visitor.attention == "seeking":
@@ -216,7 +205,8 @@ def _utterance(world: World) -> Optional[str]:
 
 TOPICS: Mapping[str, SimulatedTopic] = {
     d543.FACES.name: SimulatedTopic(
-        _faces, _face_fields,
+        _faces,
+        lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)},
         lambda fields: Faces(tuple(fields["face_label_id"]), tuple(fields["mutualGaze"]))),
     d543.ATTENTION.name: SimulatedTopic(
         _attention, lambda status: status._asdict(), lambda fields: AttentionStatus(**fields)),

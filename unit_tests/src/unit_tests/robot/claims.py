@@ -8,6 +8,7 @@ down.
 import os
 import socket
 import sys
+from contextlib import suppress
 from functools import partial
 from typing import Any, Dict, FrozenSet, Iterable, List, NamedTuple, Sequence, Tuple
 
@@ -15,6 +16,7 @@ import rosgraph
 import rosgraph.network
 from rosgraph.names import get_ros_namespace, load_mappings, resolve_name
 
+from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.timeouts import Late, run_apart, run_together
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
@@ -105,15 +107,12 @@ class Taken(ConfigurationError):
 # ---------------------------------------------------------------------------------- what is claimed
 
 
-def of_robot(options: Options) -> List[Claim]:
-    """Return the claims of all simulated nodes of a launch with these options."""
-    return [_claim(node, node, options) for node in behaviour.nodes(options.interface)
-            if node not in options.real_nodes]
-
-
-def of_test(options: Options) -> List[Claim]:
-    """Return the claims of all nodes of a test with these options."""
-    return of_robot(options) + [Claim(node, _resolved(node)) for node in (CONTROLLER, REPORT)]
+def of_test(options: Options, others: Sequence[str] = (CONTROLLER, REPORT)) -> List[Claim]:
+    """Return the claims of all nodes of a test with these options: the simulated ones and
+    ``others``."""
+    robot = options.world.settings.interface
+    return [_claim(node, node, options) for node in behaviour.nodes(robot)
+            if node not in options.real_nodes] + [Claim(node, _resolved(node)) for node in others]
 
 
 def of_process(node: str, options: Options) -> List[Claim]:
@@ -122,12 +121,12 @@ def of_process(node: str, options: Options) -> List[Claim]:
     if options.arguments.is_launched:
         return of_test(options)
     if options.arguments.is_in_launch:
-        return of_robot(options)
+        return of_test(options, ())
     return [_claim(node, load_mappings(sys.argv).get("__name", node), options)]
 
 
 def _claim(node: str, name: str, options: Options) -> Claim:
-    offers = offers_of(node, options.interface, options.test)
+    offers = offers_of(node, options.world.settings.interface, options.test)
     resources = [service.name for service in offers.services]
     if offers.topic is not None:
         resources.append(offers.publisher + ("/result" if offers.action is not None else ""))
@@ -161,11 +160,9 @@ def check(node: str, options: Options) -> None:
 def check_controller(options: Options) -> None:
     """Do the same for the controller, and delete the parameters below its name: roslaunch would
     delete them unchecked."""
-    try:
+    with suppress(NodesMissing):  # the controller reports a missing master
         check(CONTROLLER, options)
         _ask_master("deleteParam", _resolved(CONTROLLER))
-    except NodesMissing:
-        pass  # the controller reports a missing master
 
 
 def check_test(options: Options) -> None:
@@ -179,16 +176,16 @@ def check_test(options: Options) -> None:
         raise Taken(others, False)
 
 
-def note_replacement(node: str, options: Options) -> None:
-    """Write how this process' node was replaced for the report, which asks the master only now and
-    then."""
+def note_replacement(node: str, options: Options, reason: str) -> None:
+    """Write how this process' node was replaced, if the master ends it for that ``reason``, for the
+    report, which asks the master only now and then."""
+    if NAME_IS_TAKEN not in reason or not options.arguments.is_launched:
+        return
     own = [claim for claim in of_process(node, options) if claim.node == node]
     line = "node {} was replaced during the test by another one, which is gone".format(own[0].name)
-    try:
+    with suppress(NodesMissing):
         others = find_others(own, options.arguments)[0]
-        line = "".join(holder.replacement for holder in others[:1]) or line
-    except NodesMissing:
-        pass
+        line = others[0].replacement if others else line
     note(options.arguments.folder, REPLACED, line)
 
 
@@ -197,15 +194,12 @@ def replacement(options: Options) -> str:
     without any."""
     claims, arguments = of_process(REPORT, options), options.arguments
     known = noted(arguments.folder, REPLACED)
-    if known:
-        return known
-    try:
+    with suppress(NodesMissing):  # the controller's record shows what a lost master leads to
         # twice: a node of ours that ends between its answer and the check of its process looks like
         # another's
-        others = find_others(claims, arguments)[0] and find_others(claims, arguments)[0]
-    except NodesMissing:
-        return ""  # the controller's record shows what a master that is away leads to
-    return others[0].replacement if others else ""
+        if not known and find_others(claims, arguments)[0]:
+            known = "".join(other.replacement for other in find_others(claims, arguments)[0][:1])
+    return known
 
 
 def find_others(claims: Sequence[Claim], arguments: Arguments) -> Tuple[List[Holder], bool]:
@@ -280,15 +274,8 @@ def _is_of_this_launch(holder: Holder, arguments: Arguments) -> bool:
 
 
 def _descends(process: int, ancestor: int) -> bool:
-    while process > 1 and process != ancestor:
-        process = _parent(process)
+    with suppress(OSError):  # there is no such process
+        while process > 1 and process != ancestor:
+            with open("/proc/{}/stat".format(process)) as file:
+                process = int(file.read().rpartition(")")[2].split()[1])
     return process == ancestor > 1
-
-
-def _parent(process: int) -> int:
-    """Return the parent of a process, 0 if there is no such process."""
-    try:
-        with open("/proc/{}/stat".format(process)) as file:
-            return int(file.read().rpartition(")")[2].split()[1])
-    except OSError:
-        return 0

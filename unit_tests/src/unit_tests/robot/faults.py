@@ -23,10 +23,6 @@ class PlannedFault(NamedTuple):
         """Return it as a configuration has it."""
         return f"{self.node}:{self.call}{'+' if self.is_lasting else ''}:{self.kind}"
 
-    def hits(self, call: int) -> bool:
-        """Return whether that call of the node goes wrong."""
-        return call == self.call or self.is_lasting and call > self.call
-
 
 def parse_planned_fault(text: str, nodes: Sequence[str]) -> PlannedFault:
     """Parse ``node:call[:kind]``. Raises ValueError."""
@@ -55,5 +51,6 @@ class Faults:
         # both are drawn for every call, so that one decision does not shift the later ones
         fails = self._random.random() < self._rate
         kind = self._random.choice(self._kinds)
-        planned = [fault.kind for fault in self._planned if fault.hits(self.calls)]
+        planned = [fault.kind for fault in self._planned if fault.call == self.calls
+                   or fault.is_lasting and fault.call < self.calls]
         return planned[-1] if planned else kind if fails else None

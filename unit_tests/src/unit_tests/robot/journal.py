@@ -5,7 +5,6 @@ A file, because its order of lines is the order of events across processes, a li
 the answer is sent, and none is lost while connections come up.
 """
 import json
-import math
 import os
 from typing import Any, Dict, List, NamedTuple, Optional
 
@@ -18,7 +17,7 @@ messages a second."""
 
 class JournalEntry(NamedTuple):
     """One request that a node received (``call`` counts from 1), or, with call 0, a message of a
-    topic: see ``RepeatFilter``."""
+    topic: each that is not the one before, repeated within ``REPEAT``."""
 
     time: float  # unix seconds, as in the controller's record
     node: str  # the simulated node, without the slash
@@ -33,22 +32,6 @@ class JournalEntry(NamedTuple):
     def done(self) -> bool:
         """Whether the node carried out the request."""
         return self.fault is None and self.objection is None
-
-
-class RepeatFilter:
-    """Decides which messages of a topic get an entry: each changed message, and an unchanged one
-    every ``REPEAT`` seconds."""
-
-    def __init__(self) -> None:
-        self._content: Dict[str, Any] = {}
-        self._at = -math.inf
-
-    def is_due(self, content: Dict[str, Any], at: float) -> bool:
-        """Return whether a message at a time in seconds gets an entry."""
-        if content == self._content and at < self._at + REPEAT:
-            return False
-        self._content, self._at = content, at
-        return True
 
 
 class Tail:

@@ -13,22 +13,23 @@ import shutil
 import sys
 import textwrap
 from dataclasses import dataclass
-from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterable, List, Mapping,
-                    NamedTuple, Optional, Sequence, Tuple, TypeVar)
+from functools import partial
+from typing import (Callable, Collection, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple,
+                    Optional, Sequence, Tuple, TypeVar)
 
 from behavior_controller import folders as controller_folders, ros_arguments
-from behavior_controller.config import config_file, phrases, settings
+from behavior_controller.config import config_file, settings
 from behavior_controller.config.config_file import (
     Key, REQUIRED, Reader, boolean, collected, filled, integer, key, keys_of, number, one_of,
     read_source)
 from behavior_controller.config.settings import Settings, split_arguments, unread
-from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.declarations import Interface
 from behavior_controller.ros_arguments import ASSIGNMENT
 from behavior_controller.text import Source, did_you_mean
 
 from unit_tests import folders
-from unit_tests.robot.behaviour import NODES, OPTIONAL, SERVERS, nodes
+from unit_tests.robot.behaviour import NODES, OPTIONAL, SERVERS
 from unit_tests.robot.faults import KINDS, PlannedFault, REFUSED, parse_planned_fault
 from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES, RANDOM
 from unit_tests.robot.world import World, world
@@ -51,9 +52,6 @@ SEEDS = 10 ** 9
 STARTUP_TIMEOUT = 30.0
 """Default of the seconds that the controller waits for the simulated nodes, which start at the same
 time."""
-
-NO_RECORD = "none"
-"""The value of ``recordDirectory`` with which the controller records nothing."""
 
 Value = TypeVar("Value")
 
@@ -78,8 +76,9 @@ def _quoted(names: Iterable[str]) -> str:
     return ", ".join(map("`{}`".format, names))
 
 
-def _some_of(names: Sequence[str]) -> str:
-    return "some of {}, with commas between them".format(", ".join(names))
+def _some_of(names: Sequence[str], least: int = 0) -> Reader[Tuple[str, ...]]:
+    return Reader("some of {}, with commas between them".format(", ".join(names)),
+                  _several(one_of(*names), least))
 
 
 @dataclass(frozen=True)
@@ -101,8 +100,8 @@ class Configuration:
         Reader(_SEED.allowed + ", or nothing", lambda text: _SEED(text) if text else None), None,
         "the same seed, the same faults and gaps between messages; empty: random, and printed")
     fault_kinds: Tuple[str, ...] = key(
-        Reader(_some_of(KINDS), _several(one_of(*KINDS), 1)), (REFUSED,),
-        "in which ways calls go wrong: {}, with commas between them".format(_quoted(KINDS)))
+        _some_of(KINDS, 1), (REFUSED,),
+        f"in which ways calls go wrong: {_quoted(KINDS)}, with commas between them")
     planned_faults: Tuple[PlannedFault, ...] = key(
         Reader(
             "node:call or node:call:kind, with commas between them, where node is one of {}, "
@@ -114,7 +113,7 @@ class Configuration:
         "how a robot of release 1.0 reports what it hears: `topic` is "
         "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`")
     absent_services: Tuple[str, ...] = key(
-        Reader(_some_of(OPTIONAL), _several(one_of(*OPTIONAL))), (),
+        _some_of(OPTIONAL), (),
         f"what a robot of release 1.0 does not offer: {_quoted(OPTIONAL)}, with commas between "
         "them")
     call_times: str = key(
@@ -148,6 +147,7 @@ is a verdict."""
 
 TEST = {declared.name for declared in KEYS}
 CONTROLLER = {declared.name for declared in settings.KEYS}
+OF_THE_TEST = {declared.name for declared in OWN}
 
 ROBOT = tuple(declared.name for declared in KEYS
               if declared.name not in ("missionRuns", "testTimeout")) + (
@@ -197,15 +197,10 @@ class Arguments(NamedTuple):
         """The folder of this run's journal and record."""
         return self.values.get(FOLDER) or os.path.join(controller_folders.ros_home(), "unit_tests")
 
-    def simulated(self) -> FrozenSet[str]:
-        """Return the nodes that are simulated for the configured robot, or those of all robots if
-        the configuration is wrong."""
-        try:
-            present = nodes(load_controller(self.values).interface)
-        except ConfigurationError:
-            present = dict.fromkeys(NODES)
-        return frozenset(node for node in present
-                         if self.values.get(USE_REAL[node], "").lower() != "true")
+    @property
+    def simulated(self) -> List[str]:
+        """The nodes that the launch file starts, in its order."""
+        return [node for node in NODES if self.values.get(USE_REAL[node], "").lower() != "true"]
 
 
 def of_process() -> Arguments:
@@ -220,34 +215,23 @@ def check_words(arguments: Arguments) -> None:
     faults += [Fault("argument " + word, 0, 0, "the node does not read it",
                      "allowed: _key:=value, /name:=/other_name")
                for word in words if ASSIGNMENT not in word]
-    declared = list(ROBOT) + list(USE_REAL.values())
-    for word in ros_arguments.given_to_roslaunch(ros_arguments.parent_command(), "unit_tests",
-                                                 ROBOT_LAUNCH):
-        name = word.partition(ASSIGNMENT)[0]
-        if name not in declared:  # roslaunch ignores it
-            text = "{} does not declare it".format(ROBOT_LAUNCH)
-            faults.append(Fault("argument " + word, 0, 0, text, did_you_mean(name, declared)))
     if faults:
         raise ConfigurationError(faults)
 
 
-def parse(words: Sequence[str], others: Sequence[str] = ()) -> Dict[str, str]:
+def parse(words: Sequence[str], names: Collection[str] = NAMES) -> Dict[str, str]:
     """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with
-    every unknown name.
-
-    ``others`` are accepted in addition to the names that a user may give.
-    """
+    every one that is not of the allowed ``names``."""
     values: Dict[str, str] = {}
     faults: List[Fault] = []
     for word in words:
         name, is_assignment, value = word.partition(ASSIGNMENT)
         key_name = SHORT.get(name, name)
-        text = hint = ""
+        text, hint = "", "rosrun unit_tests runTest --help lists all"
         if not is_assignment:
-            text, hint = "this is not of the form name:=value", "--help lists the names"
-        elif key_name not in NAMES and key_name not in others:
-            text, hint = "unknown", did_you_mean(name.lstrip("_"), NAMES)
-            hint = hint or "rosrun unit_tests runTest --help lists all"
+            text = "this is not of the form name:=value"
+        elif name not in names:
+            text, hint = "unknown", did_you_mean(name.lstrip("_"), names) or hint
         elif key_name in values:
             text, hint = "{} is given twice".format(key_name), "leave out all but one"
         elif not value:
@@ -260,9 +244,9 @@ def parse(words: Sequence[str], others: Sequence[str] = ()) -> Dict[str, str]:
     return values
 
 
-def given_to_roslaunch(command: Sequence[str]) -> List[str]:
-    """Return the arguments that a command line passes to our launch file."""
-    return ros_arguments.given_to_roslaunch(command, "unit_tests", LAUNCH_FILE)
+def given_to_roslaunch(command: Sequence[str], launch_file: str = LAUNCH_FILE) -> List[str]:
+    """Return the arguments that a command line passes to a launch file of ours."""
+    return ros_arguments.given_to_roslaunch(command, "unit_tests", launch_file)
 
 
 def is_by_run_test(command: Sequence[str]) -> bool:
@@ -283,55 +267,40 @@ class Options:
     world: World  # with the controller's settings
     real_nodes: FrozenSet[str]  # those that are not simulated
 
-    @property
-    def interface(self) -> Interface:
-        """What the robot offers."""
-        return self.world.settings.interface
-
 
 def read(arguments: Arguments) -> Options:
     """Read each file once. Raises ConfigurationError with every fault of files, arguments and of
     what roslaunch was given."""
-    parse(given_to_roslaunch(ros_arguments.parent_command()), INTERNAL)
+    command = ros_arguments.parent_command()  # roslaunch ignores what it does not declare
+    parse(given_to_roslaunch(command), [*NAMES, *INTERNAL])
+    parse(given_to_roslaunch(command, ROBOT_LAUNCH), [*ROBOT, *USE_REAL.values()])
     values = arguments.values
     faults: List[Fault] = []
-    test = _read(faults, load_test, values)
-    controller = _read(faults, load_controller, values)
-    if test is not None and controller is not None:
-        faults += _not_of_robot(test, controller.interface)
-    language = values.get("language") or (controller.language if controller is not None else "")
-    mission = controller.scenario_specification if controller is not None else ""
-    spoken = _read(faults, phrases.load, language, mission) if language else None
-    own = _read(faults, _load_own, values)
-    if values.get("recordDirectory") == NO_RECORD:
+    test = attempt(lambda: _drawn(load_test(values), values), faults)
+    controller = attempt(lambda: load_controller(values), faults)
+    own = attempt(lambda: collected(
+        Source("", ""), OWN, {}, _chosen(values, OF_THE_TEST)).result(), faults)
+    if values.get("recordDirectory") == "none":
         faults.append(Fault("argument recordDirectory", 0, 0, "a test needs its record",
                             "leave it out, or name a folder for a copy"))
     around = None
-    if test is not None and controller is not None and spoken is not None:
-        test = _drawn(test, values)
-        around = _read(faults, world, test.visitor_behaviour, controller, spoken)
+    if controller is not None:
+        behaviour = test.visitor_behaviour if test is not None else ENGAGES
+        around = attempt(partial(world, behaviour, controller), faults)
+        faults += _not_of_robot(test, controller.interface) if test is not None else ()
     if faults or test is None or around is None or own is None:
-        raise ConfigurationError(list(dict.fromkeys(faults)))
-    real = frozenset(node for node in NODES if own[USE_REAL[node]])
-    return Options(arguments, test, around, real)
-
-
-def _read(faults: List[Fault], load: Callable[..., Value], *values: Any) -> Optional[Value]:
-    """Return what is loaded; None if it cannot be, with the reasons added to ``faults``."""
-    try:
-        return load(*values)
-    except ConfigurationError as error:
-        faults += error.faults
-        return None
+        raise ConfigurationError(faults)
+    return Options(arguments, test, around, frozenset(
+        node for node in NODES if own[USE_REAL[node]]))
 
 
 def load_test(values: Mapping[str, str]) -> Configuration:
     """Return the configuration of the test. Raises ConfigurationError, also for an unknown
     argument."""
-    others = (CONTROLLER - TEST).union(INTERNAL, (declared.name for declared in OWN))
+    others = (CONTROLLER - TEST).union(INTERNAL, OF_THE_TEST)
     path = os.path.join(folders.share(), "config", FILE_NAME)
-    given = _chosen(values, set(values) - others)
     source = read_source(path, "the configuration")
+    given = _chosen(values, set(values) - others)
     return filled(Configuration, collected(source, KEYS, {}, given).result())
 
 
@@ -340,12 +309,6 @@ def load_controller(values: Mapping[str, str]) -> Settings:
     gaze status means."""
     path = controller_folders.config(settings.FILE_NAME)
     return settings.load(path, {}, _chosen(values, CONTROLLER - TEST))
-
-
-def _load_own(values: Mapping[str, str]) -> Dict[str, Any]:
-    """Return the values of the keys of the test as a whole. Raises ConfigurationError."""
-    given = _chosen(values, {declared.name for declared in OWN})
-    return collected(Source("", ""), OWN, {}, given).result()
 
 
 def _chosen(values: Mapping[str, str], names: Collection[str]) -> Dict[str, str]:
@@ -392,34 +355,25 @@ SECTIONS: Mapping[str, Sequence[Key]] = {
 }
 
 
-def usage(remarks: Mapping[str, str]) -> str:
-    """Return the help text: all arguments with their current values. Raises ConfigurationError.
-
-    ``remarks``: key -> text that is added to its meaning.
-    """
+def usage(of_rate: str = "") -> str:
+    """Return the help text: all arguments with their current values. ``of_rate`` is added to the
+    meaning of the arrival rate. Raises ConfigurationError."""
+    remarks = {"recordDirectory": "in a test a folder for a copy, and not none",
+               "arrivalRate": of_rate}
     values = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
     values.update(config_file.values_of(load_test({})))
-    remarks = dict({"recordDirectory": "in a test a folder for a copy, and not none"}, **remarks)
     lines = list(USAGE)
     for title, keys in SECTIONS.items():
         lines += ["", title + ":"]
         for declared in keys:
-            lines += _help(declared, values.get(declared.name, declared.default),
-                           remarks.get(declared.name, ""))
+            value = config_file.to_text(values.get(declared.name, declared.default))
+            default = "" if declared.default is REQUIRED else "default "
+            allowed = f"{declared.allowed}; {default}{declared.default_text}"
+            text = f"      {declared.plain_meaning} ({allowed})"
+            lines += [f"  {declared.name:<26} {value}".rstrip(),
+                      "; ".join(filter(None, [text, remarks.get(declared.name)]))]
     lines += ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())]
     width = shutil.get_terminal_size().columns
-
-    def wrapped(text: str) -> List[str]:
-        indent = " " * (len(text) - len(text.lstrip()))
-        return textwrap.wrap(text, width, subsequent_indent=indent) or [""]
-
-    return "\n".join(line for text in lines for line in wrapped(text))
-
-
-def _help(declared: Key, value: object, remark: str) -> Tuple[str, str]:
-    """Return two lines: name and current value; meaning, allowed values, and default."""
-    default = "" if declared.default is REQUIRED else "default "
-    allowed = f"{declared.allowed}; {default}{declared.default_text}"
-    text = f"      {declared.plain_meaning} ({allowed})"
-    return ("  {:<26} {}".format(declared.name, config_file.to_text(value)).rstrip(),
-            text + ("; " + remark if remark else ""))
+    return "\n".join(
+        textwrap.fill(text, width, subsequent_indent=" " * (len(text) - len(text.lstrip())))
+        for text in lines)

@@ -13,13 +13,12 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, NodesMissing
 from behavior_controller.robot.declarations import Service, Topic
-from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.types import TYPES
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 
 from unit_tests.robot import behaviour, claims, options
 from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields, NODES, TOPICS
+from unit_tests.robot.behaviour import Fields
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
 from unit_tests.robot.journal import Journal, JournalEntry
 from unit_tests.robot.ros_messages import (
@@ -55,9 +54,9 @@ def main(name: str) -> int:
     try:
         options.check_words(arguments)
         own = options.read(arguments)
-        if name not in behaviour.nodes(own.interface):
-            _end_or_wait(name + ": this robot has no such node: choose another robotInterface")
         claims.check(name, own)
+        if name not in behaviour.nodes(own.world.settings.interface):
+            _end_or_wait(name + ": this robot has no such node: choose another robotInterface")
     except NodesMissing as error:
         sys.exit("{}: {}".format(name, error))  # and roslaunch tries again
     except BehaviorControllerError as error:
@@ -65,7 +64,7 @@ def main(name: str) -> int:
     # before any thread is started: threads inherit it
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     rospy.init_node(name, argv=arguments.words, disable_signals=True)
-    rospy.core.add_preshutdown_hook(partial(_note_replacement, name, own))
+    rospy.core.add_preshutdown_hook(partial(claims.note_replacement, name, own))
     # no daemon: the process ends after its shutdown of ROS
     threading.Thread(target=_shut_down_at_a_signal).start()
     try:
@@ -90,18 +89,12 @@ def _refuse(name: str, arguments: Arguments, error: BehaviorControllerError) -> 
     is_whole = arguments.is_in_launch and not is_under_way
     if is_roslaunch(parent_command()) and not arguments.is_launched:
         # roslaunch starts it last: a roslaunch that is ended before that may leave some behind
-        is_last = name == [node for node in NODES if node in arguments.simulated()][-1]
+        is_last = name == arguments.simulated[-1]
         if not is_whole or is_last:
             print(error, flush=True)
         if is_whole and is_last:
             os.kill(os.getppid(), signal.SIGINT)
     _end_or_wait(str(error))
-
-
-def _note_replacement(name: str, own: Options, reason: str) -> None:
-    """Let the report know if the master ends this node because another one has its name."""
-    if NAME_IS_TAKEN in reason and own.arguments.is_launched:
-        claims.note_replacement(name, own)
 
 
 def _end_or_wait(text: str) -> NoReturn:
@@ -165,16 +158,13 @@ class RosNode:
             reply = self._node.reply(service, rospy.resolve_name(service.name), fields,
                                      response_fields(service))
         fault = reply.entry.fault
-        self._log("call", reply.entry.call, fields, "->",
-                  fault or reply.entry.objection or reply.answer or "no")
+        outcome = fault or reply.entry.objection or reply.answer or "no"
+        self._log("call", reply.entry.call, fields, "->", outcome)
         if fault == EXCEPTION:
             raise rospy.ServiceException(reply.exception)
         if fault == CRASH:
             os._exit(CRASHED)
-        if fault == UNANSWERED:
-            self._stopped.wait()
-        else:
-            self._stopped.wait(reply.entry.seconds)
+        self._stopped.wait(None if fault == UNANSWERED else reply.entry.seconds)
         return response(service, reply.answer, fault)
 
     def _publish(self, topic: Topic) -> None:
@@ -207,15 +197,10 @@ class RosNode:
 
     def _next_fields(self) -> Optional[Fields]:
         """Return the fields of the next message, which is in the journal; None without one."""
-        topic = self._node.offers.topic
         with self._lock:
             self._read_journal()
-            name = rospy.resolve_name(self._node.offers.publisher)
-            value = self._node.message(name, time.monotonic())
-        if value is None or topic is None:
-            return None
-        fields = TOPICS[topic.name].fields(value)
-        if fields != self._published:
+            fields = self._node.message(rospy.resolve_name(self._node.offers.publisher))
+        if fields is not None and fields != self._published:
             self._published = fields
             self._log("says", fields)
         return fields

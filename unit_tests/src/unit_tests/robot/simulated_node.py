@@ -3,16 +3,17 @@
 It uses no clock and no ROS: ``ros_nodes`` carries it to the wire, ``virtual_robot`` to virtual
 time.
 """
-from typing import Callable, List, NamedTuple, Optional, Sequence
+import math
+from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.robot.declarations import Action, Interface, Service, Topic
 from behavior_controller.robot.requests import Answer, Request
 
 from unit_tests.robot import behaviour
 from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS, Value
+from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED, Faults
-from unit_tests.robot.journal import JournalEntry, RepeatFilter
+from unit_tests.robot.journal import JournalEntry, REPEAT
 from unit_tests.robot.world import World
 from unit_tests.robot.options import ACTION, Configuration
 
@@ -71,7 +72,8 @@ class SimulatedNode:
         self._test, self._stamp, self._write = test, stamp, write
         planned = [fault for fault in test.planned_faults if fault.node == name]
         self._faults = Faults(test.failure_rate, self._seed("faults"), test.fault_kinds, planned)
-        self._repeats = RepeatFilter()
+        # the last message in the journal, and when
+        self._reported: Tuple[Fields, float] = {}, -math.inf
 
     def _seed(self, purpose: str) -> str:
         return "{}/{}/{}".format(self._test.random_seed, self.name, purpose)
@@ -79,10 +81,6 @@ class SimulatedNode:
     def arrivals(self) -> Arrivals:
         """Return the times of the node's messages from its start on."""
         return Arrivals(self._test.arrival_rate, self._seed("arrivals"))
-
-    def restart(self) -> None:
-        """Be as a new process: the faults of its calls go on where they were."""
-        self._repeats = RepeatFilter()
 
     def catch_up(self, entry: JournalEntry) -> None:
         """Process an entry of an earlier process of this node, which has had that fault already."""
@@ -101,33 +99,30 @@ class SimulatedNode:
         simulated = SERVICES.get(service.request)
         objection = simulated.object_to(fields) if simulated is not None else None
         is_refused_at_once = objection is not None or fault in (EXCEPTION, CRASH, UNANSWERED)
-        seconds = 0.0
-        if self._test.takes_time and not is_refused_at_once:
-            seconds = behaviour.usual_seconds(service, fields)
+        takes_time = self._test.takes_time and not is_refused_at_once
+        seconds = behaviour.usual_seconds(service, fields) if takes_time else 0.0
         entry = JournalEntry(self._stamp(), self.name, resource, self._faults.calls, fields, fault,
                              objection, seconds)
         self._write(entry)
-        answer = None
-        if entry.done and simulated is not None:
-            answer = simulated.answer(fields, self.world)
-        elif entry.done:
-            answer = service.rehearse(request)
-        return Reply(entry, answer)
+        if not entry.done:
+            return Reply(entry, None)
+        return Reply(entry, service.rehearse(request) if simulated is None else
+                     simulated.answer(fields, self.world))
 
-    def message(self, resource: str, now: float) -> Optional[Value]:
-        """Return the value of the next message, None if there is none, and write it to the journal.
+    def message(self, resource: str) -> Optional[Fields]:
+        """Return the fields of the next message, None if there is none, and write it to the
+        journal, unless it repeats the last one.
 
-        ``resource`` is the resolved name of topic or action, ``now`` a time in seconds that only
-        grows.
+        ``resource`` is the resolved name of topic or action.
         """
         if self.offers.topic is None:
             return None
-        self.world.visitor.now = self._stamp()
+        self.world.visitor.now = now = self._stamp()
         simulated = TOPICS[self.offers.topic.name]
         value = simulated.content(self.world)
-        if value is None:
-            return None
-        fields = simulated.fields(value)
-        if self._repeats.is_due(fields, now):
-            self._write(JournalEntry(self._stamp(), self.name, resource, 0, fields))
-        return value
+        fields = simulated.fields(value) if value is not None else None
+        content, at = self._reported
+        if fields is not None and (fields != content or not at <= now < at + REPEAT):
+            self._reported = fields, now
+            self._write(JournalEntry(now, self.name, resource, 0, fields))
+        return fields

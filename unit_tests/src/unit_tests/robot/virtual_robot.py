@@ -3,11 +3,11 @@ nodes of a test do, on the clock of a mission's tree.
 
 What its nodes decide is decided by ``simulated_node``, with the same seeds as in a test.
 """
-import functools
 import math
 import os
+from functools import lru_cache, partial
 from types import SimpleNamespace
-from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple, Union
 
 from msgspec.structs import asdict
 
@@ -24,7 +24,7 @@ from behavior_controller.robot.gateway import (Call, Cause, Failure, FakeTopics,
 from behavior_controller.robot.requests import Answer, Exhibit, Request
 
 from unit_tests.robot import behaviour
-from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS
+from unit_tests.robot.behaviour import SERVICES, TOPICS
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.simulated_node import Reply, SimulatedNode
@@ -55,20 +55,24 @@ _ORDER = 1e-6
 """Seconds between two things that happen at one moment, so that their order shows in their times.
 """
 
+Result = Union[Answer, Failure]
+
 FILES = {Service: "srv", Action: "action", Publication: "msg"}
 """The folder and ending of the file of a type."""
 
-class VirtualRobot:
-    """The nodes of one play, and what the ROS edge would report of them."""
+
+class VirtualRobot(Gateway):
+    """The nodes of one play, and what the ROS edge would report of them. It carries requests to
+    them, and ends calls as the real gateway does."""
 
     def __init__(self, mission: Mission, world: World, test: Configuration,
-                 note: Callable[[Event], None], shortest_gap: float = SHORTEST_GAP):
-        """``note`` gets requests, answers and messages, as the record has them."""
+                 shortest_gap: float = SHORTEST_GAP):
         self.mission, self.world, self.test = mission, world, test
-        self.note, self.shortest_gap = note, shortest_gap
+        self.shortest_gap = shortest_gap
+        self.note: Callable[[Event], None] = lambda event: None
+        """Gets messages, as the record has them."""
         self.clock, self.wake = mission.tree.clock, mission.tree.wake.emit
         self.health = Health(self.wake)
-        self.gateway = VirtualGateway(self)
         self.topics = VirtualTopics(self)
         self.journal: List[JournalEntry] = []
         self.asked: List[Tuple[float, Request]] = []
@@ -83,15 +87,18 @@ class VirtualRobot:
         self._newest = max(self.clock.now(), self._newest + _ORDER)
         return self._newest
 
+    def start(self, request: Request) -> Call:
+        """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
+        self.asked.append((self.stamp(), request))
+        return _VirtualCall(self, request).call
+
     def after(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Run ``callback`` once, ``seconds`` from now."""
         return self.clock.call_after(seconds, callback, is_foreign=True)
 
     def node(self, name: str) -> "VirtualNode":
         """Return the node of that name."""
-        if name not in self._nodes:
-            self._nodes[name] = VirtualNode(self, name)
-        return self._nodes[name]
+        return self._nodes.get(name) or self._nodes.setdefault(name, VirtualNode(self, name))
 
     def publish(self, topic: Topic) -> None:
         """Have messages on a topic from now on: its node's, or those that another package's
@@ -117,17 +124,16 @@ class VirtualRobot:
             self.presence.append((entry.time, visitor.is_here))
 
 
-class VirtualNode:
+class VirtualNode(SimulatedNode):
     """One node: whether it is running, and the times of its messages."""
 
     def __init__(self, robot: VirtualRobot, name: str):
+        super().__init__(name, robot.test, robot.world, robot.stamp, robot.write)
         self._robot = robot
-        self.model = SimulatedNode(name, robot.test, robot.world, robot.stamp, robot.write)
         self.is_away = False
-        self._is_publisher = False
         self._listens_until = -math.inf  # an action returns nothing later
         self._times: Iterator[float] = iter(())
-        self._timer: Optional[Timer] = None
+        self._timer: Optional[Timer] = None  # of its next message, if it publishes
 
     # ------------------------------------------------------------------------------------- presence
 
@@ -142,26 +148,23 @@ class VirtualNode:
 
     def _return(self) -> None:
         self.is_away = False
-        self.model.restart()
-        if self._is_publisher:
+        if self._timer is not None:
             self.publish()
         self._robot.after(NOTICED, lambda: self._report(True))
 
     def _report(self, is_well: bool) -> None:
-        name = self.model.name
         for offer in self._robot.mission.offers:
-            if offer.node == name and isinstance(offer, Service):
-                change = available_again(offer.kind, offer.name, name)
+            if offer.node == self.name and isinstance(offer, Service):
+                change = available_again(offer.kind, offer.name, self.name)
                 if not is_well:
-                    change = gone(offer.kind, offer.name, name, NOT_RUNNING, offer.absence)
+                    change = gone(offer.kind, offer.name, self.name, NOT_RUNNING, offer.absence)
                 self._robot.health.report(GONE, change)
 
     # ------------------------------------------------------------------------------------- messages
 
     def publish(self) -> None:
         """Publish from now on, as a node does when it starts."""
-        self._is_publisher = True
-        self._times = self.model.arrivals().times(self._robot.clock.now())
+        self._times = self.arrivals().times(self._robot.clock.now())
         self._await_next()
 
     def listen(self, seconds: float) -> None:
@@ -174,13 +177,13 @@ class VirtualNode:
         self._timer = self._robot.after(gap, self._publish_next)
 
     def _publish_next(self) -> None:
-        robot, offers = self._robot, self.model.offers
+        robot, offers = self._robot, self.offers
         self._await_next()
         if offers.action is not None and robot.clock.now() > self._listens_until:
             return
-        value = self.model.message(offers.publisher, robot.clock.now())
-        if value is not None and offers.topic is not None:
-            robot.topics.publish(offers.topic, value)
+        fields = self.message(offers.publisher)
+        if fields is not None and offers.topic is not None:
+            robot.topics.publish(offers.topic, TOPICS[offers.topic.name].value(fields))
 
 
 class VirtualTopics(FakeTopics):
@@ -223,24 +226,11 @@ class VirtualTopics(FakeTopics):
 # -------------------------------------------------------------------------------------------- calls
 
 
-class VirtualGateway(Gateway):
-    """Carries requests to the simulated nodes, and ends calls as the real gateway does."""
-
-    def __init__(self, robot: VirtualRobot):
-        self._robot = robot
-
-    def start(self, request: Request) -> Call:
-        """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
-        robot = self._robot
-        robot.asked.append((robot.stamp(), request))
-        service = robot.mission.settings.interface.service(type(request))
-        return _VirtualCall(robot, service, request).call
-
-
 class _VirtualCall:
     """A call on its way to a node and back."""
 
-    def __init__(self, robot: VirtualRobot, service: Service, request: Request):
+    def __init__(self, robot: VirtualRobot, request: Request):
+        service = robot.mission.settings.interface.service(type(request))
         self._robot, self._service, self._request = robot, service, request
         self._began = robot.clock.now()
         self._deadline = robot.mission.settings.deadline(service)
@@ -257,7 +247,7 @@ class _VirtualCall:
         for timer in self._timers[1:]:  # what is sent arrives
             timer.cancel()
 
-    def _finish(self, result: Union[Answer, Failure]) -> None:
+    def _finish(self, result: Result) -> None:
         self._cancel()
         seconds = self._robot.clock.now() - self._began
         self._robot.health.ended(self._service.name, seconds, self._deadline,
@@ -269,40 +259,41 @@ class _VirtualCall:
 
     def _arrive(self) -> None:
         """Reach the node, or find that it is not running."""
-        robot, service = self._robot, self._service
+        robot, service, seconds = self._robot, self._service, 0.0
         node = robot.node(service.node)
+        result: Optional[Result] = None
         if service.name in robot.test.absent_services:
             absent = self._failure(Cause.NOT_ADVERTISED, NOT_OFFERED)
-            self._answer_after(0.0, absent if service.fails_without else Answer())
+            result = absent if service.fails_without else Answer()
         elif node.is_away:
             text = "the master lists it, but " + CONNECTION_REFUSED
-            self._answer_after(0.0, self._failure(Cause.NOT_REACHABLE, text))
+            result = self._failure(Cause.NOT_REACHABLE, text)
         else:
-            self._carry_out(node)
-
-    def _answer_after(self, seconds: float, result: Union[Answer, Failure]) -> None:
+            try:
+                reply = self._carried_out(node)
+            except Unsendable as error:
+                result = self._failure(Cause.TYPE_MISMATCH, str(error))
+            except Unusable as error:
+                result = self._failure(Cause.UNUSABLE_ANSWER, str(error))
+            else:
+                seconds = reply.entry.seconds or (0.0 if reply.is_at_once else HANDLING)
+                result = None if reply.entry.fault == UNANSWERED else self._result(reply)
         # a dropped call no longer has timers
-        if self._timers[1].callback is not None:
-            self._timers.append(self._robot.after(seconds, lambda: self._finish(result)))
+        if result is not None and self._timers[1].callback is not None:
+            self._timers.append(robot.after(seconds, partial(self._finish, result)))
 
-    def _carry_out(self, node: VirtualNode) -> None:
-        """Carry out the request as the node does."""
-        service = self._service
-        request_fields, response_fields = slots(service)
-        try:
-            fields = _fields(service, self._request, request_fields)
-            reply = node.model.reply(service, service.name, fields, response_fields, self._request)
-        except Unsendable as error:
-            return self._answer_after(0.0, self._failure(Cause.TYPE_MISMATCH, str(error)))
-        except Unusable as error:
-            return self._answer_after(0.0, self._failure(Cause.UNUSABLE_ANSWER, str(error)))
+    def _carried_out(self, node: VirtualNode) -> Reply:
+        """Have the node carry out the request. Raises Unsendable and Unusable."""
+        service, request = self._service, self._request
+        names, response_fields = slots(service)
+        # without an srv file, the fields are those of the record
+        fields = dict(zip(names, service.values(request, names))) if names else asdict(request)
+        reply = node.reply(service, service.name, fields, response_fields, request)
         if reply.entry.fault == CRASH:
             node.crash()
-        if reply.entry.fault != UNANSWERED:
-            handling = 0.0 if reply.is_at_once else HANDLING
-            self._answer_after(reply.entry.seconds or handling, self._result(reply))
+        return reply
 
-    def _result(self, reply: Reply) -> Union[Answer, Failure]:
+    def _result(self, reply: Reply) -> Result:
         """Return the result that the controller decodes from the response."""
         service, fault = self._service, reply.entry.fault
         if fault == EXCEPTION and isinstance(service, Action):  # its server aborts the goal
@@ -334,15 +325,7 @@ def _exhibit(exhibit: Exhibit) -> SimpleNamespace:
     return SimpleNamespace(**dict(exhibit._asdict(), location=location))
 
 
-def _fields(service: Service, request: Request, names: Sequence[str]) -> Fields:
-    """Return the fields of the srv request; without an srv file, those of the record. Raises
-    Unsendable."""
-    if not names:
-        return asdict(request)
-    return dict(zip(names, service.values(request, names)))
-
-
-@functools.lru_cache(maxsize=None)
+@lru_cache(maxsize=None)
 def slots(service: Service) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
     """Return the names of the fields of a service's request and response, as its srv file has them,
     or its action or msg file.

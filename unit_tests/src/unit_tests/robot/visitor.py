@@ -86,8 +86,7 @@ class Visitor:
         self.is_listened_to = True  # until the robot switches its speech recognition off
         self.now = -math.inf  # the time of what is seen and heard next
         self._listens_until = -math.inf
-        self._is_first_request = True
-        self._last_request = math.inf
+        self._last_request = math.inf  # there was none
         self._come()
         self.is_here = False
 
@@ -108,10 +107,9 @@ class Visitor:
             if not self.is_here and entry.time > self._last_request + LONG_WAIT:
                 self._come()
             return
-        self._last_request = entry.time
-        if self._is_first_request:
-            self._is_first_request = False
+        if self._last_request == math.inf:
             self._come()
+        self._last_request = entry.time
         is_speech_lost = entry.node == "textToSpeech" and not entry.done
         self._is_asked = self._is_asked and (entry.node in UNNOTICED or is_speech_lost)
         reaction = self._REACTIONS.get(entry.node)

@@ -26,7 +26,8 @@ def main(words: Optional[Sequence[str]] = None) -> int:
             print("runTest", version())
             return 0
         if {"-h", "--help"} & set(given):
-            print(options.usage({"arrivalRate": _of_arrival_rate()}))
+            waits = arrival_waits.of_mission(options.read(Arguments([], {})).world)
+            print(options.usage(arrival_waits.sufficient(waits) if waits else ""))
             return 0
         values = options.parse(given)
         own = options.read(Arguments([], values))
@@ -38,12 +39,6 @@ def main(words: Optional[Sequence[str]] = None) -> int:
     code, text = read_verdict(_launch(values)) or (NOT_RUN, NOTHING_TESTED)
     print("\n" + text)
     return code
-
-
-def _of_arrival_rate() -> str:
-    """Return a line with the arrival rate that the configured mission needs."""
-    needed = arrival_waits.of_mission(options.read(Arguments([], {})).world)
-    return arrival_waits.sufficient(needed) if needed else ""
 
 
 def _launch(values: Dict[str, str]) -> str:

@@ -5,7 +5,8 @@ import os
 import shutil
 import signal
 import time
-from typing import Callable, NamedTuple, Optional, Sequence, Tuple
+from pathlib import Path
+from typing import Callable, List, Optional, Sequence, Tuple
 
 import rospkg
 import rospy
@@ -24,12 +25,12 @@ from unit_tests import folders
 from unit_tests.robot import claims, options
 from unit_tests.run.controller import read_errors, read_exit_code
 from unit_tests.judge.facts import Facts
-from unit_tests.robot.journal import Journal, Tail
+from unit_tests.robot.journal import Journal, JournalEntry, Tail
 from unit_tests.judge.junit import to_xml
-from unit_tests.rehearsal.faultless_play import rehearse
 from unit_tests.judge.report import Report, title
-from unit_tests.robot.options import Options, STARTUP_TIMEOUT
-from unit_tests.rehearsal.play import Stage, TIMED_OUT
+from unit_tests.robot.options import Configuration, Options, STARTUP_TIMEOUT
+from unit_tests.robot.world import World
+from unit_tests.rehearsal.play import Stage, TIMED_OUT, rehearse
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 """The report. Beside it is the same as a page, with the record's story and timeline."""
@@ -72,15 +73,6 @@ STALLED = ("this machine stood still for up to {:.1f} s: only what comes more th
            "is an objection")
 
 
-class WaitResult(NamedTuple):
-    """How a wait for the end of a mission ended."""
-
-    run: Run  # the controller's
-    exit_code: Optional[int]  # of the controller; None: it has not ended
-    cut_off: str  # why the wait was over before; empty: it was not
-    stall: float  # by how many seconds the latest look at the record was late
-
-
 def main() -> int:
     """Return the exit code: 0 passed, 1 failed, 2 the configuration cannot be used, or a living
     node has a name of ours."""
@@ -107,18 +99,14 @@ def _test(own: Options) -> int:
     print("".join(line + "\n" for line in warnings), end="", flush=True)
     folder = own.arguments.folder
     began = time.monotonic()
-    outcome = wait_for_end(folder, test.test_timeout, MissionProgress(folder).show,
-                           lambda: claims.replacement(own))
-    cut_off = outcome.cut_off or claims.replacement(own)
-    facts = Facts(outcome.run, Journal(folder).news(), outcome.exit_code, test, world,
-                  cut_off=cut_off, real=own.real_nodes, errors=read_errors(folder),
-                  stall=outcome.stall)
+    facts = wait_for_end(folder, test, world, lambda: claims.replacement(own))
+    facts = facts._replace(cut_off=facts.cut_off or claims.replacement(own), real=own.real_nodes)
     with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
         stage = Stage(world.settings, world=world)
         facts = facts._replace(mission=stage.mission,
                                rehearsal=rehearse(stage, test.visitor_behaviour))
-    if outcome.stall > WORTH_TELLING:
-        warnings.append(STALLED.format(outcome.stall, facts.late))
+    if facts.stall > WORTH_TELLING:
+        warnings.append(STALLED.format(facts.stall, facts.late))
     heading = title(facts, test, datetime.datetime.now())
     report = Report(facts, heading, warnings)
     _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
@@ -127,72 +115,61 @@ def _test(own: Options) -> int:
     content = report.page()
     page = save(content, folder, ".html") if content else ""
     columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
-    is_refused = outcome.run.state.started is None and outcome.exit_code == exit_codes.WRONG_INPUT
+    is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
     return finish(code, report.shown(columns, files, page))
 
 
-class MissionProgress:
-    """Shows the progress of the mission every few seconds."""
-
-    def __init__(self, folder: str):
-        self._journal = Journal(folder)
-        self._calls = self._faults = 0
-        self._began = self._shown = time.monotonic()
-
-    def show(self, run: Run) -> None:
-        """Print a line of progress, unless the last one is recent."""
-        if time.monotonic() - self._shown < PROGRESS_INTERVAL:
-            return
-        self._shown = time.monotonic()
-        for line in self._journal.news():
-            self._calls += line.call > 0
-            self._faults += line.fault is not None
-        ran = next((line.event.node
-                    for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
-        seconds, number = self._shown - self._began, len(run.visits) + 1
-        print(f"{seconds:4.0f} s: pass {number}, {self._calls} calls, {self._faults} of them made "
-              f"to fail; last: {ran or 'not started'}", flush=True)
+def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> None:
+    """Print a line about a mission that has run for so many seconds."""
+    calls = sum(line.call > 0 for line in journal)
+    faults = sum(line.fault is not None for line in journal)
+    ran = next((line.event.node
+                for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
+    print(f"{seconds:4.0f} s: pass {len(run.visits) + 1}, {calls} calls, {faults} of them made to "
+          f"fail; last: {ran or 'not started'}", flush=True)
 
 
-def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda run: None,
-                 disturbance: Callable[[], str] = lambda: "") -> WaitResult:
-    """Wait until the controller has ended, or ``limit`` seconds are over.
+def wait_for_end(folder: str, test: Configuration, world: World,
+                 disturbance: Callable[[], str] = lambda: "") -> Facts:
+    """Wait until the controller has ended, or the time of the test is over.
 
-    ``show`` is called with the run so far at every read of the record. Every ``CHECK_INTERVAL``
-    seconds ``disturbance`` returns why the test cannot go on, or an empty text.
+    Every ``CHECK_INTERVAL`` seconds ``disturbance`` returns why the test cannot go on, or an empty
+    text.
     """
     path = os.path.join(folder, RECORD)
     tail, decoder, run = Tail(path), Decoder(path), Run()
+    entries = Journal(folder)
+    journal: List[JournalEntry] = []
 
-    def read_record() -> None:
+    def read() -> None:
         run.extend(line for text in tail.news() for line in decoder.read(text))
+        journal.extend(entries.news())
 
-    began = checked = time.monotonic()
-    cut_off, stall = "", 0.0
+    given = options.of_process().values
+    start_limit = START_LIMIT + float(given.get("startupTimeout", STARTUP_TIMEOUT))
+    began = checked = shown = time.monotonic()
+    cut_off, has_timed_out, stall = "", False, 0.0
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
         if time.monotonic() > checked + CHECK_INTERVAL:
             cut_off, checked = disturbance(), time.monotonic()
         # the master may let a disturbance wait; the rest takes as long as the machine lets it
         polled = time.monotonic()
-        read_record()
-        show(run)
-        cut_off = cut_off or _overdue(run, time.monotonic() - began, limit)
+        read()
+        if polled > shown + PROGRESS_INTERVAL:
+            show_progress(run, journal, polled - began)
+            shown = polled
+        if not cut_off and run.state.started is None and polled - began > start_limit:
+            cut_off = "the controller did not start its mission within {:g} s".format(start_limit)
+        elif not cut_off and polled - began > test.test_timeout:
+            cut_off, has_timed_out = TIMED_OUT.format(test.test_timeout) + " (testTimeout)", True
         time.sleep(POLL_INTERVAL)
         stall = max(stall, time.monotonic() - polled - POLL_INTERVAL)
     if rospy.is_shutdown():
-        cut_off = "the test was stopped before the mission had ended"
-    read_record()
-    return WaitResult(run, read_exit_code(folder), cut_off, stall)
-
-
-def _overdue(run: Run, waited: float, limit: float) -> str:
-    """Return which limit of a test has passed after so many seconds."""
-    given = options.of_process().values
-    start_limit = START_LIMIT + float(given.get("startupTimeout", STARTUP_TIMEOUT))
-    if run.state.started is None and waited > start_limit:
-        return "the controller did not start its mission within {:g} s".format(start_limit)
-    return TIMED_OUT.format(limit) + " (testTimeout)" if waited > limit else ""
+        cut_off, has_timed_out = "the test was stopped before the mission had ended", False
+    read()
+    return Facts(run, journal, read_exit_code(folder), test, world, cut_off=cut_off,
+                 has_timed_out=has_timed_out, errors=read_errors(folder), stall=stall)
 
 
 def save(text: str, folder: str, ending: str = "") -> str:
@@ -211,8 +188,7 @@ def _write(paths: Sequence[str], text: str) -> str:
     """Write a file to the first folder where this user may write, and return its path."""
     for path in paths:
         try:
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text)
+            Path(path).write_text(text, encoding="utf-8")
             return path
         except OSError as error:
             reason = "nowhere: {}: {}".format(path, error.strerror)
@@ -224,8 +200,7 @@ def _save_junit(text: str) -> None:
     folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
     try:
         os.makedirs(folder, exist_ok=True)
-        with open(os.path.join(folder, JUNIT), "w", encoding="utf-8") as file:
-            file.write(text)
+        Path(folder, JUNIT).write_text(text, encoding="utf-8")
     except OSError as error:
         print("no JUnit file: {}: {}".format(folder, error.strerror), flush=True)
 
