@@ -86,7 +86,7 @@ def test_utterances_that_come_together_are_heard_as_they_were(tmp_path, utteranc
 def test_a_mission_that_follows_in_the_same_record_knows_the_messages_from_before(tmp_path):
     rig = Rig(
         "<root BTCPP_format='4'><BehaviorTree ID='M'><IsVisitorDiscovered/></BehaviorTree></root>")
-    record = Record(str(tmp_path), rig.clock, pytest.fail).open()
+    record = Record(str(tmp_path), pytest.fail).open()
     rig.mission.events.subscribe(record)
     rig.mission.topics = record.topics(rig.topics)
     rig.topics.publish(FACES, Faces(("1",), (True,)))
@@ -330,7 +330,7 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
 
     rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", service_of(GoTo))
               if isinstance(request, GoTo) and states["gone"] == 0 else NotImplemented)
-    record = Record(str(tmp_path), rig.clock, pytest.fail).open()
+    record = Record(str(tmp_path), pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
     rig.mission.topics = record.topics(rig.topics)

@@ -51,7 +51,7 @@ class Teller:
         rig.mission.events.subscribe(self._take)
         self._record = None
         if folder is not None:
-            self._record = Record(str(folder), rig.clock, pytest.fail).open()
+            self._record = Record(str(folder), pytest.fail).open()
             rig.mission.events.subscribe(self._record)
             self._record.show(rig.tree)
             rig.mission.topics = self._record.topics(rig.topics)
