@@ -65,11 +65,20 @@ class Story:
 
 def sentences(before: State, event: Event, after: State) -> Tuple[Sentence, ...]:
     """Return the sentences about an event, given what was so before it and what is so after it."""
-    words, failure = _WORDS.get(type(event)), getattr(event, "failure", None)
-    said = tuple(words(before, event, after)) if words is not None else ()
-    if failure is None:
-        return said
-    return tuple(sentence._replace(cause=failure.cause.text) for sentence in said)
+    words = _WORDS.get(type(event))
+    if words is None:
+        return ()
+    number = after.visit.number if after.visit is not None else 0
+    path, failure = getattr(event, "path", ""), getattr(event, "failure", None)
+    # the number of a recovery's event is that of its HandleFallBack
+    is_recovery = isinstance(event, (Recovered, Recovering))
+    uid = after.uids.get(path, 0 if is_recovery else getattr(event, "uid", 0))
+    reason = failure.cause.text if failure is not None else ""
+    return tuple(
+        Sentence(after.at, number, kind if kind in KINDS else "notice",
+                 severity if severity in SEVERITIES else "warning", clean(text), uid, clean(path),
+                 incident, reason)
+        for kind, severity, text, incident in words(before, event, after))
 
 
 # ----------------------------------------------------------------------------------------- phrases
@@ -254,15 +263,6 @@ def ordinal(number: int) -> str:
     return f"{number}{ending}"
 
 
-def _sentence(state: State, kind: str, severity: str, text: str, uid: int = 0, path: str = "",
-              incident: float = 0.0) -> Sentence:
-    visit = state.visit
-    kind = kind if kind in KINDS else "notice"
-    severity = severity if severity in SEVERITIES else "warning"
-    return Sentence(state.at, visit.number if visit is not None else 0, kind, severity, clean(text),
-                    uid or state.uids.get(path, 0), clean(path), incident)
-
-
 def _incident(state: State, failure: Failure, path: str) -> float:
     """Return when that began which a failure belongs to: the trouble of its service, or the first
     failure of its step.
@@ -272,36 +272,39 @@ def _incident(state: State, failure: Failure, path: str) -> float:
     return min(first, state.robot.ill_since.get(failure.resource, first))
 
 
-def _run_started(before: State, event: RunStarted, after: State) -> Iterator[Sentence]:
+_Said = Tuple[str, str, str, float]
+"""Kind, severity, text and incident of a sentence."""
+
+
+def _run_started(before: State, event: RunStarted, after: State) -> Iterator[_Said]:
     name, leaves = mission_name(event.mission), len(event.leaves)
-    yield _sentence(after, "notice", "info", f"mission {name} starts, {leaves} mission leaves")
+    yield "notice", "info", f"mission {name} starts, {leaves} mission leaves", 0.0
 
 
-def _run_finished(before: State, event: RunFinished, after: State) -> Iterator[Sentence]:
+def _run_finished(before: State, event: RunFinished, after: State) -> Iterator[_Said]:
     for visit in after.concluded(Visit):
         if visit.arrived is not None:
-            yield _sentence(after, "visit", "warning",
-                            f"visitor {visit.number}: {how_it_ended(visit)}")
-    yield _sentence(after, "notice", "info", f"ends: {event.outcome} (exit code {event.exit_code})")
+            yield "visit", "warning", f"visitor {visit.number}: {how_it_ended(visit)}", 0.0
+    yield "notice", "info", f"ends: {event.outcome} (exit code {event.exit_code})", 0.0
 
 
-def _pass_finished(before: State, event: PassFinished, after: State) -> Iterator[Sentence]:
+def _pass_finished(before: State, event: PassFinished, after: State) -> Iterator[_Said]:
     visit = after.visit
     if visit is not None:
-        yield _sentence(after, "visit", "info" if visit.outcome == "SUCCESS" else "warning",
-                        f"pass {event.number}: {event.outcome} after {visit.seconds:.1f} s: "
-                        f"{how_it_ended(visit)}")
+        text = f"pass {event.number}: {event.outcome} after {visit.seconds:.1f} s"
+        severity = "info" if visit.outcome == "SUCCESS" else "warning"
+        yield "visit", severity, f"{text}: {how_it_ended(visit)}", 0.0
 
 
-def _leaf_finished(before: State, event: LeafFinished, after: State) -> Iterator[Sentence]:
+def _leaf_finished(before: State, event: LeafFinished, after: State) -> Iterator[_Said]:
     if event.summary is not None:
         text = _met(before, after, event.summary.mark) or event.summary.text
         if text:
-            yield _sentence(after, event.summary.kind, "info", text, event.uid, event.path)
+            yield event.summary.kind, "info", text, 0.0
     for failed in after.concluded(LeafFailure):
         if not failed.is_false_condition:
-            yield _sentence(after, "failure", "warning", why_failed(failed.node, failed.failure),
-                            failed.uid, failed.path, _incident(after, failed.failure, failed.path))
+            incident = _incident(after, failed.failure, failed.path)
+            yield "failure", "warning", why_failed(failed.node, failed.failure), incident
 
 
 def _met(before: State, after: State, mark: str) -> str:
@@ -315,41 +318,38 @@ def _met(before: State, after: State, mark: str) -> str:
     return f"visitor {after.visit.number} {what}"
 
 
-def _stop_changed(before: State, event: StopChanged, after: State) -> Iterator[Sentence]:
+def _stop_changed(before: State, event: StopChanged, after: State) -> Iterator[_Said]:
     for stop in after.concluded(Stop):
-        how = "is completed" if stop.why is None else "is broken off: " + why(stop.why)
-        yield _sentence(after, "stop", "info" if stop.why is None else "warning",
-                        f"{stop_name(stop)}, {how}", event.uid, event.path)
+        if stop.why is None:
+            yield "stop", "info", f"{stop_name(stop)}, is completed", 0.0
+        else:
+            yield "stop", "warning", f"{stop_name(stop)}, is broken off: {why(stop.why)}", 0.0
     if event.state == BEGUN and after.stop is not None:
-        yield _sentence(after, "stop", "info", stop_name(after.stop), event.uid, event.path)
+        yield "stop", "info", stop_name(after.stop), 0.0
 
 
-def _recovering(before: State, event: Recovering, after: State) -> Iterator[Sentence]:
+def _recovering(before: State, event: Recovering, after: State) -> Iterator[_Said]:
     # the first failure has its sentence already
     cause_of = ": " + cause(event.failure) if event.attempt > 1 else ""
-    yield _sentence(after, "recovery", "info", recovering(event) + cause_of, 0, event.path,
-                    _incident(after, event.failure, event.path))
+    incident = _incident(after, event.failure, event.path)
+    yield "recovery", "info", recovering(event) + cause_of, incident
 
 
-def _recovered(before: State, event: Recovered, after: State) -> Iterator[Sentence]:
+def _recovered(before: State, event: Recovered, after: State) -> Iterator[_Said]:
     stop, incident = next(after.concluded(Stop), None), _incident(before, event.failure, event.path)
     if stop is not None and incident < stop.began:
         incident = 0.0  # an entry of its own: that of the trouble stands far above
     text = why(why_recovered(before, event) if stop is None else stop.why)
     if stop is not None and event.outcome == SKIPPED:
-        yield _sentence(after, "stop", "warning", f"{stop_name(stop)}, is left out: {text}", 0,
-                        event.path, incident)
-    elif stop is not None or event.outcome == GIVEN_UP:
-        if before.has_given_up(event):
-            return
-        kind, words = "recovery", "gave up: " + text
-        if stop is not None:
-            kind, words = "stop", f"{stop_name(stop)}, is broken off: {text}"
+        yield "stop", "warning", f"{stop_name(stop)}, is left out: {text}", incident
+    elif stop is None and event.outcome != GIVEN_UP:
+        yield ("recovery", *_done(before, event, text), incident)
+    elif not before.has_given_up(event):
         severity = "warning" if event.failure.cause is Cause.CONDITION_FALSE else "error"
-        yield _sentence(after, kind, severity, words, 0, event.path, incident)
-    else:
-        severity, words = _done(before, event, text)
-        yield _sentence(after, "recovery", severity, words, 0, event.path, incident)
+        if stop is None:
+            yield "recovery", severity, "gave up: " + text, incident
+        else:
+            yield "stop", severity, f"{stop_name(stop)}, is broken off: {text}", incident
 
 
 def _done(before: State, event: Recovered, needed: str) -> Tuple[str, str]:
@@ -364,32 +364,28 @@ def _done(before: State, event: Recovered, needed: str) -> Tuple[str, str]:
     return "info", f"{event.node} is done at the {ordinal(event.attempts + 1)} try"
 
 
-def _paused(before: State, event: Paused, after: State) -> Iterator[Sentence]:
+def _paused(before: State, event: Paused, after: State) -> Iterator[_Said]:
     to_do = ": restart it"
     if not event.awaited:
         to_do = f"{';' if event.reason else ':'} failed last: {cause(event.failure)}: repair it"
-    yield _sentence(after, "recovery", "warning",
-                    waiting(event) + to_do + "; the mission goes on by itself",
-                    incident=_incident(after, event.failure, ""))
+    text = waiting(event) + to_do + "; the mission goes on by itself"
+    yield "recovery", "warning", text, _incident(after, event.failure, "")
 
 
 def _safe_state_reported(before: State, event: SafeStateReported,
-                         after: State) -> Iterator[Sentence]:
+                         after: State) -> Iterator[_Said]:
     is_reached = all(part.failure is None for part in event.parts)
     failed = [recovery.failures[-1] for recovery in before.recoveries if recovery.failures]
     incident = _incident(before, failed[-1].failure, failed[-1].path) if failed else 0.0
-    yield _sentence(after, "notice", "info" if is_reached else "warning", safe_state(after),
-                    incident=incident)
+    yield "notice", "info" if is_reached else "warning", safe_state(after), incident
 
 
-def _health_changed(before: State, event: HealthChanged, after: State) -> Iterator[Sentence]:
+def _health_changed(before: State, event: HealthChanged, after: State) -> Iterator[_Said]:
     """Say nothing of a trouble while a stronger one is known."""
     strongest = after.robot.trouble(event.name)
-    if strongest is not None and rank(strongest) < rank(event):
-        return
-    since = before.robot.ill_since.get(event.name, after.robot.ill_since.get(event.name, 0.0))
-    yield _sentence(after, "health", "info" if event.is_well else "warning", health_text(event),
-                    incident=since)
+    if strongest is None or rank(strongest) >= rank(event):
+        since = before.robot.ill_since.get(event.name, after.robot.ill_since.get(event.name, 0.0))
+        yield "health", "info" if event.is_well else "warning", health_text(event), since
 
 
 def health_text(event: HealthChanged) -> str:
@@ -399,27 +395,25 @@ def health_text(event: HealthChanged) -> str:
     return clean(f"{event.kind} {event.name}{node}: {event.status}{then}")
 
 
-def _noticed(before: State, event: Noticed, after: State) -> Iterator[Sentence]:
-    yield _sentence(after, "notice", event.level, event.text)
+def _noticed(before: State, event: Noticed, after: State) -> Iterator[_Said]:
+    yield "notice", event.level, event.text, 0.0
 
 
-def _suspended(before: State, event: Suspended, after: State) -> Iterator[Sentence]:
+def _suspended(before: State, event: Suspended, after: State) -> Iterator[_Said]:
     due = " as soon as the robot has done what it does now" if event.is_due else ""
-    yield _sentence(after, "notice", "info",
-                    event.words + due or "goes on, started by the operator")
+    yield "notice", "info", event.words + due or "goes on, started by the operator", 0.0
 
 
-def _breakpoint_changed(before: State, event: BreakpointChanged,
-                        after: State) -> Iterator[Sentence]:
+def _breakpoint_changed(before: State, event: BreakpointChanged, after: State) -> Iterator[_Said]:
     name = event.path.rpartition("/")[2].partition("::")[0]
     words = f"held by a breakpoint of Groot2 at {name}"
     if event.is_held:
-        yield _sentence(after, "notice", "warning", words, event.uid, event.path)
+        yield "notice", "warning", words, 0.0
     elif event.uid in before.held:  # it is released, or halted
-        yield _sentence(after, "notice", "info", "no longer " + words, event.uid, event.path)
+        yield "notice", "info", "no longer " + words, 0.0
 
 
-_Words = Callable[[State, Any, State], Iterator[Sentence]]  # type: ignore[explicit-any]
+_Words = Callable[[State, Any, State], Iterator[_Said]]  # type: ignore[explicit-any]
 
 _WORDS: Dict[type, _Words] = {
     RunStarted: _run_started,
