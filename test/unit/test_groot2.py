@@ -124,7 +124,7 @@ def served(request, monkeypatch):
     warnings, clients = [], []
     port = free_ports()
     monkeypatch.setattr(groot2, "HEARTBEAT", getattr(request, "param", 60.0))
-    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append)
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, lambda event: None)
     publisher.port, publisher.warnings = port, warnings
 
     def client():
@@ -493,7 +493,7 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
             raise SystemExit
 
     port = free_ports()
-    publisher = Groot2Publisher("127.0.0.1", port, SPECS, die)
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, die, lambda event: None)
     tree = tree_of('<Act name="a"/>', a="S")
     publisher.show(tree)
     client = Client(port)
@@ -544,7 +544,7 @@ def test_a_port_that_is_taken_is_one_line(taken):
     with socket.socket() as other:
         other.bind(("127.0.0.1", port + taken))
         other.listen()
-        publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append)
+        publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, lambda event: None)
         publisher.show(tree_of('<Act name="a"/>', a="S"))
         assert is_refused(port + 1 - taken)
         publisher.close()

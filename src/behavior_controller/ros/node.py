@@ -388,7 +388,7 @@ class _Run:
         if chosen.groot2_port:
             self._watchers.append(
                 Groot2Publisher(chosen.groot2_address, chosen.groot2_port, registry().all(), warn,
-                                held=self._events.emit))
+                                self._events.emit))
         if chosen.monitor_port:
             page = Page(chosen.monitor_address, chosen.monitor_port, self._board(), warn)
             self._watchers.append(page)

@@ -39,6 +39,11 @@ class HookPlace(Struct, frozen=True):
     uid: int
     position: Literal[0, 1]
 
+    @property
+    def key(self) -> Tuple[int, int]:
+        """What hooks are listed by."""
+        return self.position, self.uid
+
 
 class Hook(HookPlace, frozen=True):
     """One hook of one node."""
@@ -61,7 +66,7 @@ class Hooks:
     at the next tick."""
 
     def __init__(self, tree: Tree, reached: Callable[[int], None], tell: Callable[[str], None],
-                 held: Callable[[BreakpointChanged], None] = lambda event: None):
+                 held: Callable[[BreakpointChanged], None]):
         """``reached`` gets the uid of a node that reaches a breakpoint, ``tell`` a line for the
         operator, ``held`` an event when a breakpoint holds its node and when it lets it go on.
 
@@ -85,15 +90,14 @@ class Hooks:
         with contextlib.suppress(IndexError):
             while True:
                 hook = self.gone.popleft()
-                if self._listed.get((hook.position, hook.uid)) is hook:
-                    self._listed.pop((hook.position, hook.uid), None)
+                if self._listed.get(hook.key) is hook:
+                    self._listed.pop(hook.key, None)
 
     def insert(self, hooks: Iterable[Hook]) -> None:
         """Add each hook, or change the one at its place; a hook of an unknown node is passed over,
         as the library does."""
         # the last hook for a place counts: a client that floods must not occupy the tick thread
-        newest: Dict[Tuple[int, int], Hook] = {
-            (hook.position, hook.uid): hook for hook in hooks if hook.uid in self._nodes}
+        newest = {hook.key: hook for hook in hooks if hook.uid in self._nodes}
         self._listed.update(newest)
         for hook in newest.values():
             self._post(self._nodes[hook.uid].insert, hook)
@@ -122,7 +126,7 @@ class Hooks:
     def disable_all(self) -> None:
         """Disable every hook without removing it; every breakpoint lets its node go on."""
         for hook in self.all():
-            disabled = self._listed[hook.position, hook.uid] = replace(hook, enabled=False)
+            disabled = self._listed[hook.key] = replace(hook, enabled=False)
             self._post(self._nodes[hook.uid].release, disabled, "is disabled")
 
     def remove_all(self, reason: str = "") -> None:
@@ -168,7 +172,6 @@ class _NodeHooks(NodeHook):
     """The hooks of one node, attached to it while there are any."""
 
     def __init__(self, node: Node, owner: Hooks):
-        self._is_reported = False  # as held
         self._node = node
         self._owner = owner
         self._set: Dict[int, _SetHook] = {}  # by position
@@ -180,9 +183,7 @@ class _NodeHooks(NodeHook):
         return self._held is not None
 
     def _note(self, is_held: bool) -> None:
-        if is_held is not self._is_reported:
-            self._is_reported = is_held
-            self._owner.held(BreakpointChanged(self._node.uid, self._node.full_path, is_held))
+        self._owner.held(BreakpointChanged(self._node.uid, self._node.full_path, is_held))
 
     def insert(self, hook: Hook) -> None:
         """Set ``hook``, or change the one at its place."""
@@ -226,7 +227,7 @@ class _NodeHooks(NodeHook):
         """Return the result that replaces the node's tick, if any; its own result if it waits after
         its tick."""
         held, self._held = self._held, None
-        if held is not None and node.status is RUNNING:
+        if held is not None:
             waiting = self._set.get(BEFORE if held.result is None else AFTER)
             if waiting is not None and waiting.is_waiting and not waiting.is_unlocked:
                 self._held = held
@@ -281,7 +282,8 @@ class _NodeHooks(NodeHook):
         """Reset the hooks; return whether ``node`` has work to halt: at a breakpoint before it, it
         has none."""
         held, self._held = self._held, None
-        self._note(False)
+        if held is not None:
+            self._note(False)
         for place in self._set.values():
             place.reset()
         self._leave()
