@@ -179,7 +179,7 @@ def test_knowledge_files_for_a_robot_with_a_knowledge_base_are_refused(tmp_path)
     with pytest.raises(MissionError) as raised:
         replay(started_with(lines, knowledge=(Source("environment", "x"), Source("culture", "y"))))
     assert str(raised.value) == (
-        "the record: its knowledge cannot be used: sources.knowledge: 2 files do not fit the robot "
+        "the record: it cannot be used: sources.knowledge: 2 files do not fit the robot "
         "D5.4.3 (replay it with the release that wrote it)")
 
 

@@ -162,17 +162,16 @@ class Board(View):
 
     def health(self) -> Dict[str, Offer]:
         """Return this with what is known for now only: how often each was called, or heard last."""
-        return {clean(name): self._counted(name, offer)
-                for name, offer in self._offers_of(self.state).items()}
-
-    def _counted(self, name: str, offer: Offer) -> Offer:
-        calls, arrival = self._health.calls.get(name), self._health.last_arrivals.get(name)
-        if calls is not None:
-            offer = replace(offer, calls=calls.calls, failures=calls.failures,
-                            seconds=round(calls.last_seconds, 3))
-        if arrival is not None:
-            offer = replace(offer, age=round(time.monotonic() - arrival, 1))
-        return offer
+        offers = {}
+        for name, offer in self._offers_of(self.state).items():
+            calls, heard = self._health.calls.get(name), self._health.last_arrivals.get(name)
+            if calls is not None:
+                offer = replace(offer, calls=calls.calls, failures=calls.failures,
+                                seconds=round(calls.last_seconds, 3))
+            if heard is not None:
+                offer = replace(offer, age=round(time.monotonic() - heard, 1))
+            offers[clean(name)] = offer
+        return offers
 
     def node(self, uid: int) -> Optional[Dict[str, Any]]:
         """Return the details of a node: its place, ports with values, last results; None if it does

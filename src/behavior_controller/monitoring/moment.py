@@ -164,65 +164,46 @@ def _is_open(node: TreeNode) -> bool:
 
 def robot_line(state: State) -> RobotLine:
     """Return how the robot is."""
-    robot, instruction = state.robot, _instruction(state)
-    return RobotLine(not robot.ill, conditions(robot.ill) or _alive(state),
-                     _attention(robot), _movement(robot), _place(robot), _safe(state), instruction)
+    robot, mode, safe = state.robot, "unknown", ""
+    if robot.attention is not None:
+        mode = robot.attention.state
+        mode = "off" if mode == "disabled" else f"on ({mode})"
+    movement = {None: "unknown", "enabled": "on"}.get(robot.animation, "off")
+    alive = "all nodes in use answer" if state.started is not None else "not yet asked"
+    if state.safe_state is not None:  # the robot was stopped
+        left_on = _left_on(state)
+        safe = "safe state reached"
+        if left_on:
+            safe = clean(f"safe state not reached: {listed(left_on)} may be on")
+    return RobotLine(not robot.ill, conditions(robot.ill) or alive, mode, movement, _place(robot),
+                     safe, _instruction(state))
 
 
-def _alive(state: State) -> str:
-    return "all nodes in use answer" if state.started is not None else "not yet asked"
-
-
-def _safe(state: State) -> str:
-    """Return after a stop whether the safe state was reached."""
-    if state.safe_state is None:
-        return ""
-    failed = [part.what for part in state.safe_state.parts if part.failure is not None]
-    if not failed:
-        return "safe state reached"
-    return clean(f"safe state not reached: {listed(failed)} may be on")
-
-
-def _cannot_drive(robot: Robot) -> bool:
-    trouble = robot.trouble(robot.services.get(GoTo.__name__, ""))
-    return trouble is not None and trouble.respect == GONE
-
-
-def _attention(robot: Robot) -> str:
-    if robot.attention is None:
-        return "unknown"
-    mode = robot.attention.state
-    return "off" if mode == "disabled" else f"on ({mode})"
-
-
-def _movement(robot: Robot) -> str:
-    if robot.animation is None:
-        return "unknown"
-    return "on" if robot.animation == "enabled" else "off"
+def _left_on(state: State) -> List[str]:
+    """Return what may still be on after a stop."""
+    parts = state.safe_state.parts if state.safe_state is not None else ()
+    return [part.what for part in parts if part.failure is not None]
 
 
 def _place(robot: Robot) -> str:
     last = "at " + robot.last_place if robot.last_place else ""
+    to_goal = robot.goal_name if robot.goal_name == HOME else "to " + robot.goal_name
     if robot.goal is not None:
-        return "driving " + _to(robot.goal_name or "{:g}, {:g}".format(*robot.goal[:2]))
+        return "driving " + (to_goal if robot.goal_name else "to {:g}, {:g}".format(*robot.goal[:2]))
     if robot.place is not None:
         return last or "at {:g}, {:g}".format(*robot.place[:2])
     if robot.goal_name:
-        return f"last seen {last or 'at the start'}, on the way {_to(robot.goal_name)}"
+        return f"last seen {last or 'at the start'}, on the way {to_goal}"
     return "place unknown"
-
-
-def _to(goal: str) -> str:
-    return goal if goal == HOME else "to " + goal
 
 
 def _instruction(state: State) -> str:
     """Return what a person has to do; it stays until that is done."""
-    robot = state.robot
-    steps = list(_repairs(state))
+    robot, steps = state.robot, list(_repairs(state))
     is_away = robot.goal_name and (robot.place is None or robot.last_place != HOME)
     # at a stop the visit goes on as soon as it can drive again
-    is_stuck = robot.place is None and _cannot_drive(robot)
+    trouble = robot.trouble(robot.services.get(GoTo.__name__, ""))
+    is_stuck = robot.place is None and trouble is not None and trouble.respect == GONE
     if is_away and (state.finished is not None or robot.is_lost or is_stuck):
         steps.append("take the robot home")
     text = clean("; ".join(steps))
@@ -244,14 +225,12 @@ def _repairs(state: State) -> Iterator[str]:
         nodes = _nodes(ill, respect)
         if nodes:
             yield f"check {_named(nodes)}: {'it is' if len(nodes) == 1 else 'they are'} {respect}"
-    step = state.step.cause if state.step is not None else None
-    is_known = isinstance(step, Paused) and state.robot.trouble(step.failure.resource) is not None
-    if isinstance(step, Paused) and not step.awaited and not is_known:
-        yield "repair what fails: " + cause(step.failure)
-    if state.safe_state is not None:
-        off = [part.what for part in state.safe_state.parts if part.failure is not None]
-        if off:
-            yield f"switch {listed(off)} off by hand"
+    pause = state.step.cause if state.step is not None else None
+    if isinstance(pause, Paused) and not pause.awaited:
+        if state.robot.trouble(pause.failure.resource) is None:
+            yield "repair what fails: " + cause(pause.failure)
+    if _left_on(state):
+        yield f"switch {listed(_left_on(state))} off by hand"
 
 
 def _named(nodes: List[str]) -> str:

@@ -97,18 +97,31 @@ class Now(Struct, frozen=True):
     ended: str
 
 
-class SentenceRow(Struct, frozen=True):
-    """A sentence of the story, with its number and its time of day."""
+class Sentence(Struct, frozen=True):
+    """A sentence about one event, in words for people and on one line.
 
-    number: int
+    ``kind`` says what it is about (one of ``story.KINDS``), ``severity`` is info, warning or error;
+    ``visit`` is 0 before the first. ``uid`` and ``path`` are those of the node that it leads to; 0
+    and empty if there is none. Sentences of one ``incident`` have one cause: it is the time of the
+    first of them. ``cause`` is the kind of the failure that they are about, in words.
+    """
+
     at: float
-    time: str
     visit: int
     kind: str
     severity: str
     text: str
     uid: int
-    incident: float
+    path: str = ""
+    incident: float = 0.0
+    cause: str = ""
+
+
+class SentenceRow(Sentence, frozen=True):
+    """A sentence of the story, with its number and its time of day."""
+
+    number: int = 0
+    time: str = ""
 
 
 class StopRow(Struct, frozen=True):

@@ -5,7 +5,7 @@ record gives the same sentences as the run itself. All texts are safe to show, w
 see ``text.clean``.
 """
 import collections
-from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Tuple
 
 from behavior_controller.execution.events import (
     BEGUN, BreakpointChanged, Event, HealthChanged, LeafFinished, Noticed, PassFinished, Paused,
@@ -17,31 +17,12 @@ from behavior_controller.execution.state import (
     BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, SILENT_VISITOR, STOPPED,
     UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
 from behavior_controller.folders import mission_name
+from behavior_controller.monitoring.parts import Sentence
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.text import clean
 
 UNCERTAIN = (Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION, Cause.UNUSABLE_ANSWER)
 """The causes of a failure in spite of which the request may have been carried out."""
-
-
-class Sentence(NamedTuple):
-    """A sentence about one event, in words for people and on one line.
-
-    ``kind`` says what it is about (one of ``KINDS``), ``severity`` is info, warning or error;
-    ``visit`` is 0 before the first. ``uid`` and ``path`` are those of the node that it leads to; 0
-    and empty if there is none. Sentences of one ``incident`` have one cause: it is the time of the
-    first of them. ``cause`` is the kind of the failure that they are about, in words.
-    """
-
-    at: float
-    visit: int
-    kind: str
-    severity: str
-    text: str
-    uid: int
-    path: str
-    incident: float = 0.0
-    cause: str = ""
 
 
 KINDS = ("visit", "stop", "said", "heard", "asked", "pressed", "moved", "failure", "recovery",

@@ -4,6 +4,8 @@ import collections
 import time
 from typing import Any, Deque, Dict, List, Optional, Tuple
 
+from msgspec.structs import asdict
+
 from behavior_controller.execution.events import Event, PassStarted, TreeShown
 from behavior_controller.execution.fold import fold
 from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
@@ -52,7 +54,8 @@ class View:
         sentences = story.sentences(before, event, self.state)
         for sentence in sentences:
             self._count += 1
-            self._sentences.append(_sentence(self._count, sentence))
+            self._sentences.append(parts.SentenceRow(
+                **asdict(sentence), number=self._count, time=clock(sentence.at)))
         if isinstance(event, PassStarted):
             self._steps.clear()
         elif isinstance(event, TreeShown):  # the results are those of an earlier tree's nodes
@@ -155,12 +158,6 @@ MOMENT = ("statuses", "now", "story", "visits", "timeline", "blackboard")
 def clock(at: float) -> str:
     """Return the time of day, as sentences show it."""
     return time.strftime("%H:%M:%S", time.localtime(at))
-
-
-def _sentence(number: int, sentence: story.Sentence) -> parts.SentenceRow:
-    return parts.SentenceRow(
-        number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind, sentence.severity,
-        sentence.text, sentence.uid, sentence.incident)
 
 
 def _step(step: Step) -> parts.StepRow:

@@ -257,7 +257,7 @@ def _choices(run: Drawn) -> List[Tuple[str, str, str, Counter[str]]]:
 
 def _grouped(sentences: List[story.Sentence]) -> List[Tuple[int, story.Sentence]]:
     """Return sentences; one that is repeated within a second comes once, with its count."""
-    alike = itertools.groupby(sentences, lambda said: said._replace(at=int(said.at)))
+    alike = itertools.groupby(sentences, lambda said: replace(said, at=int(said.at)))
     return [(len(group), group[0]) for group in (list(group) for _, group in alike)]
 
 

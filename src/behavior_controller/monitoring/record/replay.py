@@ -5,7 +5,7 @@ import itertools
 import os
 import sys
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, TypeVar, Union
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import exit_codes, folders, leaves, ros_arguments
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
@@ -27,8 +27,6 @@ from behavior_controller.text import Source, Unreadable, clean, count, read_byte
 from behavior_controller.monitoring.record.codec import decode
 from behavior_controller.monitoring.record.recorder import FILE_NAME, MOST_BYTES
 from behavior_controller.monitoring.record.html_report import story_lines, to_html
-
-Part = TypeVar("Part")
 
 NAME_OF: Dict[str, str] = {letter: NAMES[status] for status, letter in events.LETTERS.items()}
 
@@ -58,25 +56,20 @@ class Diverged(Exception):
 def find_record(name: str) -> str:
     """Return the path of a record, given that, the folder of one run, or ``latest``: the newest of
     the default folder."""
-    if name == LATEST and not os.path.exists(name):
-        paths = _records_below(folders.records())
-        if not paths:
-            place = os.path.join(folders.records(), "*", FILE_NAME)
-            raise MissionError.of(place, "there is no record yet", "name a record or its folder")
-        return paths[-1]
-    path = os.path.join(name, FILE_NAME)
-    below = _records_below(name)
-    if not below or os.path.exists(path):
-        return path if os.path.isdir(name) else name
-    if len(below) > 1:
+    is_latest = name == LATEST and not os.path.exists(name)
+    folder = folders.records() if is_latest else name
+    below = sorted(filter(os.path.isfile, glob.glob(
+        os.path.join(glob.escape(folder), "*", FILE_NAME))))
+    if is_latest and not below:
+        place = os.path.join(folder, "*", FILE_NAME)
+        raise MissionError.of(place, "there is no record yet", "name a record or its folder")
+    own = os.path.join(name, FILE_NAME)
+    if not below or os.path.exists(own):
+        return own if os.path.isdir(name) else name
+    if len(below) > 1 and not is_latest:
         raise MissionError.of(name, f"the folder has the records of {len(below)} runs",
                               f"name one, the newest is {os.path.dirname(below[-1])}")
-    return below[0]
-
-
-def _records_below(folder: str) -> List[str]:
-    paths = glob.glob(os.path.join(glob.escape(folder), "*", FILE_NAME))
-    return sorted(filter(os.path.isfile, paths))
+    return below[-1]
 
 
 def read_record(path: str) -> List[events.Line]:
@@ -115,15 +108,28 @@ def replay(lines: List[events.Line], mission: Optional[str] = None) -> Replayed:
     return Replayed(passes, changes)
 
 
-def _restored(what: str, read: Callable[[], Part]) -> Part:
-    """Return the result of ``read``, a part of a record. Raises MissionError, in one line, if this
-    release cannot use it."""
+def _restored(started: events.RunStarted, clock: ManualClock, mission: Optional[str]) -> Mission:
+    """Return the mission of a record, with the file ``mission`` in its place if one is given.
+
+    Raises MissionError, in one line, if this release cannot use the record.
+    """
+    sources = started.sources
+    if sources.interface not in INTERFACES:
+        raise _unusable(
+            f"its interface is {sources.interface}; this release has {', '.join(INTERFACES)}")
+    edited = load_tree(mission, clock=clock) if mission is not None else None
     try:
-        return read()
+        return Mission(
+            settings.recorded(started.settings, "settings"), started.mission,
+            phrases.recorded(sources.phrases),
+            recovery_policy.read(sources.policy, leaves.mission_specs()),
+            edited or build_tree([parse(text, file) for file, text in sources.documents],
+                                 clock=clock),
+            _knowledge(sources.knowledge, INTERFACES[sources.interface]))
     except FaultsFound as invalid:
         first, *others = invalid.faults
         more = f"; and {len(others)} more" if others else ""
-        raise _unusable(f"its {what} cannot be used: {first}{more}") from invalid
+        raise _unusable(f"it cannot be used: {first}{more}") from invalid
 
 
 def _unusable(text: str) -> FaultsFound:
@@ -135,30 +141,16 @@ class _Replay:
 
     def __init__(self, started: events.RunStarted, nodes: List[events.TreeNode],
                  mission: Optional[str]):
-        sources = started.sources
-        if sources.interface not in INTERFACES:
-            raise _unusable(
-                f"its interface is {sources.interface}; this release has {', '.join(INTERFACES)}")
         self.clock = ManualClock()
-        if mission is not None:
-            self.tree = load_tree(mission, clock=self.clock)
-        else:
-            self.tree = _restored("mission", lambda: build_tree(
-                [parse(text, file) for file, text in sources.documents], clock=self.clock))
+        restored = _restored(started, self.clock, mission)
+        self.tree = restored.tree
         self._nodes = nodes  # of the record, by uid - 1
-        self._world = _World(INTERFACES[sources.interface])
+        self._world = _World(INTERFACES[started.sources.interface])
         self._health = Health()
         self._began: Optional[float] = None
         self._now: List[Tuple[str, str]] = []
-        chosen = _restored("configuration", lambda: settings.recorded(started.settings, "settings"))
-        spoken = _restored("phrases", lambda: phrases.recorded(sources.phrases))
-        rules = _restored("recovery policy",
-                          lambda: recovery_policy.read(sources.policy, leaves.mission_specs()))
-        known = _restored("knowledge",
-                          lambda: _knowledge(sources.knowledge, INTERFACES[sources.interface]))
         self.tree.subscribe(
             lambda node, old, new: self._now.append((node.full_path, events.LETTERS[new])))
-        restored = Mission(chosen, started.mission, spoken, rules, self.tree, known)
         self._mission = restored.context(self._world, self._world, events.Events(), self._health)
         self.tree.setup(mission=self._mission)
 
