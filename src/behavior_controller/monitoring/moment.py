@@ -126,19 +126,16 @@ def next_node(state: State, uid: int) -> str:
         if not parent:
             return "the end of the visit"
         kind = nodes[parent - 1].type
-        later = next(_children(nodes, parent, uid), None) if kind in IN_TURN else None
-        if later is not None:
-            return _first_leaf(state, later)
+        later = (other for other in range(uid + 1, len(nodes) + 1)
+                 if kind in IN_TURN and nodes[other - 1].parent == parent)
+        for sibling in later:
+            return _first_leaf(state, sibling)
         if kind in AGAIN:
             return _first_leaf(state, uid)
         if kind not in IN_TURN and kind not in AS_CHILD:
             return ""
         uid = parent
     return ""
-
-
-def _children(nodes: Tuple[TreeNode, ...], parent: int, after: int) -> Iterator[int]:
-    return (uid for uid in range(after + 1, len(nodes) + 1) if nodes[uid - 1].parent == parent)
 
 
 def _first_leaf(state: State, uid: int) -> str:
