@@ -136,89 +136,21 @@ def _unusable(text: str) -> FaultsFound:
     return MissionError.of("the record", text, "replay it with the release that wrote it")
 
 
-class _Replay:
-    """One mission of a record, and the recorded answers and messages."""
+class _Replay(FakeGateway, Topics):
+    """One mission of a record, as the robot that it asks: with the recorded answers and messages,
+    of which those that a traversal read precede it in the record."""
 
     def __init__(self, started: events.RunStarted, nodes: List[events.TreeNode],
                  mission: Optional[str]):
-        self.clock = ManualClock()
-        restored = _restored(started, self.clock, mission)
-        self.tree = restored.tree
+        super().__init__(reply=lambda request: self._results.pop(len(self.calls), None))
+        self._clock = ManualClock()
+        restored = _restored(started, self._clock, mission)
+        self._tree = restored.tree
         self._nodes = nodes  # of the record, by uid - 1
-        self._world = _World(INTERFACES[started.sources.interface])
+        self._interface = INTERFACES[started.sources.interface]
         self._health = Health()
         self._began: Optional[float] = None
-        self._now: List[Tuple[str, str]] = []
-        self.tree.subscribe(
-            lambda node, old, new: self._now.append((node.full_path, events.LETTERS[new])))
-        self._mission = restored.context(self._world, self._world, events.Events(), self._health)
-        self.tree.setup(mission=self._mission)
-
-    def take(self, event: events.Event) -> int:
-        """Process one event; a traversal is repeated and compared. Return how many statuses it
-        changed."""
-        self._world.take(event)
-        if isinstance(event, events.Lost):
-            raise Diverged(f"the record lacks {event.lines} lines")
-        elif isinstance(event, events.PassStarted):
-            self._mission.begin_visit(self.tree.blackboard, event.at)
-        elif isinstance(event, events.HealthChanged):
-            self._health.report(event.respect, event)
-            self._health.publish(events.Events())
-        elif isinstance(event, events.Tick):
-            return self._traverse(event)
-        return 0
-
-    def _traverse(self, tick: events.Tick) -> int:
-        self.clock.set_to(tick.at)
-        self._began = tick.at if self._began is None else self._began
-        self._now.clear()
-        self._world.begin()
-        result: Any = None
-        try:
-            if tick.first:
-                self.clock.run_due()
-            result = self.tree.root.execute()
-        except BehaviorControllerError:
-            pass  # it ended a pass of the recorded run too
-        self._compare([(self._nodes[uid - 1].path, letter) for uid, letter in tick.changes],
-                      tick.at - self._began)
-        if result is SUCCESS or result is FAILURE:
-            self.tree.root.reset()
-        elif result is not RUNNING:
-            self.tree.halt()
-        return len(tick.changes)
-
-    def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
-        """Raise ``Diverged`` at the first difference."""
-        pairs = itertools.zip_longest(recorded, self._now)
-        status = next((f"recorded is {_words(was)}, now it is {_words(now)}"
-                       for was, now in pairs if was != now), "")
-        differences = "; ".join(filter(None, (status, self._world.difference())))
-        if differences:
-            raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")
-
-
-def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:
-    if interface.has_knowledge_files != (len(sources) == 2):
-        raise ConfigurationError.of(
-            "sources.knowledge", f"{len(sources)} files do not fit the robot {interface.name}")
-    return knowledge_files.read(sources[0], sources[1]) if sources else None
-
-
-def _words(change: Optional[Tuple[str, str]]) -> str:
-    if change is None:
-        return "no further change"
-    path, letter = change
-    return f"{path} {NAME_OF[letter]}"
-
-
-class _World(FakeGateway, Topics):
-    """The recorded answers and messages: those that a traversal read precede it in the record."""
-
-    def __init__(self, interface: Interface) -> None:
-        super().__init__(reply=lambda request: self._results.pop(len(self.calls), None))
-        self._interface = interface
+        self._statuses: List[Tuple[str, str]] = []  # that the traversal has changed
         self._wanted: List[Request] = []  # requests that the traversal must make
         self._results: Dict[int, Union[Answer, Failure]] = {}  # of the calls that it makes
         self._messages: List[Tuple[Topic, int, Sample]] = []
@@ -226,9 +158,14 @@ class _World(FakeGateway, Topics):
         self._reads: Dict[Topic, int] = {}
         self._hearing: List[str] = []  # on which topics the robot still hears something
         self._difference = ""  # between the requests that are made and the recorded ones
+        self._tree.subscribe(lambda node, old, new: self._statuses.append(
+            (node.full_path, events.LETTERS[new])))
+        self._mission = restored.context(self, self, events.Events(), self._health)
+        self._tree.setup(mission=self._mission)
 
-    def take(self, event: events.Event) -> None:
-        """Store a request, an answer, a message or a state of the robot for the next traversal."""
+    def take(self, event: events.Event) -> int:
+        """Store what the next traversal needs; a traversal is repeated and compared. Return how
+        many statuses it changed. Raises ``Diverged``."""
         if isinstance(event, events.Asked):
             self._wanted.append(event.request)
         elif isinstance(event, events.Answered) and event.call <= len(self.calls):
@@ -240,10 +177,50 @@ class _World(FakeGateway, Topics):
         elif isinstance(event, events.Message):
             sample = Sample(event.value, event.arrived)
             self._messages.append((self._interface.topic(event.topic), event.read, sample))
+        elif isinstance(event, events.Lost):
+            raise Diverged(f"the record lacks {event.lines} lines")
+        elif isinstance(event, events.PassStarted):
+            self._mission.begin_visit(self._tree.blackboard, event.at)
+        elif isinstance(event, events.HealthChanged):
+            self._health.report(event.respect, event)
+            self._health.publish(events.Events())
+        elif isinstance(event, events.Tick):
+            self._traverse(event)
+            return len(event.changes)
+        return 0
 
-    def begin(self) -> None:
-        """A traversal begins."""
+    def _traverse(self, tick: events.Tick) -> None:
+        self._clock.set_to(tick.at)
+        self._began = tick.at if self._began is None else self._began
+        self._statuses.clear()
         self._reads.clear()
+        result: Any = None
+        try:
+            if tick.first:
+                self._clock.run_due()
+            result = self._tree.root.execute()
+        except BehaviorControllerError:
+            pass  # it ended a pass of the recorded run too
+        differences = "; ".join(filter(None, self._differences(tick)))
+        if differences:
+            seconds = tick.at - self._began
+            raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")
+        if result is SUCCESS or result is FAILURE:
+            self._tree.root.reset()
+        elif result is not RUNNING:
+            self._tree.halt()
+
+    def _differences(self, tick: events.Tick) -> Iterator[str]:
+        """Yield the first difference of statuses, and that of requests."""
+        recorded = ((self._nodes[uid - 1].path, letter) for uid, letter in tick.changes)
+        pairs = itertools.zip_longest(recorded, self._statuses)
+        yield next((f"recorded is {_words(was)}, now it is {_words(now)}"
+                    for was, now in pairs if was != now), "")
+        if self._wanted and not self._difference:
+            yield f"recorded is the request {self._wanted[0]}, now there is none"
+        yield self._difference
+
+    # --------------------------------------------------------------------------------- as the robot
 
     def start(self, request: Request) -> Call:
         """Compare a request with the recorded one; its answer is the recorded one's."""
@@ -253,13 +230,6 @@ class _World(FakeGateway, Topics):
                 "no request" if recorded is None else f"the request {recorded}",
                 self._interface.resource(type(request)), request)
         return super().start(request)
-
-    def difference(self) -> str:
-        """Return how the requests of the traversal differ from the recorded ones; empty if they do
-        not."""
-        if self._wanted and not self._difference:
-            return f"recorded is the request {self._wanted[0]}, now there is none"
-        return self._difference
 
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """Return the recorded messages for this read of a topic."""
@@ -280,6 +250,20 @@ class _World(FakeGateway, Topics):
 
     def wake_when(self, key: Any, topic: Topic, wanted: Any) -> None:
         """Do nothing: the record decides when the tree is traversed."""
+
+
+def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:
+    if interface.has_knowledge_files != (len(sources) == 2):
+        raise ConfigurationError.of(
+            "sources.knowledge", f"{len(sources)} files do not fit the robot {interface.name}")
+    return knowledge_files.read(sources[0], sources[1]) if sources else None
+
+
+def _words(change: Optional[Tuple[str, str]]) -> str:
+    if change is None:
+        return "no further change"
+    path, letter = change
+    return f"{path} {NAME_OF[letter]}"
 
 
 # -------------------------------------------------------------------------------------- the command
