@@ -12,7 +12,7 @@ themselves.
 import collections
 import contextlib
 from typing import (
-    Any, Callable, Deque, Dict, Iterable, List, Literal, NamedTuple, Optional, Tuple, get_args)
+    Any, Callable, Deque, Dict, Iterable, List, Literal, Optional, Tuple, get_args)
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -151,22 +151,6 @@ class _SetHook:
         self.is_unlocked = False
         self.is_reported = False  # the operator knows that it decides results
 
-    def release(self) -> None:
-        """Let a breakpoint go on."""
-        self.is_unlocked = self.is_waiting
-
-    def reset(self) -> None:
-        """Forget that the breakpoint was reached."""
-        self.is_waiting = self.is_unlocked = False
-
-
-class _Held(NamedTuple):
-    """A node that waits at a breakpoint: the status that it had, and its result if it has been
-    ticked."""
-
-    status: Any
-    result: Optional[Result]
-
 
 class _NodeHooks(NodeHook):
     """The hooks of one node, attached to it while there are any."""
@@ -175,14 +159,15 @@ class _NodeHooks(NodeHook):
         self._node = node
         self._owner = owner
         self._set: Dict[int, _SetHook] = {}  # by position
-        self._held: Optional[_Held] = None
+        # while the node waits at a breakpoint, its status before, and its result if it was ticked
+        self._held: Optional[Tuple[Any, Optional[Result]]] = None
 
     @property
     def is_holding(self) -> bool:  # type: ignore[override]
         """Whether the node waits at a breakpoint."""
         return self._held is not None
 
-    def _note(self, is_held: bool) -> None:
+    def _report_hold(self, is_held: bool) -> None:
         self._owner.held(BreakpointChanged(self._node.uid, self._node.full_path, is_held))
 
     def insert(self, hook: Hook) -> None:
@@ -192,7 +177,7 @@ class _NodeHooks(NodeHook):
         place.is_reported = False
         place.hook = hook
         if not hook.enabled:
-            place.release()
+            place.is_unlocked = place.is_waiting
         result = "" if hook.mode == BREAKPOINT else " to " + hook.desired_status
         self._tell(hook, f"is set{result}" + ("" if hook.enabled else ", but disabled"))
 
@@ -204,7 +189,7 @@ class _NodeHooks(NodeHook):
             self._owner.gone.append(hook)  # it has removed itself already
             return
         place.hook = hook
-        place.release()
+        place.is_unlocked = place.is_waiting
         self._tell(hook, text)
 
     def remove(self, hook: Hook, reason: str) -> None:
@@ -228,15 +213,16 @@ class _NodeHooks(NodeHook):
         its tick."""
         held, self._held = self._held, None
         if held is not None:
-            waiting = self._set.get(BEFORE if held.result is None else AFTER)
+            status, result = held
+            waiting = self._set.get(BEFORE if result is None else AFTER)
             if waiting is not None and waiting.is_waiting and not waiting.is_unlocked:
                 self._held = held
                 return RUNNING
-            self._note(False)
+            self._report_hold(False)
             # it has not run yet, or has its result already: RUNNING was ours
-            node.status = held.status
-            if held.result is not None:
-                return held.result
+            node.status = status
+            if result is not None:
+                return result
         return self._ask(node, BEFORE, None)
 
     def after(self, node: Node, result: Result) -> Result:
@@ -253,13 +239,13 @@ class _NodeHooks(NodeHook):
         if place is None or not (place.hook.enabled or place.is_unlocked):
             return None
         if place.hook.mode == BREAKPOINT and not place.is_unlocked:
-            self._held = _Held(node.status, result)
-            self._note(True)
+            self._held = node.status, result
+            self._report_hold(True)
             if not place.is_waiting:
                 place.is_waiting = True
                 self._owner.reached(node.uid)
             return RUNNING
-        place.reset()
+        place.is_waiting = place.is_unlocked = False
         return self._decide(place, result)
 
     def _decide(self, place: _SetHook, result: Optional[Result]) -> Optional[Result]:
@@ -282,9 +268,10 @@ class _NodeHooks(NodeHook):
         """Reset the hooks; return whether ``node`` has work to halt: at a breakpoint before it, it
         has none."""
         held, self._held = self._held, None
-        if held is not None:
-            self._note(False)
         for place in self._set.values():
-            place.reset()
+            place.is_waiting = place.is_unlocked = False
         self._leave()
-        return held is None or held.result is not None or held.status is not IDLE
+        if held is None:
+            return True
+        self._report_hold(False)
+        return held != (IDLE, None)
