@@ -5,13 +5,13 @@ the model of the run and from nothing else.
 """
 from typing import Iterator, List, Tuple
 
-from behavior_controller.execution.events import HealthChanged, Paused, Recovering, TreeNode
+from behavior_controller.execution.events import HealthChanged, Paused, TreeNode
 from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT
 from behavior_controller.execution.state import Robot, State, Step
 from behavior_controller.monitoring.parts import (
     ASLEEP, BUSY, Card, ENDED, HELD, IDLE, PAUSED, RETRY, RobotLine, STEP, WAIT)
 from behavior_controller.monitoring.story import (
-    cause, condition, conditions, listed, stop_name, step_words)
+    cause, condition, conditions, few, listed, stop_name, step_words)
 from behavior_controller.robot.requests import GoTo, Words
 from behavior_controller.text import clean
 
@@ -65,24 +65,18 @@ def _where(state: State) -> str:
 
 
 def _of_step(state: State, step: Step, where: str) -> Card:
-    exchange, waits_for, trouble = state.waits_for, "", state.held_by
+    exchange, trouble, following = state.waits_for, state.held_by, next_node(state, step.uid)
+    kind, waits_for = WAIT if step.is_wait else STEP, ""
     if exchange is not None:
         waits_for = "the answer of " + exchange.service
-    kind = WAIT if step.is_wait else STEP
-    if isinstance(step.cause, Recovering):
+    if step.cause is not None:
         kind, trouble = RETRY, state.robot.trouble(step.cause.failure.resource)
-    elif isinstance(step.cause, Paused):
-        return _of_pause(state, step, step.cause)
+    why = condition(trouble) if trouble is not None else ""
+    if isinstance(step.cause, Paused):
+        kind, where, following = PAUSED, "", "the next visit"
+        why = why or "failed last: " + cause(step.cause.failure)
     return Card(kind, step_words(step), where, step.began, step.until, step.attempt, step.attempts,
-                waits_for, condition(trouble) if trouble is not None else "",
-                state.due or next_node(state, step.uid), step.uid)
-
-
-def _of_pause(state: State, step: Step, paused: Paused) -> Card:
-    trouble = state.robot.trouble(paused.failure.resource)
-    why = condition(trouble) if trouble is not None else "failed last: " + cause(paused.failure)
-    return Card(PAUSED, step_words(step), "", step.began, step.until, trouble=why,
-                next=state.due or "the next visit")
+                waits_for, why, state.due or following, step.uid)
 
 
 def _of_tree(state: State, where: str) -> Card:
@@ -232,7 +226,7 @@ def _repairs(state: State) -> Iterator[str]:
 
 def _named(nodes: List[str]) -> str:
     """Return the names of a few nodes, or how many they are: what to do has to fit a phone."""
-    return listed(nodes) if len(nodes) <= MOST_NAMED else f"{len(nodes)} nodes"
+    return few(nodes, ["node"] * len(nodes), MOST_NAMED)
 
 
 def _nodes(ill: Tuple[HealthChanged, ...], respect: str) -> List[str]:

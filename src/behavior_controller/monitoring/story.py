@@ -19,7 +19,7 @@ from behavior_controller.execution.state import (
 from behavior_controller.folders import mission_name
 from behavior_controller.monitoring.parts import Sentence
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.text import clean
+from behavior_controller.text import clean, count
 
 UNCERTAIN = (Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION, Cause.UNUSABLE_ANSWER)
 """The causes of a failure in spite of which the request may have been carried out."""
@@ -142,12 +142,16 @@ MOST_NAMES = 3
 def _common_condition(changes: List[HealthChanged]) -> str:
     if len(changes) == 1:
         return condition(changes[0])
-    names = listed([change.name for change in changes])
-    if len(changes) > MOST_NAMES:
-        kinds = collections.Counter(change.kind for change in changes)
-        names = listed([f"{number} {kind}{'s' if number > 1 else ''}"
-                        for kind, number in kinds.items()])
-    return clean(f"{names} are {changes[0].respect}")
+    names, kinds = [change.name for change in changes], [change.kind for change in changes]
+    return clean(f"{few(names, kinds, MOST_NAMES)} are {changes[0].respect}")
+
+
+def few(names: List[str], kinds: List[str], most: int) -> str:
+    """Return the names, or of more than ``most`` how many there are of each kind."""
+    if len(names) <= most:
+        return listed(names)
+    numbers = collections.Counter(kinds)
+    return listed([count(number, kind, kind + "s") for kind, number in numbers.items()])
 
 
 def listed(names: List[str]) -> str:
@@ -190,7 +194,7 @@ def counted(outcomes: Dict[str, int]) -> str:
     number, failed = sum(outcomes.values()), outcomes.get("FAILURE", 0)
     if not number:
         return "no visit completed"
-    text = f"{number} visit{'' if number == 1 else 's'}, {failed or 'none'} failed"
+    text = f"{count(number, 'visit', 'visits')}, {failed or 'none'} failed"
     return text + ", the last one was stopped" if "" in outcomes else text
 
 
