@@ -1,7 +1,7 @@
-"""The state of a running mission as it is sent: the parts of the board, declared once for the
-page's server and ``missionStatus``.
+"""The state of a running mission as it is sent: the parts of the board that the page's server makes
+and ``missionStatus`` reads.
 """
-from typing import Any, List, Optional
+from typing import Any, Dict, List, Optional
 
 from msgspec import Struct
 
@@ -124,51 +124,11 @@ class SentenceRow(Sentence, frozen=True):
     time: str = ""
 
 
-class StopRow(Struct, frozen=True):
-    """A stop of a visit."""
-
-    number: int
-    of: int
-    name: str
-    state: str
-    why: str
-    noun: str
-
-
-class VisitRow(Struct, frozen=True):
-    """A visit; ``ending``: how it ended, in words."""
-
-    number: int
-    time: str
-    began: float
-    arrived: Optional[float]
-    outcome: str
-    stops: List[StopRow]
-    ending: str
-
-
 class StoryPart(Struct, frozen=True):
     """The visit under way, or the last one, and the newest sentences."""
 
-    visit: Optional[VisitRow]
+    visit: Optional[Dict[str, Any]]
     sentences: List[SentenceRow]
-
-
-class Visits(Struct, frozen=True):
-    """The visits that ended, the newest last, and how many there were in words."""
-
-    counted: str
-    newest: List[VisitRow]
-
-
-class StepRow(Struct, frozen=True):
-    """A step of the visit: when it began, and how long it took."""
-
-    words: str
-    began: float
-    uid: int
-    is_wait: bool
-    seconds: float
 
 
 class Offer(Struct, frozen=True):

@@ -111,12 +111,13 @@ class View:
         visit = self.state.visit
         return parts.StoryPart(_visit(visit) if visit is not None else None, list(self._sentences))
 
-    def visits(self) -> parts.Visits:
+    def visits(self) -> Dict[str, Any]:
+        """Return the visits that ended, the newest last, and how many there were in words."""
         ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
-        return parts.Visits(story.counted(self.state.outcomes), ended)
+        return {"counted": story.counted(self.state.outcomes), "newest": ended}
 
-    def timeline(self) -> List[parts.StepRow]:
-        """Return the steps of the visit that ended."""
+    def timeline(self) -> List[Dict[str, Any]]:
+        """Return the steps of the visit that ended: when each began, and how long it took."""
         return list(map(_step, self._steps))
 
     def blackboard(self) -> Dict[str, str]:
@@ -160,9 +161,10 @@ def clock(at: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(at))
 
 
-def _step(step: Step) -> parts.StepRow:
+def _step(step: Step) -> Dict[str, Any]:
     seconds = round((step.ended or step.began) - step.began, 2)
-    return parts.StepRow(story.step_words(step), step.began, step.uid, step.is_wait, seconds)
+    return {"words": story.step_words(step), "began": step.began, "uid": step.uid,
+            "is_wait": step.is_wait, "seconds": seconds}
 
 
 def _result(last: NodeResult, times: int) -> Dict[str, Any]:
@@ -171,8 +173,9 @@ def _result(last: NodeResult, times: int) -> Dict[str, Any]:
             "why": story.cause(last.failure) if last.failure is not None else ""}
 
 
-def _visit(visit: Visit) -> parts.VisitRow:
-    stops = [parts.StopRow(stop.number, stop.of, stop.name, stop.state, story.why(stop.why),
-                           stop.noun) for stop in visit.stops]
-    return parts.VisitRow(visit.number, clock(visit.arrived or visit.began), visit.began,
-                          visit.arrived, visit.outcome, stops, story.how_it_ended(visit))
+def _visit(visit: Visit) -> Dict[str, Any]:
+    """Return a visit; ``ending``: how it ended, in words."""
+    stops = [dict(asdict(stop), why=story.why(stop.why)) for stop in visit.stops]
+    return {"number": visit.number, "time": clock(visit.arrived or visit.began),
+            "began": visit.began, "arrived": visit.arrived, "outcome": visit.outcome,
+            "stops": stops, "ending": story.how_it_ended(visit)}
