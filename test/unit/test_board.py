@@ -517,15 +517,16 @@ def test_what_the_robot_says_stays_on_its_line():
         status_tool.lines(msgspec.convert(state, status_tool.ShownState), True))
 
 
-def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_newest_statuses(monkeypatch):
+def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_oldest_events(monkeypatch):
     monkeypatch.setattr(recorder, "MOST_WAITING", 3)
-    rig = one_leaf("<Sequence><WelcomeSpeech/><FollowMeSpeech/><SayGoodByeSpeech/></Sequence>",
-                   lambda request: None if "ollow" in request.text else Answer())
+    rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
-    rig.tick()
-    assert letters(board) == "RSR-"
-    rig.tree.halt()
-    assert letters(board) == "rsr-"
+    for number in range(9):
+        rig.mission.events.emit(Noticed("info", f"line {number}"))
+    board.refresh()
+    rig.mission.events.emit(Noticed("info", "the last line"))
+    told = [line["text"] for line in board.part("story")["sentences"]]
+    assert told == ["line 0", "line 1", "the last line"] and board.state.lost == 7
 
 
 def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():

@@ -11,7 +11,7 @@ from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.ports import PortError, entry_value, reference
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.execution.events import LETTERS, Event, Events, HealthChanged, Line
+from behavior_controller.execution.events import Event, Events, HealthChanged, Line
 from behavior_controller.execution.health import Health
 from behavior_controller.execution.run import History
 from behavior_controller.execution.state import State, rank
@@ -54,7 +54,6 @@ class Board(View):
         self._registry = registry
         self._history = History()
         self._feed = Feed()
-        self._missed = 0  # events, when the statuses were last read from the tree
         self._beaten = self._pulsed = 0.0
         self._health = health
         self._offers = {offer.name: offer.kind for offer in interface.offers}
@@ -90,13 +89,6 @@ class Board(View):
     def _catch_up(self) -> None:
         for line in self._feed.lines():
             self.take(line.time, line.event)
-        # of what did not fit, only the newest statuses are shown
-        missed = self.state.lost + self._feed.lost
-        if missed != self._missed and self.tree is not None:
-            self._missed = missed
-            letters = "".join(LETTERS[node.status] for node in self.tree.nodes)
-            self.state = replace(self.state, letters=letters)
-            self._touch("statuses", "now")
 
     def _touch(self, *parts: str) -> None:
         for part in parts:

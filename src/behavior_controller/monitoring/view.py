@@ -33,8 +33,7 @@ class View:
     """Folds a run's events from the ``state`` before them on, and keeps what is shown of what has
     ended.
 
-    Each part of the board that is known for each moment has a method, which makes it; ``step_over``
-    is the step that the last event has ended, if it was the newest one.
+    Each part of the board that is known for each moment has a method, which makes it.
     """
 
     stopped = ""
@@ -42,7 +41,6 @@ class View:
 
     def __init__(self, state: State = State()):
         self.state = state
-        self.step_over: Optional[Step] = None
         self._sentences: Deque[parts.SentenceRow] = collections.deque(maxlen=SENTENCES)
         self._count = 0  # of all sentences
         self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
@@ -60,9 +58,9 @@ class View:
             self._steps.clear()
         elif isinstance(event, TreeShown):  # the results are those of an earlier tree's nodes
             self._results.clear()
-        self.step_over = step_over(before, self.state)
-        if self.step_over is not None:
-            self._steps.append(self.step_over)
+        ended_step = step_over(before, self.state)
+        if ended_step is not None:
+            self._steps.append(ended_step)
         for ended in self.state.concluded(NodeResult):
             self._end(ended)
         return sentences

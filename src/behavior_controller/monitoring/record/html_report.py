@@ -1,12 +1,13 @@
 """A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes,
 the mission file."""
+import collections
 import itertools
 import json
 import os
 import re
 from time import localtime, strftime
 from types import SimpleNamespace
-from typing import Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Counter, DefaultDict, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from msgspec.structs import replace
 from tornado.template import Template
@@ -19,7 +20,7 @@ from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution import events
 from behavior_controller.execution.run import with_nodes
-from behavior_controller.execution.state import UNDER_WAY, NodeResult, State, Step, Visit
+from behavior_controller.execution.state import UNDER_WAY, NodeResult, Step, Visit, step_over
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.missions.load import build_tree
@@ -70,7 +71,7 @@ class Drawn:
         self.nodes = nodes
         self.visits: Dict[int, Visit] = {}
         # by visit; 0 is what was before the first
-        self.sentences: Dict[int, List[story.Sentence]] = {}
+        self.sentences: DefaultDict[int, List[story.Sentence]] = collections.defaultdict(list)
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # results of each node
         # kinds of results of each mission leaf
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]
@@ -78,30 +79,26 @@ class Drawn:
         self.lanes = Lanes()  # results of mission leaves, from their events
         self.changes = Lanes()  # results of other nodes, from their changes of status
         self.moments = Moments()
-        self._view = View()
-        self._view.take(began, events.TreeShown("", nodes))
+        self.view = View()
+        self.view.take(began, events.TreeShown("", nodes))
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
-
-    @property
-    def run(self) -> State:
-        """What was so at the end."""
-        return self._view.state
 
     def take(self, time: float, event: events.Event) -> None:
         """Process the next line."""
         self.ended = max(self.ended, time)
-        for sentence in self._view.take(time, event):
-            self.sentences.setdefault(sentence.visit, []).append(sentence)
-        visit = self.run.visit
-        if visit is not None:
-            self.visits[visit.number] = visit
-            self.sentences.setdefault(visit.number, [])
-        if self._view.step_over is not None:
-            self._end_step(self._view.step_over)
-        for ended in self.run.concluded(NodeResult):
+        before = self.view.state
+        for sentence in self.view.take(time, event):
+            self.sentences[sentence.visit].append(sentence)
+        state = self.view.state
+        if state.visit is not None:
+            self.visits[state.visit.number] = state.visit
+        step = step_over(before, state)
+        if step is not None:
+            self._end_step(step)
+        for ended in state.concluded(NodeResult):
             self._end(ended)
         self._draw(time, event)
-        self.moments.take(self._view, self._since(self.ended))
+        self.moments.take(self.view, self._since(self.ended))
 
     def _end(self, ended: NodeResult) -> None:
         self.counts[ended.uid - 1][ended.letter] += 1
@@ -132,8 +129,8 @@ class Drawn:
 
     def finish(self) -> "Drawn":
         """Draw what was under way when the record ended."""
-        if self.run.step is not None:
-            self._end_step(replace(self.run.step, ended=self.ended))
+        if self.view.state.step is not None:
+            self._end_step(replace(self.view.state.step, ended=self.ended))
         return self
 
 
@@ -230,18 +227,18 @@ def _letter(visit: Visit) -> str:
 
 def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
     """Yield when the mission ran, how it ended, and what the report does not have."""
-    day = strftime("%Y-%m-%d", localtime(run.began))
+    state, day = run.view.state, strftime("%Y-%m-%d", localtime(run.began))
     ending = "the record ends before the run: the node was killed, or the record full"
-    if run.run.finished is not None:
-        ending = "ended: " + run.run.finished.outcome
+    if state.finished is not None:
+        ending = "ended: " + state.finished.outcome
     yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}; "
-           f"{story.counted(run.run.outcomes)}; {ending}")
-    yield "Robot at the end: " + robot_line(run.run).text
+           f"{story.counted(state.outcomes)}; {ending}")
+    yield "Robot at the end: " + robot_line(state).text
     if earlier:
-        yield "Before it the record has {}, which this report leaves out.".format(
-            ", ".join(mission.mission for mission in earlier))
-    if run.run.lost:
-        yield f"The record lacks {run.run.lost} lines, which the disk was too slow for."
+        missions = ", ".join(mission.mission for mission in earlier)
+        yield f"Before it the record has {missions}, which this report leaves out."
+    if state.lost:
+        yield f"The record lacks {state.lost} lines, which the disk was too slow for."
 
 
 # -------------------------------------------------------------------------------------------- story
@@ -334,7 +331,7 @@ def _row(run: Drawn, uid: int, written: Dict[str, Written],
     return SimpleNamespace(
         uid=uid, path=encodable(node.path), name=encodable(name), kind=encodable(kind),
         is_bare=bool(node.parent) and is_bare(registry.find(node.type), node.name),
-        has_run=bool(count) or uid in run.run.running, place=place,
+        has_run=bool(count) or uid in run.view.state.running, place=place,
         file=encodable(os.path.basename(file)),
         results=[result for result in results if result[2] > 0])
 
