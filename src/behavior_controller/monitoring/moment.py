@@ -177,15 +177,15 @@ def _left_on(state: State) -> List[str]:
 
 
 def _place(robot: Robot) -> str:
-    last = "at " + robot.last_place if robot.last_place else ""
-    to_goal = robot.goal_name if robot.goal_name == HOME else "to " + robot.goal_name
+    last, goal = "at " + robot.last_place if robot.last_place else "", robot.goal_name
+    if robot.goal is not None and not goal:
+        goal = "{:g}, {:g}".format(*robot.goal[:2])
+    way = goal if goal == HOME else "to " + goal
     if robot.goal is not None:
-        return "driving " + (to_goal if robot.goal_name else "to {:g}, {:g}".format(*robot.goal[:2]))
+        return "driving " + way
     if robot.place is not None:
         return last or "at {:g}, {:g}".format(*robot.place[:2])
-    if robot.goal_name:
-        return f"last seen {last or 'at the start'}, on the way {to_goal}"
-    return "place unknown"
+    return f"last seen {last or 'at the start'}, on the way {way}" if goal else "place unknown"
 
 
 def _instruction(state: State) -> str:

@@ -7,7 +7,7 @@ import os
 import re
 from time import localtime, strftime
 from types import SimpleNamespace
-from typing import Counter, DefaultDict, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from msgspec.structs import replace
 from tornado.template import Template
@@ -71,7 +71,7 @@ class Drawn:
         self.nodes = nodes
         self.visits: Dict[int, Visit] = {}
         # by visit; 0 is what was before the first
-        self.sentences: DefaultDict[int, List[story.Sentence]] = collections.defaultdict(list)
+        self.sentences: Dict[int, List[story.Sentence]] = collections.defaultdict(list)
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # results of each node
         # kinds of results of each mission leaf
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]
@@ -145,14 +145,13 @@ def to_html(lines: Iterable[events.Line], verdict: str = "") -> str:
               for number, visit in {0: None, **run.visits}.items()]
     documents = [(encodable(file), re.split("\r\n?|\n", encodable(text)))
                  for file, text in run.started.sources.documents]
+    settings = [tuple(map(encodable, setting)) for setting in run.started.settings.items()]
     live = file_text("page_files", "index.html")
     content = Template(file_text("report_files", "report.html")).generate(
-        clock=clock, seconds=_seconds, sign=_sign, why=story.why, letter_of=_letter,
-        how_it_ended=story.how_it_ended, completed=story.completed, verdict=verdict,
+        clock=clock, seconds=_seconds, sign=_sign, story=story, letter_of=_letter, verdict=verdict,
         choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
-        rows=_rows(run, written), doubt=encodable(doubt),
-        settings={encodable(key): encodable(value) for key, value in run.started.settings.items()},
-        documents=documents, moment=_between(live, '<div id="card">', "</section>"),
+        rows=_rows(run, written), doubt=encodable(doubt), settings=settings, documents=documents,
+        moment=_between(live, '<div id="card">', "</section>"),
         robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
     sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
     return framed("Mission " + mission_name(run.started.mission), list(_heads(run, earlier)),
