@@ -96,33 +96,31 @@ class Drawn:
         if step is not None:
             self._end_step(step)
         for ended in state.concluded(NodeResult):
-            self._end(ended)
+            self.counts[ended.uid - 1][ended.letter] += 1
+            if ended.uid not in self.lanes:
+                self.changes.add(ended.uid, self._bar(ended.began, ended.ended, ended.letter))
         self._draw(time, event)
         self.moments.take(self.view, self._since(self.ended))
 
-    def _end(self, ended: NodeResult) -> None:
-        self.counts[ended.uid - 1][ended.letter] += 1
-        if ended.uid not in self.lanes:
-            self.changes.add(ended.uid,
-                             Bar(self._since(ended.began), self._since(ended.ended), ended.letter))
-
     def _end_step(self, step: Step) -> None:
-        end = self._since(step.ended or step.began)
-        self.steps.append(Bar(self._since(step.began), end, DONE, story.step_words(step)))
-        self.lanes.end_wait(step.uid, NO, end)  # a condition tells that it does not hold once
+        bar = self._bar(step.began, step.ended or step.began, DONE, story.step_words(step))
+        self.steps.append(bar)
+        self.lanes.end_wait(step.uid, NO, bar.end)  # a condition tells that it does not hold once
 
     def _draw(self, time: float, event: events.Event) -> None:
-        end = self._since(time)
         if isinstance(event, events.Retried):
-            bar = Bar(end, end, RETRY, story.cause(event.failure))
+            bar = self._bar(time, time, RETRY, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)
         elif isinstance(event, events.LeafFinished) and 0 < event.uid <= len(self.nodes):
             is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
             kind = NO if is_no else LETTER_OF.get(event.status, "-")
             self.finished[event.uid - 1][kind] += 1
             why = story.cause(event.failure) if event.failure else ""
-            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind, why)
+            bar = self._bar(time - max(0.0, event.seconds), time, kind, why)
             self.lanes.add(event.uid, bar, is_asked_again=is_no)
+
+    def _bar(self, began: float, ended: float, kind: str, note: str = "") -> Bar:
+        return Bar(self._since(began), self._since(ended), kind, note)
 
     def _since(self, time: float) -> float:
         return max(0.0, time - self.began)
