@@ -7,7 +7,6 @@ from typing import Any, Deque, Dict, List, Optional, Tuple
 from msgspec.structs import asdict
 
 from behavior_controller.execution.events import Event, PassStarted, TreeShown
-from behavior_controller.execution.fold import fold
 from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
 from behavior_controller.leaves import data
 from behavior_controller.monitoring import parts, story
@@ -29,9 +28,8 @@ TIMES = (data.QUESTION_ASKED_AT.name, data.ATTENTION_SET_AT.name)
 """The entries with a time of the mission's clock."""
 
 
-class View:
-    """Folds a run's events from the ``state`` before them on, and keeps what is shown of what has
-    ended.
+class View(story.Story):
+    """Keeps besides the state what is shown of what has ended.
 
     Each part of the board that is known for each moment has a method, which makes it.
     """
@@ -39,8 +37,8 @@ class View:
     stopped = ""
     """How the run ended if it does not say so itself."""
 
-    def __init__(self, state: State = State()):
-        self.state = state
+    def __init__(self, before: State = State()):
+        super().__init__(before)
         self._sentences: Deque[parts.SentenceRow] = collections.deque(maxlen=SENTENCES)
         self._count = 0  # of all sentences
         self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
@@ -48,8 +46,8 @@ class View:
 
     def take(self, at: float, event: Event) -> Tuple[story.Sentence, ...]:
         """Fold the next event, and return the sentences about it."""
-        before, self.state = self.state, fold(self.state, at, event)
-        sentences = story.sentences(before, event, self.state)
+        before = self.state
+        sentences = super().take(at, event)
         for sentence in sentences:
             self._count += 1
             self._sentences.append(parts.SentenceRow(
