@@ -8,8 +8,7 @@ from typing import Iterator, List, Tuple
 from behavior_controller.execution.events import HealthChanged, Paused, TreeNode
 from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT
 from behavior_controller.execution.state import Robot, State, Step
-from behavior_controller.monitoring.parts import (
-    ASLEEP, BUSY, Card, ENDED, HELD, IDLE, PAUSED, RETRY, RobotLine, STEP, WAIT)
+from behavior_controller.monitoring.parts import Card, Kind, RobotLine
 from behavior_controller.monitoring.story import (
     cause, condition, conditions, few, listed, stop_name, step_words)
 from behavior_controller.robot.requests import GoTo, Words
@@ -41,14 +40,14 @@ def card(state: State) -> Card:
     """Return what the run does."""
     where = _where(state)
     if state.finished is not None:
-        return Card(ENDED, state.finished.outcome, where, state.at)
+        return Card("ended", state.finished.outcome, where, state.at)
     if state.held:
         uid, since = list(state.held.items())[-1]
-        return Card(HELD, f"held by a breakpoint of Groot2 at {_name(state, uid)}", where,
+        return Card("held", f"held by a breakpoint of Groot2 at {_name(state, uid)}", where,
                     since, waits_for="its release in Groot2", uid=uid)
     words, since = state.suspended
     if words:
-        return Card(PAUSED, words, where, since, waits_for="the operator's call of start")
+        return Card("paused", words, where, since, waits_for="the operator's call of start")
     if state.step is not None:
         return _of_step(state, state.step, where)
     return _of_tree(state, where)
@@ -66,14 +65,15 @@ def _where(state: State) -> str:
 
 def _of_step(state: State, step: Step, where: str) -> Card:
     exchange, trouble, following = state.waits_for, state.held_by, next_node(state, step.uid)
-    kind, waits_for = WAIT if step.is_wait else STEP, ""
+    kind: Kind = "wait" if step.is_wait else "step"
+    waits_for = ""
     if exchange is not None:
         waits_for = "the answer of " + exchange.service
     if step.cause is not None:
-        kind, trouble = RETRY, state.robot.trouble(step.cause.failure.resource)
+        kind, trouble = "retry", state.robot.trouble(step.cause.failure.resource)
     why = condition(trouble) if trouble is not None else ""
     if isinstance(step.cause, Paused):
-        kind, where, following = PAUSED, "", "the next visit"
+        kind, where, following = "paused", "", "the next visit"
         why = why or "failed last: " + cause(step.cause.failure)
     return Card(kind, step_words(step), where, step.began, step.until, step.attempt, step.attempts,
                 waits_for, why, state.due or following, step.uid)
@@ -86,20 +86,20 @@ def _of_tree(state: State, where: str) -> Card:
     if state.exchanges:
         exchange = state.exchanges[0]
         words = exchange.request.words or Words("asking " + exchange.service)
-        return Card(STEP, clean(" ".join(filter(None, (words.doing, words.what)))), where,
+        return Card("step", clean(" ".join(filter(None, (words.doing, words.what)))), where,
                     exchange.asked, waits_for="the answer of " + exchange.service)
     uid = state.letters.rfind("R") + 1
     if uid:
         node, since = state.nodes[uid - 1], state.running.get(uid)
-        if node.type in ("Sleep", "Delay"):
-            until = since + node.pause if since is not None and node.pause else None
-            return Card(ASLEEP, "asleep", where, since, until, next=next_node(state, uid), uid=uid)
-        return Card(
-            BUSY, "runs " + _name(state, uid), where, since, next=next_node(state, uid), uid=uid)
+        what, following = "runs " + _name(state, uid), next_node(state, uid)
+        if node.type not in ("Sleep", "Delay"):
+            return Card("busy", what, where, since, next=following, uid=uid)
+        until = since + node.pause if since is not None and node.pause else None
+        return Card("asleep", "asleep", where, since, until, next=following, uid=uid)
     if state.visit is None:
-        return Card(IDLE, "nothing runs")
+        return Card("idle", "nothing runs")
     is_over = state.visit.ended is not None
-    return Card(IDLE, "between two visits" if is_over else "between two steps", where)
+    return Card("idle", "between two visits" if is_over else "between two steps", where)
 
 
 def _name(state: State, uid: int) -> str:

@@ -1,19 +1,18 @@
 """The state of a running mission as it is sent: the parts of the board that the page's server makes
 and ``missionStatus`` reads.
 """
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Literal, Optional
 
 from msgspec import Struct
 
-STEP, WAIT, RETRY, HELD, ASLEEP, PAUSED, BUSY, IDLE, ENDED = (
-    "step", "wait", "retry", "held", "asleep", "paused", "busy", "idle", "ended")
+Kind = Literal["step", "wait", "retry", "held", "asleep", "paused", "busy", "idle", "ended"]
 """The kinds of cards."""
 
 
 class Card(Struct, frozen=True):
     """What the run does now. Times are Unix seconds."""
 
-    kind: str
+    kind: Kind
     what: str = ""
     where: str = ""  # the visitor, and the stop
     since: Optional[float] = None
@@ -49,9 +48,9 @@ class RobotLine(Struct, frozen=True):
 def card_line(now: Card, at: float) -> str:
     """Return the card on one line, as of that time."""
     parts = [now.what]
-    if now.attempt > 1 and now.kind != RETRY:
+    if now.attempt > 1 and now.kind != "retry":
         parts.append(f" (attempt {now.attempt} of {now.attempts})")
-    if now.since is not None and now.kind != ENDED:
+    if now.since is not None and now.kind != "ended":
         limit = "" if now.until is None else f" of at most {now.until - now.since:g} s"
         parts.append(f", {max(0.0, at - now.since):.0f} s{limit}")
     if now.trouble:

@@ -7,9 +7,7 @@ see ``text.clean``.
 import collections
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Tuple
 
-from behavior_controller.execution.events import (
-    BEGUN, BreakpointChanged, Event, HealthChanged, LeafFinished, Noticed, PassFinished, Paused,
-    Recovered, Recovering, RunFinished, RunStarted, SafeStateReported, StopChanged, Suspended)
+from behavior_controller.execution import events
 from behavior_controller.execution.fold import fold, why_recovered
 from behavior_controller.execution.health import NEW
 from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED, SUBSTITUTED
@@ -38,13 +36,13 @@ class Story:
     def __init__(self, before: State = State()) -> None:
         self.state = before
 
-    def take(self, at: float, event: Event) -> Tuple[Sentence, ...]:
+    def take(self, at: float, event: events.Event) -> Tuple[Sentence, ...]:
         """Return the sentences about ``event``."""
         before, self.state = self.state, fold(self.state, at, event)
         return sentences(before, event, self.state)
 
 
-def sentences(before: State, event: Event, after: State) -> Tuple[Sentence, ...]:
+def sentences(before: State, event: events.Event, after: State) -> Tuple[Sentence, ...]:
     """Return the sentences about an event, given what was so before it and what is so after it."""
     words = _WORDS.get(type(event))
     if words is None:
@@ -52,7 +50,7 @@ def sentences(before: State, event: Event, after: State) -> Tuple[Sentence, ...]
     number = after.visit.number if after.visit is not None else 0
     path, failure = getattr(event, "path", ""), getattr(event, "failure", None)
     # the number of a recovery's event is that of its HandleFallBack
-    is_recovery = isinstance(event, (Recovered, Recovering))
+    is_recovery = isinstance(event, (events.Recovered, events.Recovering))
     uid = after.uids.get(path, 0 if is_recovery else getattr(event, "uid", 0))
     reason = failure.cause.text if failure is not None else ""
     return tuple(
@@ -117,7 +115,7 @@ _REASONS = {
 _UNSEEN = {LEFT: "the visitor could not be seen", SILENT_VISITOR: "no answer was heard"}
 
 
-def condition(change: HealthChanged) -> str:
+def condition(change: events.HealthChanged) -> str:
     """Return in a few words what is wrong with a service, a topic or the master."""
     if change.kind == "master":
         status = "is new" if change.respect == NEW else change.status
@@ -126,9 +124,9 @@ def condition(change: HealthChanged) -> str:
     return clean(f"{change.name} is {word}" if word else change.name)
 
 
-def conditions(changes: Iterable[HealthChanged]) -> str:
+def conditions(changes: Iterable[events.HealthChanged]) -> str:
     """Return the same of several ones; those with the same trouble are said together."""
-    alike: Dict[str, List[HealthChanged]] = {}
+    alike: Dict[str, List[events.HealthChanged]] = {}
     for change in changes:
         subject = change.name if change.kind == "master" else change.respect
         alike.setdefault(subject, []).append(change)
@@ -139,7 +137,7 @@ MOST_NAMES = 3
 """The most services and topics with the same trouble that are named."""
 
 
-def _common_condition(changes: List[HealthChanged]) -> str:
+def _common_condition(changes: List[events.HealthChanged]) -> str:
     if len(changes) == 1:
         return condition(changes[0])
     names, kinds = [change.name for change in changes], [change.kind for change in changes]
@@ -198,14 +196,14 @@ def counted(outcomes: Dict[str, int]) -> str:
     return text + ", the last one was stopped" if "" in outcomes else text
 
 
-def recovering(event: Recovering) -> str:
+def recovering(event: events.Recovering) -> str:
     """Return what a recovery does."""
     if event.substitute:
         return clean(f"doing {event.substitute} in place of {event.node}")
     return clean(f"retrying {event.node}, {event.attempt} of {event.of}")
 
 
-def waiting(event: Paused) -> str:
+def waiting(event: events.Paused) -> str:
     """Return what a mission waits for that gave up."""
     if event.awaited:
         return clean(f"waiting for {event.awaited} to return")
@@ -215,9 +213,9 @@ def waiting(event: Paused) -> str:
 
 def step_words(step: Step) -> str:
     """Return what the robot does in a step, with what it has reported of it last."""
-    if isinstance(step.cause, Recovering):
+    if isinstance(step.cause, events.Recovering):
         return recovering(step.cause)
-    if isinstance(step.cause, Paused):
+    if isinstance(step.cause, events.Paused):
         return waiting(step.cause)
     words = " ".join(filter(None, (step.words, step.what)))
     return f"{words} ({step.feedback})" if step.feedback else words
@@ -261,19 +259,19 @@ _Said = Tuple[str, str, str, float]
 """Kind, severity, text and incident of a sentence."""
 
 
-def _run_started(before: State, event: RunStarted, after: State) -> Iterator[_Said]:
+def _run_started(before: State, event: events.RunStarted, after: State) -> Iterator[_Said]:
     name, leaves = mission_name(event.mission), len(event.leaves)
     yield "notice", "info", f"mission {name} starts, {leaves} mission leaves", 0.0
 
 
-def _run_finished(before: State, event: RunFinished, after: State) -> Iterator[_Said]:
+def _run_finished(before: State, event: events.RunFinished, after: State) -> Iterator[_Said]:
     for visit in after.concluded(Visit):
         if visit.arrived is not None:
             yield "visit", "warning", f"visitor {visit.number}: {how_it_ended(visit)}", 0.0
     yield "notice", "info", f"ends: {event.outcome} (exit code {event.exit_code})", 0.0
 
 
-def _pass_finished(before: State, event: PassFinished, after: State) -> Iterator[_Said]:
+def _pass_finished(before: State, event: events.PassFinished, after: State) -> Iterator[_Said]:
     visit = after.visit
     if visit is not None:
         text = f"pass {event.number}: {event.outcome} after {visit.seconds:.1f} s"
@@ -281,7 +279,7 @@ def _pass_finished(before: State, event: PassFinished, after: State) -> Iterator
         yield "visit", severity, f"{text}: {how_it_ended(visit)}", 0.0
 
 
-def _leaf_finished(before: State, event: LeafFinished, after: State) -> Iterator[_Said]:
+def _leaf_finished(before: State, event: events.LeafFinished, after: State) -> Iterator[_Said]:
     if event.summary is not None:
         text = _met(before, after, event.summary.mark) or event.summary.text
         if text:
@@ -303,24 +301,24 @@ def _met(before: State, after: State, mark: str) -> str:
     return f"visitor {after.visit.number} {what}"
 
 
-def _stop_changed(before: State, event: StopChanged, after: State) -> Iterator[_Said]:
+def _stop_changed(before: State, event: events.StopChanged, after: State) -> Iterator[_Said]:
     for stop in after.concluded(Stop):
         if stop.why is None:
             yield "stop", "info", f"{stop_name(stop)}, is completed", 0.0
         else:
             yield "stop", "warning", f"{stop_name(stop)}, is broken off: {why(stop.why)}", 0.0
-    if event.state == BEGUN and after.stop is not None:
+    if event.state == events.BEGUN and after.stop is not None:
         yield "stop", "info", stop_name(after.stop), 0.0
 
 
-def _recovering(before: State, event: Recovering, after: State) -> Iterator[_Said]:
+def _recovering(before: State, event: events.Recovering, after: State) -> Iterator[_Said]:
     # the first failure has its sentence already
     cause_of = ": " + cause(event.failure) if event.attempt > 1 else ""
     incident = _incident(after, event.failure, event.path)
     yield "recovery", "info", recovering(event) + cause_of, incident
 
 
-def _recovered(before: State, event: Recovered, after: State) -> Iterator[_Said]:
+def _recovered(before: State, event: events.Recovered, after: State) -> Iterator[_Said]:
     stop, incident = next(after.concluded(Stop), None), _incident(before, event.failure, event.path)
     if stop is not None and incident < stop.began:
         incident = 0.0  # an entry of its own: that of the trouble stands far above
@@ -337,7 +335,7 @@ def _recovered(before: State, event: Recovered, after: State) -> Iterator[_Said]
             yield "stop", severity, f"{stop_name(stop)}, is broken off: {text}", incident
 
 
-def _done(before: State, event: Recovered, needed: str) -> Tuple[str, str]:
+def _done(before: State, event: events.Recovered, needed: str) -> Tuple[str, str]:
     """Return severity and sentence of a recovery after which the mission goes on."""
     if event.outcome == SKIPPED:
         needed = needed.replace(" failed", ", which failed", 1)
@@ -349,7 +347,7 @@ def _done(before: State, event: Recovered, needed: str) -> Tuple[str, str]:
     return "info", f"{event.node} is done at the {ordinal(event.attempts + 1)} try"
 
 
-def _paused(before: State, event: Paused, after: State) -> Iterator[_Said]:
+def _paused(before: State, event: events.Paused, after: State) -> Iterator[_Said]:
     to_do = ": restart it"
     if not event.awaited:
         to_do = f"{';' if event.reason else ':'} failed last: {cause(event.failure)}: repair it"
@@ -357,7 +355,7 @@ def _paused(before: State, event: Paused, after: State) -> Iterator[_Said]:
     yield "recovery", "warning", text, _incident(after, event.failure, "")
 
 
-def _safe_state_reported(before: State, event: SafeStateReported,
+def _safe_state_reported(before: State, event: events.SafeStateReported,
                          after: State) -> Iterator[_Said]:
     is_reached = all(part.failure is None for part in event.parts)
     failed = [recovery.failures[-1] for recovery in before.recoveries if recovery.failures]
@@ -365,7 +363,7 @@ def _safe_state_reported(before: State, event: SafeStateReported,
     yield "notice", "info" if is_reached else "warning", safe_state(after), incident
 
 
-def _health_changed(before: State, event: HealthChanged, after: State) -> Iterator[_Said]:
+def _health_changed(before: State, event: events.HealthChanged, after: State) -> Iterator[_Said]:
     """Say nothing of a trouble while a stronger one is known."""
     strongest = after.robot.trouble(event.name)
     if strongest is None or rank(strongest) >= rank(event):
@@ -373,23 +371,24 @@ def _health_changed(before: State, event: HealthChanged, after: State) -> Iterat
         yield "health", "info" if event.is_well else "warning", health_text(event), since
 
 
-def health_text(event: HealthChanged) -> str:
+def health_text(event: events.HealthChanged) -> str:
     """Return how a service, topic or the master is, and what that means."""
     node = f" (of node /{event.node})" if event.node else ""
     then = "; " + event.consequence if event.consequence else ""
     return clean(f"{event.kind} {event.name}{node}: {event.status}{then}")
 
 
-def _noticed(before: State, event: Noticed, after: State) -> Iterator[_Said]:
+def _noticed(before: State, event: events.Noticed, after: State) -> Iterator[_Said]:
     yield "notice", event.level, event.text, 0.0
 
 
-def _suspended(before: State, event: Suspended, after: State) -> Iterator[_Said]:
+def _suspended(before: State, event: events.Suspended, after: State) -> Iterator[_Said]:
     due = " as soon as the robot has done what it does now" if event.is_due else ""
     yield "notice", "info", event.words + due or "goes on, started by the operator", 0.0
 
 
-def _breakpoint_changed(before: State, event: BreakpointChanged, after: State) -> Iterator[_Said]:
+def _breakpoint_changed(before: State, event: events.BreakpointChanged,
+                        after: State) -> Iterator[_Said]:
     name = event.path.rpartition("/")[2].partition("::")[0]
     words = f"held by a breakpoint of Groot2 at {name}"
     if event.is_held:
@@ -401,18 +400,18 @@ def _breakpoint_changed(before: State, event: BreakpointChanged, after: State) -
 _Words = Callable[[State, Any, State], Iterator[_Said]]  # type: ignore[explicit-any]
 
 _WORDS: Dict[type, _Words] = {
-    RunStarted: _run_started,
-    RunFinished: _run_finished,
-    PassFinished: _pass_finished,
-    LeafFinished: _leaf_finished,
-    StopChanged: _stop_changed,
-    Recovering: _recovering,
-    Recovered: _recovered,
-    HealthChanged: _health_changed,
-    Paused: _paused,
-    SafeStateReported: _safe_state_reported,
-    BreakpointChanged: _breakpoint_changed,
-    Suspended: _suspended,
-    Noticed: _noticed,
+    events.RunStarted: _run_started,
+    events.RunFinished: _run_finished,
+    events.PassFinished: _pass_finished,
+    events.LeafFinished: _leaf_finished,
+    events.StopChanged: _stop_changed,
+    events.Recovering: _recovering,
+    events.Recovered: _recovered,
+    events.HealthChanged: _health_changed,
+    events.Paused: _paused,
+    events.SafeStateReported: _safe_state_reported,
+    events.BreakpointChanged: _breakpoint_changed,
+    events.Suspended: _suspended,
+    events.Noticed: _noticed,
 }
 """What is said of each kind of event; the others have no sentence."""

@@ -17,9 +17,7 @@ from behavior_controller import folders
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.engine.blackboard import Entry as EntryOfTree
-from behavior_controller.execution.events import (
-    LETTERS, EntriesWritten, Event, Line, Lost, Message, StillHearing, Tick, TreeNode,
-    TreeShown)
+from behavior_controller.execution import events
 from behavior_controller.robot.gateway import Sample, Topics
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.requests import Location, Point
@@ -56,23 +54,23 @@ def new_folder(logs: str) -> str:
     return os.path.join(place, f"{time.strftime('%Y%m%d-%H%M%S')}_{os.getpid()}")
 
 
-def shown(tree: Tree) -> TreeShown:
+def shown(tree: Tree) -> events.TreeShown:
     """Return the event for a tree that is going to run."""
-    return TreeShown(tree.id, list(map(_shown_node, tree.nodes)))
+    return events.TreeShown(tree.id, list(map(_shown_node, tree.nodes)))
 
 
-def _shown_node(node: Any) -> TreeNode:
+def _shown_node(node: Any) -> events.TreeNode:
     pause = node.attributes.get(node.spec.pause, "")
-    return TreeNode(
+    return events.TreeNode(
         node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
         int(pause) / 1000.0 if pause.isdecimal() else 0.0,
         any(node.attributes.get(name) for name in PRE_CONDITIONS))
 
 
-def traversed(at: float, is_first: Optional[bool], changes: List[Change]) -> Tick:
+def traversed(at: float, is_first: Optional[bool], changes: List[Change]) -> events.Tick:
     """Return the event for a traversal ``at`` that time of the clock, as a follower of its tree is
     told of it."""
-    return Tick(at, is_first, [(node.uid, LETTERS[new]) for node, _, new in changes])
+    return events.Tick(at, is_first, [(node.uid, events.LETTERS[new]) for node, _, new in changes])
 
 
 def entry_text(value: Any) -> str:
@@ -89,9 +87,9 @@ def entry_text(value: Any) -> str:
     return clean(text, LONGEST_VALUE)
 
 
-def written(*entries: Tuple[str, Any]) -> EntriesWritten:
+def written(*entries: Tuple[str, Any]) -> events.EntriesWritten:
     """Return the event for entries with these values."""
-    return EntriesWritten([(name, None if value is None else entry_text(value))
+    return events.EntriesWritten([(name, None if value is None else entry_text(value))
                            for name, value in entries])
 
 
@@ -130,14 +128,14 @@ class Feed:
     def __init__(self) -> None:
         self.lost = 0
         self._most = MOST_WAITING
-        self._waiting: Deque[Tuple[float, Callable[..., Event], Tuple[Any, ...]]] = (
+        self._waiting: Deque[Tuple[float, Callable[..., events.Event], Tuple[Any, ...]]] = (
             collections.deque())
 
-    def emit(self, event: Event) -> None:
+    def emit(self, event: events.Event) -> None:
         """Queue an event."""
         self.put(lambda: event)
 
-    def put(self, make: Callable[..., Event], *values: Any) -> None:
+    def put(self, make: Callable[..., events.Event], *values: Any) -> None:
         """Queue the event that ``make`` makes of ``values``."""
         if len(self._waiting) >= self._most:
             self.lost += 1
@@ -148,7 +146,7 @@ class Feed:
     def note_loss(self) -> None:
         """Queue a ``Lost`` where events are missing."""
         if self.lost:
-            self._waiting.append((time.time(), Lost, (self.lost,)))
+            self._waiting.append((time.time(), events.Lost, (self.lost,)))
             self.lost = 0
 
     def follow(self, tree: Tree, is_wanted: Callable[[Optional[bool], List[Change]], bool]) -> None:
@@ -170,11 +168,11 @@ class Feed:
         self._most = 0
         self._waiting.clear()
 
-    def lines(self) -> Iterator[Line]:
+    def lines(self) -> Iterator[events.Line]:
         """Yield what waits, each with its time."""
         while self._waiting:
             at, make, values = self._waiting.popleft()
-            yield Line(at, make(*values))
+            yield events.Line(at, make(*values))
 
 
 class Record(Topics):
@@ -221,7 +219,7 @@ class Record(Topics):
 
     # -------------------------------------------------------------------------------------- writing
 
-    def __call__(self, event: Event) -> None:
+    def __call__(self, event: events.Event) -> None:
         """Record an event."""
         self._feed.emit(event)
 
@@ -248,7 +246,7 @@ class Record(Topics):
         while not is_last:
             is_last = self._is_over.wait(REST)
             for line in self._feed.lines():
-                if isinstance(line.event, Lost):
+                if isinstance(line.event, events.Lost):
                     self._complain(f"the record {self.path} lacks {line.event.lines} lines, "
                                    "because the disk is too slow; the mission goes on")
                 text = encode(line.time, line.event)
@@ -286,14 +284,14 @@ class Record(Topics):
             known = set(map(id, before))
             for sample in samples:
                 if id(sample) not in known:
-                    self._feed.put(Message, topic.name, read, sample.value, sample.arrived)
+                    self._feed.put(events.Message, topic.name, read, sample.value, sample.arrived)
         return samples
 
     def is_hearing(self, topic: Topic) -> bool:
         """Record that the robot still hears something on a topic."""
         is_so = self._inner.is_hearing(topic)
         if is_so:
-            self._feed.put(StillHearing, topic.name)
+            self._feed.put(events.StillHearing, topic.name)
         return is_so
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
