@@ -139,7 +139,6 @@ class Groot2Publisher:
         """Remove the hooks of a client that is gone: they must not hold the robot."""
         while True:
             await asyncio.sleep(CHECK_INTERVAL)
-            self._lines.flush()
             shown, silence = self._shown, time.monotonic() - self._last_request
             if shown is not None and silence >= HEARTBEAT:
                 shown.hooks.remove_all(": its client is gone")
@@ -191,21 +190,15 @@ class _Lines:
         self._began, self._count = 0.0, 0
 
     def tell(self, text: str) -> None:
-        """Send a line to the operator, if it is not one too many."""
-        self.flush()
-        self._count += 1
-        if self._count <= MOST_LINES:
-            self.warn(text)
-
-    def flush(self) -> None:
-        """Start the next second if one has passed, with a line about those left out."""
+        """Send a line to the operator; of those that are too many only that there are more."""
         now = time.monotonic()
         if now - self._began >= 1.0:
-            left_out = self._count - MOST_LINES
             self._began, self._count = now, 0
-            if left_out > 0:
-                self.warn(f"Groot2: {left_out} more changes of breakpoints and replacements in one "
-                          "second")
+        self._count += 1
+        if self._count == MOST_LINES + 1:
+            text = "Groot2: more changes of breakpoints and replacements within this second"
+        if self._count <= MOST_LINES + 1:
+            self.warn(text)
 
 
 class _Shown:
