@@ -7,7 +7,7 @@ import os
 import re
 from time import localtime, strftime
 from types import SimpleNamespace
-from typing import Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from msgspec.structs import replace
 from tornado.template import Template
@@ -258,35 +258,25 @@ def _grouped(sentences: List[story.Sentence]) -> List[Tuple[int, story.Sentence]
 # ----------------------------------------------------------------------------------------- timeline
 
 
-def _numbers(lanes: Iterable[Tuple[int, List[Bar]]],
-             notes: Dict[str, int]) -> List[List[Union[int, str]]]:
-    """Return for each lane its key, and for each bar its begin and length (ms), kind, count and
-    number of its note."""
-    rows: List[List[Union[int, str]]] = []
-    for key, bars in lanes:
-        rows.append([key])
-        for bar in bars:
-            rows[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind,
-                         bar.count, notes.setdefault(bar.note, len(notes))]
-    return rows
+def _lanes(lanes: Iterable[Tuple[int, List[Bar]]]) -> List[List[Any]]:
+    """Return for each lane its key, and its bars: begin and length (ms), kind, count and note."""
+    return [[key, *([round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind,
+                     bar.count, bar.note] for bar in bars)] for key, bars in lanes]
 
 
 def _data(run: Drawn, written: Dict[str, Written]) -> str:
     """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of
     the run."""
-    notes: Dict[str, int] = {}
-    lanes = _numbers(itertools.chain([(0, run.steps)], run.lanes), notes)
-    types = {node.type for node in run.nodes}
-    visits = []
+    types, visits = {node.type for node in run.nodes}, []
     for visit in run.visits.values():
         ended = run.ended if visit.ended is None else visit.ended
         times = (visit.began, visit.arrived or visit.began, ended)
-        visits.append([visit.number, *(round(1000 * (at - run.began)) for at in times)])
-    outcomes = [_letter(visit) for visit in run.visits.values()]
+        visits.append([visit.number, *(round(1000 * (at - run.began)) for at in times),
+                       _letter(visit)])
     data = {
         "began": round(1000 * run.began), "offset": 1000 * localtime(run.began).tm_gmtoff,
-        "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
-        "lanes": lanes, "changes": _numbers(run.changes, notes), "notes": list(notes),
+        "length": round(1000 * (run.ended - run.began)), "visits": visits,
+        "lanes": _lanes([(0, run.steps), *run.lanes]), "changes": _lanes(run.changes),
         "nodes": [[node.type, written[node.path].ports if node.path in written else []]
                   for node in run.nodes],
         "types": {spec.id: spec.summary for spec in leaves.registry().all() if spec.id in types},
