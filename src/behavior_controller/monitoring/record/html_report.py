@@ -50,14 +50,15 @@ their parent."""
 
 
 class Written(NamedTuple):
-    """How the file writes a node: the number of a document of the record, the line in it, and the
-    ports.
+    """How the file writes a node: the number of a document of the record, its name, the line in it,
+    and the ports.
 
     A port is its name, its text, and whether that text stands in the file; otherwise it is the
     default.
     """
 
     document: int
+    file: str
     line: int
     ports: List[Tuple[str, str, bool]]
 
@@ -182,11 +183,11 @@ def _written(run: Drawn) -> Tuple[Dict[str, Written], str]:
     numbers = {source.file: number for number, source in enumerate(sources)}
     written = {}
     for node in tree.nodes:
-        element = node.element
+        element, file = node.element, node.element.document.file
         ports = [(name, text, name in element.attributes)
                  for name, text in port_texts(node).items()]
         written[node.full_path] = Written(
-            numbers[element.document.file], element.place()[0], ports)
+            numbers[file], encodable(os.path.basename(file)), element.place()[0], ports)
     return written, ""
 
 
@@ -313,13 +314,10 @@ def _row(run: Drawn, uid: int, written: Dict[str, Written],
     failed = finished["F"] if finished[NO] else count["F"]
     results = (("S", "success", count["S"]), ("F", "failure", failed),
                (NO, LEGEND[NO], count["F"] - failed))
-    place = written.get(node.path)
-    file = "" if place is None else run.started.sources.documents[place.document].file
     return SimpleNamespace(
         uid=uid, path=encodable(node.path), name=encodable(name), kind=encodable(kind),
         is_bare=bool(node.parent) and is_bare(registry.find(node.type), node.name),
-        has_run=bool(count) or uid in run.view.state.running, place=place,
-        file=encodable(os.path.basename(file)),
+        has_run=bool(count) or uid in run.view.state.running, place=written.get(node.path),
         results=[result for result in results if result[2] > 0])
 
 
