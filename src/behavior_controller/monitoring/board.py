@@ -1,5 +1,4 @@
 """The state of a running mission, kept for what shows it: page and ``missionStatus``."""
-import itertools
 import time
 from typing import Any, Dict, Optional, Tuple
 
@@ -40,16 +39,14 @@ class Board(View):
     """The view of now: queues what happens on the tick thread, without waking another; the thread
     that shows it does the rest.
 
-    ``versions`` has a number for each part, which changes with it. That thread calls ``refresh``,
-    ``part`` and ``node``.
+    ``versions`` has a number for each part, which grows with it. That thread calls ``refresh``,
+    ``part``, ``node`` and ``close``.
     """
 
     def __init__(self, events: Events, health: Health, registry: Registry,
                  interface: Interface = DEFAULT):
         super().__init__()
         self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
-        # of all parts together: two threads may change one at the same time
-        self._numbers = itertools.count(1)
         self.tree: Optional[Tree] = None
         self._registry = registry
         self._history = History()
@@ -68,7 +65,7 @@ class Board(View):
         self._feed.put(self._begin, tree)
 
     def close(self) -> None:
-        """Note that the controller ends. Any thread may call it."""
+        """Note that the controller ends."""
         self.stopped = "the controller has stopped"
         self._touch("now")
 
@@ -80,19 +77,16 @@ class Board(View):
 
     def refresh(self) -> None:
         """Process what has happened: events, and time that passes."""
-        self._catch_up()
+        for line in self._feed.lines():
+            self.take(line.time, line.event)
         now = time.monotonic()
         if now - self._pulsed >= PULSE:
             self._pulsed = now
             self._touch("alive", "health")
 
-    def _catch_up(self) -> None:
-        for line in self._feed.lines():
-            self.take(line.time, line.event)
-
     def _touch(self, *parts: str) -> None:
         for part in parts:
-            self.versions[part] = next(self._numbers)
+            self.versions[part] += 1
 
     def _begin(self, tree: Tree) -> Event:
         """Clear the data of the earlier tree, whose nodes the page shows no more."""
@@ -112,12 +106,12 @@ class Board(View):
 
     def part(self, name: str) -> Any:
         """Return one part as data that JSON can carry."""
-        self._catch_up()
+        self.refresh()
         return msgspec.to_builtins(super().part(name))
 
     def at(self, moment: float) -> Dict[str, Any]:
         """Return the parts that are known of that time (Unix seconds), as far as it is kept."""
-        self._catch_up()
+        self.refresh()
         state, lines = self._history.until(moment, STRETCHES)
         view = View(state)
         for line in lines:
@@ -168,7 +162,7 @@ class Board(View):
     def node(self, uid: int) -> Optional[Dict[str, Any]]:
         """Return the details of a node: its place, ports with values, last results; None if it does
         not exist."""
-        self._catch_up()
+        self.refresh()
         nodes = self.tree.nodes if self.tree is not None else []
         if not 1 <= uid <= len(nodes):
             return None

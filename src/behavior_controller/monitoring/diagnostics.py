@@ -50,10 +50,9 @@ def _recovery(state: State) -> Status:
     step, gave_up = state.step, state.course.gave_up
     if state.recoveries:
         last = state.recoveries[-1]
-        cause = step.cause if step is not None else None
         words = "recovering from a failure"
-        if isinstance(cause, Recovering):
-            words = recovering(cause)
+        if step is not None and isinstance(step.cause, Recovering):
+            words = recovering(step.cause)
         return Status("recovery", WARN, words, {"node": last.node, "path": last.path})
     if state.course.given_up is not None and gave_up is not None:
         return Status("recovery", ERROR, "gave up: " + why(gave_up), {"node": gave_up.node})

@@ -63,10 +63,10 @@ class Page:
 
     def close(self) -> None:
         """Send every browser the end of the mission, and stop serving."""
-        self.board.close()
         self._thread.close(self._part)
 
     async def _part(self) -> None:
+        self.board.close()
         self.is_closing = True
         ends = time.monotonic() + FAREWELL
         while self.streams and time.monotonic() < ends:
