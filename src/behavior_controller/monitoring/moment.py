@@ -29,9 +29,6 @@ AS_CHILD = {"Fallback", "ReactiveFallback", "AsyncFallback", "ForceSuccess", "Su
 AT_ONCE = {"Script", "SetBlackboard", "UnsetBlackboard", "AlwaysSuccess"}
 """The leaves that succeed and have the robot do nothing."""
 
-AGAIN = {"KeepRunningUntilFailure"}
-"""The nodes that begin again when their child succeeds."""
-
 
 # ----------------------------------------------------------------------------------------- the card
 
@@ -124,7 +121,7 @@ def next_node(state: State, uid: int) -> str:
                  if kind in IN_TURN and nodes[other - 1].parent == parent)
         for sibling in later:
             return _first_leaf(state, sibling)
-        if kind in AGAIN:
+        if kind == "KeepRunningUntilFailure":  # it begins again
             return _first_leaf(state, uid)
         if kind not in IN_TURN and kind not in AS_CHILD:
             return ""

@@ -156,7 +156,6 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
 
 
 def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]], None]) -> None:
-    reason = "the answer is not a mission's"
     try:
         connection = http.client.HTTPConnection(address, port)
         connection.request("GET", "/events")
@@ -170,7 +169,7 @@ def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]],
             if line.startswith(b"data: "):
                 known = parts.patched(known, msgspec.json.decode(line[6:]))
                 put(msgspec.convert(known, ShownState))
-                reason = "the connection was closed"
+        reason = "the connection was closed" if known else "the answer is not a mission's"
     except msgspec.ValidationError as error:
         reason = f"the answer is not a mission's: {error}"
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
