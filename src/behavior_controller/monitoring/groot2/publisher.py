@@ -337,9 +337,9 @@ def _shown(node: Node, paths: Dict[int, str]) -> Dict[str, str]:
     if node.registration_id == "SubTree":
         shown = {"ID": node.attributes["ID"], "_fullpath": paths[id(node.children[0].blackboard)]}
         names = {key for key in node.attributes if key not in ("ID", "name") and key[:1] != "_"}
-    shown.update((key, text) for key, text in node.attributes.items()
-                 if key in names or key in CONDITIONS)
-    return {**shown, "_uid": str(node.uid)}
+    given = {key: text for key, text in node.attributes.items()
+             if key in names or key in CONDITIONS}
+    return {**shown, "_uid": str(node.uid), **given}
 
 
 # ----------------------------------------------------------------------------------- the blackboard
