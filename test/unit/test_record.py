@@ -127,14 +127,14 @@ def test_a_feed_says_where_events_are_missing(monkeypatch):
     for number in range(20):
         if number == 12:  # some of them are taken
             found.extend(itertools.islice(feed.lines(), 4))
-        feed.emit(PassFinished(number, "SUCCESS", 1.0))
+        feed(PassFinished(number, "SUCCESS", 1.0))
     feed.note_loss()
     found.extend(feed.lines())
     events = [line.event for line in found]
     assert [event.lines if isinstance(event, Lost) else -event.number for event in events] == [
         *range(0, -10, -1), 2, -12, -13, -14, 5]
-    feed.close()
-    feed.emit(PassFinished(1, "SUCCESS", 1.0))
+    feed.stop()
+    feed(PassFinished(1, "SUCCESS", 1.0))
     assert list(feed.lines()) == []
 
 

@@ -54,7 +54,7 @@ class Board(View):
         self._beaten = self._pulsed = 0.0
         self._health = health
         self._offers = {offer.name: offer.kind for offer in interface.offers}
-        events.subscribe(self._feed.emit)
+        events.subscribe(self._feed)
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on. On the tick thread, which gives a sign of life through the

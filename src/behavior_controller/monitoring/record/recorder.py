@@ -131,7 +131,7 @@ class Feed:
         self._waiting: Deque[Tuple[float, Callable[..., events.Event], Tuple[Any, ...]]] = (
             collections.deque())
 
-    def emit(self, event: events.Event) -> None:
+    def __call__(self, event: events.Event) -> None:
         """Queue an event."""
         self.put(lambda: event)
 
@@ -163,7 +163,7 @@ class Feed:
 
         tree.follow(note)
 
-    def close(self) -> None:
+    def stop(self) -> None:
         """Forget what waits, and queue nothing more."""
         self._most = 0
         self._waiting.clear()
@@ -175,7 +175,7 @@ class Feed:
             yield events.Line(at, make(*values))
 
 
-class Record(Topics):
+class Record(Feed, Topics):
     """Writes ``<directory>/mission.jsonl``. A sink of events, and the robot's topics as the mission
     reads them. A failure to write is reported once; the run goes on.
 
@@ -183,9 +183,9 @@ class Record(Topics):
     """
 
     def __init__(self, directory: str, complain: Callable[[str], None]):
+        super().__init__()
         self.path = os.path.join(directory, FILE_NAME)
         self._complain = complain
-        self._feed = Feed()
         self._is_over = threading.Event()
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Tuple[Sample, ...]] = {}
@@ -213,15 +213,11 @@ class Record(Topics):
         """Write the waiting lines, for a second at most."""
         thread = self._thread
         if thread is not None and thread.is_alive():
-            self._feed.note_loss()
+            self.note_loss()
             self._is_over.set()
             thread.join(1.0)
 
     # -------------------------------------------------------------------------------------- writing
-
-    def __call__(self, event: events.Event) -> None:
-        """Record an event."""
-        self._feed.emit(event)
 
     def _write(self) -> None:
         """Format and write lines until the end, on a separate thread, as a disk may be slow."""
@@ -237,7 +233,7 @@ class Record(Topics):
             self._complain(f"no record is written to {self.path}: {reason}; the mission goes on")
         finally:
             self._thread = None
-            self._feed.close()
+            self.stop()
             self._is_open.set()
 
     def _fill(self, file: BinaryIO) -> None:
@@ -245,7 +241,7 @@ class Record(Topics):
         written = file.write(header(os.getpid(), time.time()))
         while not is_last:
             is_last = self._is_over.wait(REST)
-            for line in self._feed.lines():
+            for line in self.lines():
                 if isinstance(line.event, events.Lost):
                     self._complain(f"the record {self.path} lacks {line.event.lines} lines, "
                                    "because the disk is too slow; the mission goes on")
@@ -263,8 +259,8 @@ class Record(Topics):
         self._seen.clear()
         tree.follow(lambda is_first, changes: self._reads.clear())
         # what is halted or reset between two traversals follows from what is recorded
-        self._feed.follow(tree, lambda is_first, changes: is_first is not None)
-        self._feed.put(shown, tree)
+        self.follow(tree, lambda is_first, changes: is_first is not None)
+        self.put(shown, tree)
 
     # --------------------------------------------------------------------------- the robot's topics
 
@@ -284,14 +280,14 @@ class Record(Topics):
             known = set(map(id, before))
             for sample in samples:
                 if id(sample) not in known:
-                    self._feed.put(events.Message, topic.name, read, sample.value, sample.arrived)
+                    self.put(events.Message, topic.name, read, sample.value, sample.arrived)
         return samples
 
     def is_hearing(self, topic: Topic) -> bool:
         """Record that the robot still hears something on a topic."""
         is_so = self._inner.is_hearing(topic)
         if is_so:
-            self._feed.put(events.StillHearing, topic.name)
+            self.put(events.StillHearing, topic.name)
         return is_so
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
