@@ -122,7 +122,7 @@ def recorded(folder, visitor, by_voice=True, failure_rate=0.0, seed=0, mission=N
         return NotImplemented
 
     rig = Rig(mission, answer=answer, asrEnabled=by_voice)
-    record = Record(str(folder), rig.clock, pytest.fail).open()
+    record = Record(str(folder), pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
     rig.mission.topics = record.topics(rig.topics)

@@ -111,7 +111,7 @@ def recorded_day(folder, monkeypatch, runs, kinds=KINDS):
     monkeypatch.setattr(record_module, "time",
                         types.SimpleNamespace(time=lambda: BEGAN + rig.clock.now() - 1000.0))
     monkeypatch.setattr(record_module, "MOST_WAITING", 10 ** 9)
-    record = Record(str(folder), rig.clock, pytest.fail).open()
+    record = Record(str(folder), pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
     rig.mission.topics = record.topics(rig.topics)

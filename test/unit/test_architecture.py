@@ -42,7 +42,7 @@ LAYERS = [
     ["bt.engine.blackboard", "bt.engine.ports", "bt.script", "bt.loader"],
     ["bt.registry", "bt.linter.rules", "bt.status", "bt.possible_results", "bt.engine.thread_check",
      "bt.script.values", "robot.gateway", "execution.events", "execution.health", "config",
-     "monitoring.sinks"],
+     "monitoring.sinks", "monitoring.parts"],
     ["robot", "extensions"],
     ["errors", "exit_codes", "ros_arguments"],
     ["ros_packages"],

@@ -31,7 +31,7 @@ from behavior_controller.monitoring import status_tool, view
 from behavior_controller.monitoring.view import PARTS
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.parts import changes, patched
-from behavior_controller.monitoring.record import moments as moments_module
+from behavior_controller.monitoring.record import moments as moments_module, recorder
 from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.record.replay import read_record
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
@@ -51,10 +51,9 @@ def board_of(rig):
 
 def let_time_stand(monkeypatch, now):
     """Have the clocks of the board show ``now[0]`` seconds, the one of the day a million more."""
-    monkeypatch.setattr(
-        board_module, "time",
-        types.SimpleNamespace(monotonic=lambda: now[0], time=lambda: 1_000_000.0 + now[0],
-                              strftime=time.strftime, localtime=time.localtime))
+    clocks = types.SimpleNamespace(monotonic=lambda: now[0], time=lambda: 1_000_000.0 + now[0])
+    for module in (board_module, recorder):
+        monkeypatch.setattr(module, "time", clocks)
 
 
 def time_of_day(at):
@@ -178,13 +177,13 @@ def test_a_part_changes_with_each_field_of_the_model_that_it_shows(tmp_path, mon
         shown.take(line.time, line.event)
         state = shown.state
         for name in view.MOMENT:
-            shown.show(Observed(*map(partial(getattr, state), State.__struct_fields__)))
+            shown.state = Observed(*map(partial(getattr, state), State.__struct_fields__))
             read.clear()
             shown.part(name)
             # the others change with these, or together with them
             known = {"at", "course", "letters", "running", "uids", "visits", "visit_count"}
-            assert read.intersection(State.__struct_fields__) <= known.union(PARTS[name].fields)
-        shown.show(state)
+            assert read.intersection(State.__struct_fields__) <= known.union(PARTS[name])
+        shown.state = state
 
 
 def test_a_pause_of_the_operator_is_a_moment_of_the_record():
@@ -518,15 +517,16 @@ def test_what_the_robot_says_stays_on_its_line():
         status_tool.lines(msgspec.convert(state, status_tool.ShownState), True))
 
 
-def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_newest_statuses(monkeypatch):
-    monkeypatch.setattr(board_module, "MOST_WAITING", 3)
-    rig = one_leaf("<Sequence><WelcomeSpeech/><FollowMeSpeech/><SayGoodByeSpeech/></Sequence>",
-                   lambda request: None if "ollow" in request.text else Answer())
+def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_oldest_events(monkeypatch):
+    monkeypatch.setattr(recorder, "MOST_WAITING", 3)
+    rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
-    rig.tick()
-    assert letters(board) == "RSR-"
-    rig.tree.halt()
-    assert letters(board) == "rsr-"
+    for number in range(9):
+        rig.mission.events.emit(Noticed("info", f"line {number}"))
+    board.refresh()
+    rig.mission.events.emit(Noticed("info", "the last line"))
+    told = [line["text"] for line in board.part("story")["sentences"]]
+    assert told == ["line 0", "line 1", "the last line"] and board.state.lost == 7
 
 
 def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():
@@ -592,8 +592,7 @@ def test_an_earlier_moment_is_shown_as_it_was_shown_then(monkeypatch):
                     if isinstance(request, PerformGesture) else NotImplemented), {}
     numbers = itertools.count(1)  # every event has a time of its own
     monkeypatch.setattr(board_module, "STRETCHES", 99)
-    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
-        monotonic=time.monotonic, time=lambda: float(next(numbers))))
+    monkeypatch.setattr(recorder, "time", types.SimpleNamespace(time=lambda: float(next(numbers))))
     board = board_of(rig)
 
     def visitor(rig):

@@ -56,7 +56,7 @@ def hooked(body):
         "<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(body),
         Registry(SPECS))
     lines = []
-    return tree, Hooks(tree, lambda uid: None, lines.append), lines
+    return tree, Hooks(tree, lambda uid: None, lines.append, lambda event: None), lines
 
 
 def test_a_hook_that_went_by_itself_while_it_was_unlocked_is_gone():
@@ -273,7 +273,7 @@ def test_a_change_of_hooks_wakes_the_tree_and_a_breakpoint_that_is_reached_is_re
     tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Probe/></BehaviorTree></root>",
                      Registry(SPECS))
     reached = []
-    hooks = Hooks(tree, reached.append, lambda line: None)
+    hooks = Hooks(tree, reached.append, lambda line: None, lambda event: None)
     tree.wake.test_and_clear()
     hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
     assert tree.wake.test_and_clear()

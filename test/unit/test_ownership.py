@@ -92,7 +92,7 @@ def test_another_thread_cannot_cancel_a_timer():
 
 def test_another_thread_may_enqueue_and_wake():
     rig, seen = used(), []
-    hooks = Hooks(rig.tree, seen.append, seen.append)
+    hooks = Hooks(rig.tree, seen.append, seen.append, seen.append)
     assert elsewhere(lambda: [
         rig.clock.now(), rig.clock.post(lambda: seen.append("posted")), rig.tree.wake.emit(),
         rig.mission.health.report(GONE, CHANGE), rig.mission.health.hear("/faces", 5.0),

@@ -27,6 +27,7 @@ from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
 from behavior_controller.execution.state import LEFT_OUT, rank
 from behavior_controller.monitoring import board as board_module
+from behavior_controller.monitoring.record import recorder
 from behavior_controller.monitoring import server
 from behavior_controller.monitoring import web_page as page_module
 from behavior_controller.monitoring.board import Board
@@ -236,10 +237,9 @@ def test_the_row_where_the_run_is_stays_in_view_when_the_panel_changes_its_size(
 def rig_s_time(monkeypatch):
     """Return what has the board tell the time of day by the clock of a rig."""
     def use(rig):
-        monkeypatch.setattr(
-            board_module, "time",
-            types.SimpleNamespace(time=rig.clock.now, monotonic=time.monotonic,
-                                  strftime=time.strftime, localtime=time.localtime))
+        clocks = types.SimpleNamespace(time=rig.clock.now, monotonic=time.monotonic)
+        for module in (board_module, recorder):
+            monkeypatch.setattr(module, "time", clocks)
     return use
 
 

@@ -1,4 +1,5 @@
 """The record: one JSON object a line, complete, and never a danger to the run."""
+import itertools
 import json
 import os
 import threading
@@ -7,15 +8,14 @@ import time
 import pytest
 
 from behavior_controller.execution.observed_gateway import ObservedGateway
-from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.execution.events import (
-    LeafFinished, Noticed, PassFinished, RunStarted, Sources)
+    LeafFinished, Lost, Noticed, PassFinished, RunStarted, Sources)
 from behavior_controller.robot.gateway import Cause, Failure, FakeGateway, FakeTopics, Sample
 from behavior_controller.robot.d543 import INTERFACE, SPEECH
 from behavior_controller.robot.requests import Answer, Location, Say
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record import recorder as module
-from behavior_controller.monitoring.record.recorder import Record, new_folder
+from behavior_controller.monitoring.record.recorder import Feed, Record, new_folder
 from mission_rig import Rig
 
 
@@ -30,7 +30,7 @@ def lines(record):
 
 
 def test_events_are_written_as_they_happen(tmp_path):
-    record = Record(str(tmp_path / "new folder"), ManualClock(), complain=None).open()
+    record = Record(str(tmp_path / "new folder"), complain=None).open()
     record(
         RunStarted(
             "/m.xml", [("a", "Navigate")], {"asrEnabled": True},
@@ -55,7 +55,7 @@ def test_events_are_written_as_they_happen(tmp_path):
 def test_a_folder_that_cannot_be_written_is_one_complaint(tmp_path):
     (tmp_path / "file").write_text("")
     complaints = []
-    record = Record(str(tmp_path / "file"), ManualClock(), complaints.append).open()
+    record = Record(str(tmp_path / "file"), complaints.append).open()
     record(PassFinished(1, "SUCCESS", 1.0))
     record.close()
     assert not record.is_kept
@@ -66,7 +66,7 @@ def test_a_folder_that_cannot_be_written_is_one_complaint(tmp_path):
 
 def test_until_it_is_opened_an_earlier_record_stays(tmp_path):
     (tmp_path / "mission.jsonl").write_text("earlier")
-    record = Record(str(tmp_path), ManualClock(), complain=None)
+    record = Record(str(tmp_path), complain=None)
     record(PassFinished(1, "SUCCESS", 1.0))
     record.close()
     assert (tmp_path / "mission.jsonl").read_text() == "earlier"
@@ -75,7 +75,7 @@ def test_until_it_is_opened_an_earlier_record_stays(tmp_path):
 def test_a_disk_that_is_full_is_one_complaint(tmp_path):
     os.symlink("/dev/full", str(tmp_path / "mission.jsonl"))
     complaints = []
-    record = Record(str(tmp_path), ManualClock(), complaints.append).open()
+    record = Record(str(tmp_path), complaints.append).open()
     for number in range(3):
         record(PassFinished(number, "SUCCESS", 1.0))
     record.close()
@@ -83,7 +83,7 @@ def test_a_disk_that_is_full_is_one_complaint(tmp_path):
 
 
 def test_what_happened_is_in_the_file_before_the_node_ends(tmp_path):
-    record = Record(str(tmp_path), ManualClock(), complain=None).open()
+    record = Record(str(tmp_path), complain=None).open()
     # a disk may hang
     assert [thread.daemon for thread in threading.enumerate() if thread.name == "record"] == [True]
     record(PassFinished(1, "SUCCESS", 1.0))
@@ -101,7 +101,7 @@ def test_what_happened_is_in_the_file_before_the_node_ends(tmp_path):
 def test_a_record_does_not_grow_for_ever(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "MOST_BYTES", 1000)
     complaints = []
-    record = Record(str(tmp_path), ManualClock(), complaints.append).open()
+    record = Record(str(tmp_path), complaints.append).open()
     for number in range(100):
         record(PassFinished(number, "SUCCESS", 1.0))
     assert 5 < len(lines(record)) < 20
@@ -112,24 +112,34 @@ def test_what_does_not_fit_into_the_queue_is_counted_where_it_is_missing(tmp_pat
     monkeypatch.setattr(module, "REST", 60.0)  # until it is closed, as if the disk were that slow
     monkeypatch.setattr(module, "MOST_WAITING", 10)
     complaints = []
-    record = Record(str(tmp_path), ManualClock(), complaints.append).open()
+    record = Record(str(tmp_path), complaints.append).open()
     for number in range(12):
         record(PassFinished(number, "SUCCESS", 1.0))
-    monkeypatch.setattr(module, "MOST_WAITING", 14)
-    for number in range(12, 20):
-        record(PassFinished(number, "SUCCESS", 1.0))
-    found = [line.get("number", line) for line in lines(record)]
-    lost = [line for line in found if isinstance(line, dict)]
-    assert [(line["_type"], line["lines"]) for line in lost] == [("Lost", 2), ("Lost", 5)]
-    assert found == list(range(10)) + [lost[0], 12, 13, 14, lost[1]]
-    assert complaints == [
-        "the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
-            record.path, number) for number in (2, 5)
-    ]
+    found = [line.get("number", line["_type"]) for line in lines(record)]
+    assert found == [*range(10), "Lost"]
+    assert complaints == [f"the record {record.path} lacks 2 lines, because the disk is too slow; "
+                          "the mission goes on"]
+
+
+def test_a_feed_says_where_events_are_missing(monkeypatch):
+    monkeypatch.setattr(module, "MOST_WAITING", 10)
+    feed, found = Feed(), []
+    for number in range(20):
+        if number == 12:  # some of them are taken
+            found.extend(itertools.islice(feed.lines(), 4))
+        feed(PassFinished(number, "SUCCESS", 1.0))
+    feed.note_loss()
+    found.extend(feed.lines())
+    events = [line.event for line in found]
+    assert [event.lines if isinstance(event, Lost) else -event.number for event in events] == [
+        *range(0, -10, -1), 2, -12, -13, -14, 5]
+    feed.stop()
+    feed(PassFinished(1, "SUCCESS", 1.0))
+    assert list(feed.lines()) == []
 
 
 def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):
-    record = Record(str(tmp_path), ManualClock(), complain=None).open()
+    record = Record(str(tmp_path), complain=None).open()
     answers = {}
     robot = FakeGateway(lambda: None, answers.get)
     gateway = ObservedGateway(robot, INTERFACE, record)
@@ -144,7 +154,7 @@ def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):
 
 
 def test_a_recorded_robot_drops_calls_and_wakes_as_it_does(tmp_path):
-    record, woken = Record(str(tmp_path), ManualClock(), complain=None).open(), []
+    record, woken = Record(str(tmp_path), complain=None).open(), []
     robot, topics = FakeGateway(), FakeTopics(lambda: 7.0, lambda: woken.append(True))
     ObservedGateway(robot, INTERFACE, record).start(Say("now")).drop()
     assert robot.dropped == [Say("now")]
@@ -167,7 +177,7 @@ def test_entries_are_recorded_when_they_were_written_and_when_they_have_gone(tmp
               "msec='9000'/></Sequence></BehaviorTree><BehaviorTree ID='Inner'><Script code='b := "
               "4'/></BehaviorTree></root>")
     board = rig.tree.blackboard
-    record = Record(str(tmp_path), rig.clock, complain=None).open()
+    record = Record(str(tmp_path), complain=None).open()
     record.show(rig.tree)
 
     def tick(**entries):
@@ -190,10 +200,10 @@ def test_entries_are_recorded_when_they_were_written_and_when_they_have_gone(tmp
 def test_a_record_that_is_no_regular_file_and_odd_texts_stop_nothing(tmp_path):
     os.mkfifo(str(tmp_path / "mission.jsonl"))
     complaints = []
-    Record(str(tmp_path), ManualClock(), complaints.append).open().close()
-    Record(str(tmp_path / "a\0b"), ManualClock(), complaints.append).open().close()
+    Record(str(tmp_path), complaints.append).open().close()
+    Record(str(tmp_path / "a\0b"), complaints.append).open().close()
     assert len(complaints) == 2 and all("the mission goes on" in text for text in complaints)
-    record = Record(str(tmp_path / "odd"), ManualClock(), complain=None).open()
+    record = Record(str(tmp_path / "odd"), complain=None).open()
     record(Noticed("error", "\ud800 \x1b \U0001f916"))
     assert lines(record)[0]["text"] == "\ud800 \x1b \U0001f916"
 
@@ -201,7 +211,7 @@ def test_a_record_that_is_no_regular_file_and_odd_texts_stop_nothing(tmp_path):
 def test_a_record_is_never_larger_than_is_read_again(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "MOST_BYTES", 2000)
     complaints = []
-    record = Record(str(tmp_path), ManualClock(), complaints.append).open()
+    record = Record(str(tmp_path), complaints.append).open()
     for number in range(10):
         record(Noticed("info", "\u20ac" * 100))
     record.close()

@@ -382,7 +382,7 @@ def recorded(tmp_path, files, body="<LookUpHome/><Navigate/><WelcomeSpeech/><Pre
     """Record a pass and return the lines of the record."""
     clock = ManualClock(100.0)
     plan = loaded(body, clock)
-    record = Record(str(tmp_path / "run"), clock, pytest.fail).open()
+    record = Record(str(tmp_path / "run"), pytest.fail).open()
     events = Events()
     events.subscribe(record)
     record.show(plan.tree)

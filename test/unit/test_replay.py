@@ -86,7 +86,7 @@ def test_utterances_that_come_together_are_heard_as_they_were(tmp_path, utteranc
 def test_a_mission_that_follows_in_the_same_record_knows_the_messages_from_before(tmp_path):
     rig = Rig(
         "<root BTCPP_format='4'><BehaviorTree ID='M'><IsVisitorDiscovered/></BehaviorTree></root>")
-    record = Record(str(tmp_path), rig.clock, pytest.fail).open()
+    record = Record(str(tmp_path), pytest.fail).open()
     rig.mission.events.subscribe(record)
     rig.mission.topics = record.topics(rig.topics)
     rig.topics.publish(FACES, Faces(("1",), (True,)))
@@ -179,7 +179,7 @@ def test_knowledge_files_for_a_robot_with_a_knowledge_base_are_refused(tmp_path)
     with pytest.raises(MissionError) as raised:
         replay(started_with(lines, knowledge=(Source("environment", "x"), Source("culture", "y"))))
     assert str(raised.value) == (
-        "the record: its knowledge cannot be used: sources.knowledge: 2 files do not fit the robot "
+        "the record: it cannot be used: sources.knowledge: 2 files do not fit the robot "
         "D5.4.3 (replay it with the release that wrote it)")
 
 
@@ -330,7 +330,7 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
 
     rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", service_of(GoTo))
               if isinstance(request, GoTo) and states["gone"] == 0 else NotImplemented)
-    record = Record(str(tmp_path), rig.clock, pytest.fail).open()
+    record = Record(str(tmp_path), pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
     rig.mission.topics = record.topics(rig.topics)

@@ -86,9 +86,8 @@ class Page(html.parser.HTMLParser):
 
     def bars(self, lane, of="lanes"):
         """Return the bars of a lane: begin and length in ms, kind, count, note."""
-        numbers = next(each for each in self.data[of] if each[0] == lane)[1:]
-        return [tuple(numbers[place:place + 4]) + (self.data["notes"][numbers[place + 4]],)
-                for place in range(0, len(numbers), 5)]
+        bars = next(each for each in self.data[of] if each[0] == lane)[1:]
+        return list(map(tuple, bars))
 
 
 @pytest.fixture(scope="module")
@@ -289,10 +288,10 @@ def test_the_visits_and_the_whole_run_are_told_with_their_times(two_hours_east):
     assert third == heads[2] + "02:50:10{}Show on the timeline".format(ended)
     assert page.of("v0") == ["Before the first visit02:01:40" + starts]
     assert page.data["offset"] == 7_200_000
-    assert page.data["visits"] == [[1, 900_000, 905_000, 970_000],
-                                   [2, 1_900_000, 1_905_000, 1_970_000],
-                                   [3, 2_900_000, 2_900_000, 2_910_250]]
-    assert page.data["outcomes"] == ["S", "F", "-"] and page.data["words"]["R"] == "under way"
+    assert page.data["visits"] == [[1, 900_000, 905_000, 970_000, "S"],
+                                   [2, 1_900_000, 1_905_000, 1_970_000, "F"],
+                                   [3, 2_900_000, 2_900_000, 2_910_250, "-"]]
+    assert page.data["words"]["R"] == "under way"
 
 
 def test_a_visit_of_which_nothing_is_told_yet_has_no_list():
@@ -759,7 +758,7 @@ def test_the_timeline_is_moved_and_zoomed_by_keys(report):
 def test_a_visit_is_shown_on_the_timeline(report, told):
     report.execute_script(
         "visits[6].open = true; document.querySelector('button[data-visit=\"6\"]').click()")
-    number, began, _, ended = told.data["visits"][5]
+    number, began, _, ended, _ = told.data["visits"][5]
     assert number == 6 and run(report, "[timeline.from, timeline.to]") == [began, ended]
     texts = run(report, "[...timeline.lanes[2].row.lastChild.children].map(bar => bar.title)")
     assert texts[0].startswith("Steps: ") and any("waiting for a visitor" in text for text in texts)

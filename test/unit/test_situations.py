@@ -20,6 +20,7 @@ from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
 from behavior_controller.monitoring.moment import card, robot_line
 from behavior_controller.monitoring.parts import RobotLine, card_line
+from behavior_controller.monitoring.record import recorder
 from behavior_controller.monitoring.record.recorder import (
     Entries, shown as tree_shown, traversed, written)
 from behavior_controller.robot.d543 import INTERFACE
@@ -33,10 +34,9 @@ from unit_tests.rehearsal.play import CALM, Stage
 
 def use_time_of(rig, monkeypatch):
     """Have the board tell the time of day by the clock of a rig."""
-    known = board_module.time
-    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
-        time=rig.clock.now, monotonic=known.monotonic, strftime=known.strftime,
-        localtime=known.localtime))
+    clocks = types.SimpleNamespace(time=rig.clock.now, monotonic=board_module.time.monotonic)
+    for module in (board_module, recorder):
+        monkeypatch.setattr(module, "time", clocks)
 
 
 class Situation:

@@ -23,7 +23,7 @@ from behavior_controller.execution.state import (
     BROKEN_OFF, LEFT, LEFT_OUT, COMPLETED, UNDER_WAY, Reason)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.monitoring.moment import card
-from behavior_controller.monitoring.parts import ENDED, IDLE, card_line
+from behavior_controller.monitoring.parts import card_line
 from behavior_controller.monitoring.story import (
     KINDS, Story, counted, stop_name, how_it_ended, ordinal, safe_state, why as in_words,
     why_failed)
@@ -39,7 +39,7 @@ HAS_LEFT = in_words(Reason(LEFT))
 def now_of(state, at):
     """Return the card's line; if nothing is done, only where that is."""
     now = card(state)
-    return card_line(now, at) if now.kind not in (IDLE, ENDED) else now.where
+    return card_line(now, at) if now.kind not in ("idle", "ended") else now.where
 
 
 class Teller:
@@ -51,7 +51,7 @@ class Teller:
         rig.mission.events.subscribe(self._take)
         self._record = None
         if folder is not None:
-            self._record = Record(str(folder), rig.clock, pytest.fail).open()
+            self._record = Record(str(folder), pytest.fail).open()
             rig.mission.events.subscribe(self._record)
             self._record.show(rig.tree)
             rig.mission.topics = self._record.topics(rig.topics)

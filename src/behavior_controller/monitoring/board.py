@@ -1,9 +1,6 @@
 """The state of a running mission, kept for what shows it: page and ``missionStatus``."""
-import collections
-import itertools
 import time
-from functools import partial
-from typing import Any, Callable, Deque, Dict, List, Optional
+from typing import Any, Dict, Optional, Tuple
 
 import msgspec
 from msgspec.structs import replace
@@ -11,18 +8,17 @@ from msgspec.structs import replace
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.ports import PortError, entry_value, reference
-from behavior_controller.bt.engine.tree import Change, Tree
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.execution.events import LETTERS, Event, Events, HealthChanged, Line
+from behavior_controller.execution.events import Event, Events, HealthChanged, Line
 from behavior_controller.execution.health import Health
 from behavior_controller.execution.run import History
 from behavior_controller.execution.state import State, rank
 from behavior_controller.folders import mission_name
-from behavior_controller.monitoring.parts import Alive, MissionPart, NodeRow, Now, Offer
-from behavior_controller.monitoring.record.recorder import (
-    Entries, Note, entry_text, shown, traversed, written)
-from behavior_controller.monitoring.story import condition
-from behavior_controller.monitoring.view import MOMENT, PARTS, View, how_it_stopped, now_of
+from behavior_controller.monitoring.parts import Alive, MissionPart, NodeRow, Offer
+from behavior_controller.monitoring.record.recorder import Feed, entry_text, shown
+from behavior_controller.monitoring.story import Sentence, condition
+from behavior_controller.monitoring.view import MOMENT, PARTS, View
 from behavior_controller.robot.declarations import Interface
 from behavior_controller.robot.interfaces import DEFAULT
 from behavior_controller.text import clean
@@ -34,99 +30,63 @@ that show it."""
 HANGS = 3.0
 """Seconds without a sign of the tick thread after which it hangs."""
 
-MOST_WAITING = 10_000
-"""The most events and traversals that wait for ``refresh``; of what more traversals change only the
-newest status is shown."""
-
 STRETCHES = 3
 """Number of stretches of the history whose sentences and steps are shown with an earlier moment: of
 the lab tour more than a visit."""
 
 
-class Board:
-    """Queues what happens on the tick thread, without waking another; the thread that shows it does
-    the rest.
+class Board(View):
+    """The view of now: queues what happens on the tick thread, without waking another; the thread
+    that shows it does the rest.
 
-    ``versions`` has a number for each part, which changes with it. That thread calls ``refresh``,
-    ``part`` and ``node``.
+    ``versions`` has a number for each part, which grows with it. That thread calls ``refresh``,
+    ``part``, ``node`` and ``close``.
     """
 
     def __init__(self, events: Events, health: Health, registry: Registry,
                  interface: Interface = DEFAULT):
+        super().__init__()
         self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
-        # of all parts together: two threads may change one at the same time
-        self._numbers = itertools.count(1)
         self.tree: Optional[Tree] = None
         self._registry = registry
-        self._view = View()
         self._history = History()
-        self._notes: Deque[Note] = collections.deque()  # what ``refresh`` processes
-        self._has_missed = False  # a change of status
-        self._is_closed = False
-        self._beaten = 0.0
+        self._feed = Feed()
+        self._beaten = self._pulsed = 0.0
         self._health = health
-        self._pulsed = 0.0
         self._offers = {offer.name: offer.kind for offer in interface.offers}
-        events.subscribe(lambda event: self._note(lambda: event))
-
-    @property
-    def state(self) -> State:
-        """What is so, as of the last ``refresh`` or ``part``."""
-        return self._view.state
+        events.subscribe(self._feed)
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on. On the tick thread, which gives a sign of life through the
         tree's clock."""
         if not self._beaten:
             self._beat(tree.clock)
-        tree.follow(partial(self._follow, Entries(tree)))
-        self._note(self._begin, tree)
+        self._feed.follow(tree, lambda is_first, changes: bool(changes))
+        self._feed.put(self._begin, tree)
 
     def close(self) -> None:
-        """Note that the controller ends. Any thread may call it."""
-        self._is_closed = True
+        """Note that the controller ends."""
+        self.stopped = "the controller has stopped"
         self._touch("now")
 
     def _beat(self, clock: Clock) -> None:
         self._beaten = time.monotonic()
         clock.call_after(PULSE, lambda: self._beat(clock))
 
-    def _note(self, make: Callable[..., Event], *values: Any) -> None:
-        self._notes.append((time.time(), make, values))
-
-    def _follow(self, entries: Entries, is_first: Optional[bool], changes: List[Change]) -> None:
-        if len(self._notes) >= MOST_WAITING:
-            self._has_missed = self._has_missed or bool(changes)
-            return
-        news = entries.news()
-        if news:
-            self._note(written, *news)
-        if changes:
-            self._note(traversed, 0.0, is_first, changes)
-
     # ---------------------------------------------------------------------------- what has happened
 
     def refresh(self) -> None:
         """Process what has happened: events, and time that passes."""
-        self._catch_up()
+        for line in self._feed.lines():
+            self.take(line.time, line.event)
         now = time.monotonic()
         if now - self._pulsed >= PULSE:
             self._pulsed = now
             self._touch("alive", "health")
 
-    def _catch_up(self) -> None:
-        while self._notes:
-            at, make, values = self._notes.popleft()
-            self._take(at, make(*values))
-        if self._has_missed and self.tree is not None:
-            self._has_missed = False
-            letters = "".join(LETTERS[node.status] for node in self.tree.nodes)
-            self._view.show(replace(self.state, letters=letters))
-            self._touch("statuses", "now")
-
     def _touch(self, *parts: str) -> None:
         for part in parts:
-            self.versions[part] = next(self._numbers)
+            self.versions[part] += 1
 
     def _begin(self, tree: Tree) -> Event:
         """Clear the data of the earlier tree, whose nodes the page shows no more."""
@@ -134,28 +94,24 @@ class Board:
         self.tree = tree
         return shown(tree)
 
-    def _take(self, at: float, event: Event) -> None:
+    def take(self, at: float, event: Event) -> Tuple[Sentence, ...]:
         """Fold an event, keep it for later, and note which parts have changed."""
-        before, newest = self.state, self._view.newest
+        before = self.state
         self._history.take(before, Line(at, event))
-        self._view.take(at, event)
-        self._touch(*self._view.changed(before))
-        if self._view.newest != newest:
-            self._touch("story")
+        sentences = super().take(at, event)
+        self._touch(*self.changed(before), *(["story"] if sentences else []))
+        return sentences
 
     # ---------------------------------------------------------------------------------- to be shown
 
     def part(self, name: str) -> Any:
         """Return one part as data that JSON can carry."""
-        self._catch_up()
-        own = {"mission": self._mission, "now": self._card, "health": self._offers_now,
-               "alive": self._alive}
-        make = own.get(name)
-        return msgspec.to_builtins(make() if make is not None else self._view.part(name))
+        self.refresh()
+        return msgspec.to_builtins(super().part(name))
 
     def at(self, moment: float) -> Dict[str, Any]:
         """Return the parts that are known of that time (Unix seconds), as far as it is kept."""
-        self._catch_up()
+        self.refresh()
         state, lines = self._history.until(moment, STRETCHES)
         view = View(state)
         for line in lines:
@@ -163,7 +119,7 @@ class Board:
         parts = {name: view.part(name) for name in MOMENT}
         return msgspec.to_builtins(dict(parts, health=self._offers_of(view.state)))
 
-    def _mission(self) -> MissionPart:
+    def mission(self) -> MissionPart:
         nodes = [] if self.tree is None else [self._outline(node) for node in self.tree.nodes]
         started = self.state.started
         if started is None:
@@ -179,41 +135,34 @@ class Board:
                        clean(node.full_path), spec is not None and spec.kind is Kind.SUBTREE,
                        node.parent is not None and is_bare(spec, node.name))
 
-    def _card(self) -> Now:
-        now = now_of(self.state)
-        if now.ended or not self._is_closed:
-            return now
-        return replace(now, ended=how_it_stopped(self.state, "the controller has stopped"))
-
-    def _alive(self) -> Alive:
-        if self.tree is None or self._card().ended:
-            return Alive(None, False, time.time(), self._history.began)
-        age = round(time.monotonic() - self._beaten, 1)
-        return Alive(age, age >= HANGS, time.time(), self._history.began)
+    def alive(self) -> Alive:
+        age = None
+        if self.tree is not None and not self.ended:
+            age = round(time.monotonic() - self._beaten, 1)
+        return Alive(age, age is not None and age >= HANGS, time.time(), self._history.began)
 
     def _offers_of(self, state: State) -> Dict[str, Offer]:
         """Return how each service and topic is, by name."""
         names = {**self._offers, **{change.name: change.kind for change in state.robot.ill}}
         return {name: _offer(name, kind, state.robot.trouble(name)) for name, kind in names.items()}
 
-    def _offers_now(self) -> Dict[str, Offer]:
+    def health(self) -> Dict[str, Offer]:
         """Return this with what is known for now only: how often each was called, or heard last."""
-        return {clean(name): self._counted(name, offer)
-                for name, offer in self._offers_of(self.state).items()}
-
-    def _counted(self, name: str, offer: Offer) -> Offer:
-        calls, arrival = self._health.calls.get(name), self._health.last_arrivals.get(name)
-        if calls is not None:
-            offer = replace(offer, calls=calls.calls, failures=calls.failures,
-                            seconds=round(calls.last_seconds, 3))
-        if arrival is not None:
-            offer = replace(offer, age=round(time.monotonic() - arrival, 1))
-        return offer
+        offers = {}
+        for name, offer in self._offers_of(self.state).items():
+            calls, heard = self._health.calls.get(name), self._health.last_arrivals.get(name)
+            if calls is not None:
+                offer = replace(offer, calls=calls.calls, failures=calls.failures,
+                                seconds=round(calls.last_seconds, 3))
+            if heard is not None:
+                offer = replace(offer, age=round(time.monotonic() - heard, 1))
+            offers[clean(name)] = offer
+        return offers
 
     def node(self, uid: int) -> Optional[Dict[str, Any]]:
         """Return the details of a node: its place, ports with values, last results; None if it does
         not exist."""
-        self._catch_up()
+        self.refresh()
         nodes = self.tree.nodes if self.tree is not None else []
         if not 1 <= uid <= len(nodes):
             return None
@@ -223,7 +172,7 @@ class Board:
                 "description": spec.summary if spec is not None else "",
                 "place": node.place_in_file().rstrip(": "),
                 "ports": [_port(node, name, text) for name, text in port_texts(node).items()],
-                "results": self._view.results(uid)}
+                "results": self.results(uid)}
 
 
 def _offer(name: str, kind: str, trouble: Optional[HealthChanged]) -> Offer:

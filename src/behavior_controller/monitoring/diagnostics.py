@@ -7,7 +7,6 @@ from behavior_controller.execution.health import SLOW
 from behavior_controller.execution.state import State
 from behavior_controller.folders import mission_name
 from behavior_controller.monitoring.moment import card
-from behavior_controller.monitoring.parts import RETRY
 from behavior_controller.monitoring.story import condition, counted, recovering, why
 from behavior_controller.robot.declarations import Offer
 
@@ -38,7 +37,7 @@ def _mission(state: State) -> Status:
     now, level = card(state), OK
     if state.finished is not None:
         level = ERROR if state.finished.exit_code else OK
-    elif now.kind == RETRY or state.step is not None and isinstance(state.step.cause, Paused):
+    elif now.kind == "retry" or state.step is not None and isinstance(state.step.cause, Paused):
         level = WARN
     details = {"mission": mission_name(state.started.mission) if state.started is not None else "",
                "visits": counted(state.outcomes), "where": now.where, "waits for": now.waits_for,
@@ -51,10 +50,9 @@ def _recovery(state: State) -> Status:
     step, gave_up = state.step, state.course.gave_up
     if state.recoveries:
         last = state.recoveries[-1]
-        cause = step.cause if step is not None else None
         words = "recovering from a failure"
-        if isinstance(cause, Recovering):
-            words = recovering(cause)
+        if step is not None and isinstance(step.cause, Recovering):
+            words = recovering(step.cause)
         return Status("recovery", WARN, words, {"node": last.node, "path": last.path})
     if state.course.given_up is not None and gave_up is not None:
         return Status("recovery", ERROR, "gave up: " + why(gave_up), {"node": gave_up.node})

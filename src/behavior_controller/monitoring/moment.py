@@ -5,13 +5,12 @@ the model of the run and from nothing else.
 """
 from typing import Iterator, List, Tuple
 
-from behavior_controller.execution.events import HealthChanged, Paused, Recovering, TreeNode
+from behavior_controller.execution.events import HealthChanged, Paused, TreeNode
 from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT
 from behavior_controller.execution.state import Robot, State, Step
-from behavior_controller.monitoring.parts import (
-    ASLEEP, BUSY, Card, ENDED, HELD, IDLE, PAUSED, RETRY, RobotLine, STEP, WAIT)
+from behavior_controller.monitoring.parts import Card, Kind, RobotLine
 from behavior_controller.monitoring.story import (
-    cause, condition, conditions, listed, stop_name, step_words)
+    cause, condition, conditions, few, listed, stop_name, step_words)
 from behavior_controller.robot.requests import GoTo, Words
 from behavior_controller.text import clean
 
@@ -30,9 +29,6 @@ AS_CHILD = {"Fallback", "ReactiveFallback", "AsyncFallback", "ForceSuccess", "Su
 AT_ONCE = {"Script", "SetBlackboard", "UnsetBlackboard", "AlwaysSuccess"}
 """The leaves that succeed and have the robot do nothing."""
 
-AGAIN = {"KeepRunningUntilFailure"}
-"""The nodes that begin again when their child succeeds."""
-
 
 # ----------------------------------------------------------------------------------------- the card
 
@@ -41,14 +37,14 @@ def card(state: State) -> Card:
     """Return what the run does."""
     where = _where(state)
     if state.finished is not None:
-        return Card(ENDED, state.finished.outcome, where, state.at)
+        return Card("ended", state.finished.outcome, where, state.at)
     if state.held:
         uid, since = list(state.held.items())[-1]
-        return Card(HELD, f"held by a breakpoint of Groot2 at {_name(state, uid)}", where,
+        return Card("held", f"held by a breakpoint of Groot2 at {_name(state, uid)}", where,
                     since, waits_for="its release in Groot2", uid=uid)
     words, since = state.suspended
     if words:
-        return Card(PAUSED, words, where, since, waits_for="the operator's call of start")
+        return Card("paused", words, where, since, waits_for="the operator's call of start")
     if state.step is not None:
         return _of_step(state, state.step, where)
     return _of_tree(state, where)
@@ -65,24 +61,19 @@ def _where(state: State) -> str:
 
 
 def _of_step(state: State, step: Step, where: str) -> Card:
-    exchange, waits_for, trouble = state.waits_for, "", state.held_by
+    exchange, trouble, following = state.waits_for, state.held_by, next_node(state, step.uid)
+    kind: Kind = "wait" if step.is_wait else "step"
+    waits_for = ""
     if exchange is not None:
         waits_for = "the answer of " + exchange.service
-    kind = WAIT if step.is_wait else STEP
-    if isinstance(step.cause, Recovering):
-        kind, trouble = RETRY, state.robot.trouble(step.cause.failure.resource)
-    elif isinstance(step.cause, Paused):
-        return _of_pause(state, step, step.cause)
+    if step.cause is not None:
+        kind, trouble = "retry", state.robot.trouble(step.cause.failure.resource)
+    why = condition(trouble) if trouble is not None else ""
+    if isinstance(step.cause, Paused):
+        kind, where, following = "paused", "", "the next visit"
+        why = why or "failed last: " + cause(step.cause.failure)
     return Card(kind, step_words(step), where, step.began, step.until, step.attempt, step.attempts,
-                waits_for, condition(trouble) if trouble is not None else "",
-                state.due or next_node(state, step.uid), step.uid)
-
-
-def _of_pause(state: State, step: Step, paused: Paused) -> Card:
-    trouble = state.robot.trouble(paused.failure.resource)
-    why = condition(trouble) if trouble is not None else "failed last: " + cause(paused.failure)
-    return Card(PAUSED, step_words(step), "", step.began, step.until, trouble=why,
-                next=state.due or "the next visit")
+                waits_for, why, state.due or following, step.uid)
 
 
 def _of_tree(state: State, where: str) -> Card:
@@ -92,20 +83,20 @@ def _of_tree(state: State, where: str) -> Card:
     if state.exchanges:
         exchange = state.exchanges[0]
         words = exchange.request.words or Words("asking " + exchange.service)
-        return Card(STEP, clean(" ".join(filter(None, (words.doing, words.what)))), where,
+        return Card("step", clean(" ".join(filter(None, (words.doing, words.what)))), where,
                     exchange.asked, waits_for="the answer of " + exchange.service)
     uid = state.letters.rfind("R") + 1
     if uid:
         node, since = state.nodes[uid - 1], state.running.get(uid)
-        if node.type in ("Sleep", "Delay"):
-            until = since + node.pause if since is not None and node.pause else None
-            return Card(ASLEEP, "asleep", where, since, until, next=next_node(state, uid), uid=uid)
-        return Card(
-            BUSY, "runs " + _name(state, uid), where, since, next=next_node(state, uid), uid=uid)
+        what, following = "runs " + _name(state, uid), next_node(state, uid)
+        if node.type not in ("Sleep", "Delay"):
+            return Card("busy", what, where, since, next=following, uid=uid)
+        until = since + node.pause if since is not None and node.pause else None
+        return Card("asleep", "asleep", where, since, until, next=following, uid=uid)
     if state.visit is None:
-        return Card(IDLE, "nothing runs")
+        return Card("idle", "nothing runs")
     is_over = state.visit.ended is not None
-    return Card(IDLE, "between two visits" if is_over else "between two steps", where)
+    return Card("idle", "between two visits" if is_over else "between two steps", where)
 
 
 def _name(state: State, uid: int) -> str:
@@ -126,19 +117,16 @@ def next_node(state: State, uid: int) -> str:
         if not parent:
             return "the end of the visit"
         kind = nodes[parent - 1].type
-        later = next(_children(nodes, parent, uid), None) if kind in IN_TURN else None
-        if later is not None:
-            return _first_leaf(state, later)
-        if kind in AGAIN:
+        later = (other for other in range(uid + 1, len(nodes) + 1)
+                 if kind in IN_TURN and nodes[other - 1].parent == parent)
+        for sibling in later:
+            return _first_leaf(state, sibling)
+        if kind == "KeepRunningUntilFailure":  # it begins again
             return _first_leaf(state, uid)
         if kind not in IN_TURN and kind not in AS_CHILD:
             return ""
         uid = parent
     return ""
-
-
-def _children(nodes: Tuple[TreeNode, ...], parent: int, after: int) -> Iterator[int]:
-    return (uid for uid in range(after + 1, len(nodes) + 1) if nodes[uid - 1].parent == parent)
 
 
 def _first_leaf(state: State, uid: int) -> str:
@@ -164,65 +152,46 @@ def _is_open(node: TreeNode) -> bool:
 
 def robot_line(state: State) -> RobotLine:
     """Return how the robot is."""
-    robot, instruction = state.robot, _instruction(state)
-    return RobotLine(not robot.ill, conditions(robot.ill) or _alive(state),
-                     _attention(robot), _movement(robot), _place(robot), _safe(state), instruction)
+    robot, mode, safe = state.robot, "unknown", ""
+    if robot.attention is not None:
+        mode = robot.attention.state
+        mode = "off" if mode == "disabled" else f"on ({mode})"
+    movement = {None: "unknown", "enabled": "on"}.get(robot.animation, "off")
+    alive = "all nodes in use answer" if state.started is not None else "not yet asked"
+    if state.safe_state is not None:  # the robot was stopped
+        left_on = _left_on(state)
+        safe = "safe state reached"
+        if left_on:
+            safe = clean(f"safe state not reached: {listed(left_on)} may be on")
+    return RobotLine(not robot.ill, conditions(robot.ill) or alive, mode, movement, _place(robot),
+                     safe, _instruction(state))
 
 
-def _alive(state: State) -> str:
-    return "all nodes in use answer" if state.started is not None else "not yet asked"
-
-
-def _safe(state: State) -> str:
-    """Return after a stop whether the safe state was reached."""
-    if state.safe_state is None:
-        return ""
-    failed = [part.what for part in state.safe_state.parts if part.failure is not None]
-    if not failed:
-        return "safe state reached"
-    return clean(f"safe state not reached: {listed(failed)} may be on")
-
-
-def _cannot_drive(robot: Robot) -> bool:
-    trouble = robot.trouble(robot.services.get(GoTo.__name__, ""))
-    return trouble is not None and trouble.respect == GONE
-
-
-def _attention(robot: Robot) -> str:
-    if robot.attention is None:
-        return "unknown"
-    mode = robot.attention.state
-    return "off" if mode == "disabled" else f"on ({mode})"
-
-
-def _movement(robot: Robot) -> str:
-    if robot.animation is None:
-        return "unknown"
-    return "on" if robot.animation == "enabled" else "off"
+def _left_on(state: State) -> List[str]:
+    """Return what may still be on after a stop."""
+    parts = state.safe_state.parts if state.safe_state is not None else ()
+    return [part.what for part in parts if part.failure is not None]
 
 
 def _place(robot: Robot) -> str:
-    last = "at " + robot.last_place if robot.last_place else ""
+    last, goal = "at " + robot.last_place if robot.last_place else "", robot.goal_name
+    if robot.goal is not None and not goal:
+        goal = "{:g}, {:g}".format(*robot.goal[:2])
+    way = goal if goal == HOME else "to " + goal
     if robot.goal is not None:
-        return "driving " + _to(robot.goal_name or "{:g}, {:g}".format(*robot.goal[:2]))
+        return "driving " + way
     if robot.place is not None:
         return last or "at {:g}, {:g}".format(*robot.place[:2])
-    if robot.goal_name:
-        return f"last seen {last or 'at the start'}, on the way {_to(robot.goal_name)}"
-    return "place unknown"
-
-
-def _to(goal: str) -> str:
-    return goal if goal == HOME else "to " + goal
+    return f"last seen {last or 'at the start'}, on the way {way}" if goal else "place unknown"
 
 
 def _instruction(state: State) -> str:
     """Return what a person has to do; it stays until that is done."""
-    robot = state.robot
-    steps = list(_repairs(state))
+    robot, steps = state.robot, list(_repairs(state))
     is_away = robot.goal_name and (robot.place is None or robot.last_place != HOME)
     # at a stop the visit goes on as soon as it can drive again
-    is_stuck = robot.place is None and _cannot_drive(robot)
+    trouble = robot.trouble(robot.services.get(GoTo.__name__, ""))
+    is_stuck = robot.place is None and trouble is not None and trouble.respect == GONE
     if is_away and (state.finished is not None or robot.is_lost or is_stuck):
         steps.append("take the robot home")
     text = clean("; ".join(steps))
@@ -244,19 +213,17 @@ def _repairs(state: State) -> Iterator[str]:
         nodes = _nodes(ill, respect)
         if nodes:
             yield f"check {_named(nodes)}: {'it is' if len(nodes) == 1 else 'they are'} {respect}"
-    step = state.step.cause if state.step is not None else None
-    is_known = isinstance(step, Paused) and state.robot.trouble(step.failure.resource) is not None
-    if isinstance(step, Paused) and not step.awaited and not is_known:
-        yield "repair what fails: " + cause(step.failure)
-    if state.safe_state is not None:
-        off = [part.what for part in state.safe_state.parts if part.failure is not None]
-        if off:
-            yield f"switch {listed(off)} off by hand"
+    pause = state.step.cause if state.step is not None else None
+    if isinstance(pause, Paused) and not pause.awaited:
+        if state.robot.trouble(pause.failure.resource) is None:
+            yield "repair what fails: " + cause(pause.failure)
+    if _left_on(state):
+        yield f"switch {listed(_left_on(state))} off by hand"
 
 
 def _named(nodes: List[str]) -> str:
     """Return the names of a few nodes, or how many they are: what to do has to fit a phone."""
-    return listed(nodes) if len(nodes) <= MOST_NAMED else f"{len(nodes)} nodes"
+    return few(nodes, ["node"] * len(nodes), MOST_NAMED)
 
 
 def _nodes(ill: Tuple[HealthChanged, ...], respect: str) -> List[str]:

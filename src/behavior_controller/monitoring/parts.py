@@ -1,19 +1,18 @@
-"""The state of a running mission as it is sent: the parts of the board, declared once for the
-page's server and ``missionStatus``.
+"""The state of a running mission as it is sent: the parts of the board that the page's server makes
+and ``missionStatus`` reads.
 """
-from typing import Any, List, Optional
+from typing import Any, Dict, List, Literal, Optional
 
 from msgspec import Struct
 
-STEP, WAIT, RETRY, HELD, ASLEEP, PAUSED, BUSY, IDLE, ENDED = (
-    "step", "wait", "retry", "held", "asleep", "paused", "busy", "idle", "ended")
+Kind = Literal["step", "wait", "retry", "held", "asleep", "paused", "busy", "idle", "ended"]
 """The kinds of cards."""
 
 
 class Card(Struct, frozen=True):
     """What the run does now. Times are Unix seconds."""
 
-    kind: str
+    kind: Kind
     what: str = ""
     where: str = ""  # the visitor, and the stop
     since: Optional[float] = None
@@ -49,9 +48,9 @@ class RobotLine(Struct, frozen=True):
 def card_line(now: Card, at: float) -> str:
     """Return the card on one line, as of that time."""
     parts = [now.what]
-    if now.attempt > 1 and now.kind != RETRY:
+    if now.attempt > 1 and now.kind != "retry":
         parts.append(f" (attempt {now.attempt} of {now.attempts})")
-    if now.since is not None and now.kind != ENDED:
+    if now.since is not None and now.kind != "ended":
         limit = "" if now.until is None else f" of at most {now.until - now.since:g} s"
         parts.append(f", {max(0.0, at - now.since):.0f} s{limit}")
     if now.trouble:
@@ -97,65 +96,38 @@ class Now(Struct, frozen=True):
     ended: str
 
 
-class SentenceRow(Struct, frozen=True):
-    """A sentence of the story, with its number and its time of day."""
+class Sentence(Struct, frozen=True):
+    """A sentence about one event, in words for people and on one line.
 
-    number: int
+    ``kind`` says what it is about (one of ``story.KINDS``), ``severity`` is info, warning or error;
+    ``visit`` is 0 before the first. ``uid`` and ``path`` are those of the node that it leads to; 0
+    and empty if there is none. Sentences of one ``incident`` have one cause: it is the time of the
+    first of them. ``cause`` is the kind of the failure that they are about, in words.
+    """
+
     at: float
-    time: str
     visit: int
     kind: str
     severity: str
     text: str
     uid: int
-    incident: float
+    path: str = ""
+    incident: float = 0.0
+    cause: str = ""
 
 
-class StopRow(Struct, frozen=True):
-    """A stop of a visit."""
+class SentenceRow(Sentence, frozen=True):
+    """A sentence of the story, with its number and its time of day."""
 
-    number: int
-    of: int
-    name: str
-    state: str
-    why: str
-    noun: str
-
-
-class VisitRow(Struct, frozen=True):
-    """A visit; ``ending``: how it ended, in words."""
-
-    number: int
-    time: str
-    began: float
-    arrived: Optional[float]
-    outcome: str
-    stops: List[StopRow]
-    ending: str
+    number: int = 0
+    time: str = ""
 
 
 class StoryPart(Struct, frozen=True):
     """The visit under way, or the last one, and the newest sentences."""
 
-    visit: Optional[VisitRow]
+    visit: Optional[Dict[str, Any]]
     sentences: List[SentenceRow]
-
-
-class Visits(Struct, frozen=True):
-    """The visits that ended, the newest last, and how many there were in words."""
-
-    counted: str
-    newest: List[VisitRow]
-
-
-class StepRow(Struct, frozen=True):
-    """A step of the visit: when it began, and how long it took."""
-
-    words: str
-    began: float
-    uid: int
-    is_wait: bool
-    seconds: float
 
 
 class Offer(Struct, frozen=True):

@@ -96,14 +96,16 @@ class Sink:
             self._write(self._next())
 
     def _next(self) -> Any:
-        """Wait for the next item and return it."""
+        """Wait until there is an item, and it is time to write it, and return it."""
         with self._news:
             self._is_busy = False
             self._news.notify_all()
-            if self._rest:
-                self._wait_until_due()
-            else:
-                self._news.wait_for(lambda: self._waiting)
+            while not self._waiting or self._must_rest():
+                self._news.wait_for(
+                    lambda: self._waiting and (self._is_drained or not self._rest),
+                    self._rest or None)
+                self._since_rest = 0
+            self._since_rest += 1
             self._is_busy = True
             item = self._waiting.popleft()
             lost = self._lost - self._reported
@@ -113,16 +115,9 @@ class Sink:
                 self._reported += lost
             return item
 
-    def _wait_until_due(self) -> None:
-        """Return when there is an item, and it is time to write it."""
-        while not self._waiting or self._since_rest >= self._most_at_once:
-            self._news.wait_for(lambda: self._is_drained and self._waiting, self._rest)
-            self._since_rest = 0
-        self._since_rest += 1
-
-    @property
-    def _most_at_once(self) -> int:
-        return AT_ONCE if len(self._waiting) < FLOOD else AT_ONCE_IN_FLOOD
+    def _must_rest(self) -> bool:
+        most = AT_ONCE if len(self._waiting) < FLOOD else AT_ONCE_IN_FLOOD
+        return bool(self._rest) and self._since_rest >= most
 
 
 def drain(sinks: Iterable[Sink], seconds: float) -> None:

@@ -1,6 +1,7 @@
 """``missionStatus``: prints the running mission's tree in the terminal, once or again at every
 change."""
 import argparse
+import contextlib
 import http.client
 import os
 import queue
@@ -76,6 +77,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
     place = f"http://{chosen.address}:{chosen.port}"
     is_window = chosen.watch and sys.stdout.isatty()
     shown: List[str] = []
+    problem = (f"no mission answers at {place} ({{}}): does behaviorController run, with this "
+               "monitorPort?")
     try:
         for state in _states(chosen.address, chosen.port, chosen.watch):
             text = lines(state, chosen.all)
@@ -83,21 +86,17 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 size = os.get_terminal_size(sys.stdout.fileno())
                 text = fitted(text, size.columns or 80, size.lines or 24)
             if text != shown:
-                shown = text
                 _print(text, is_window)
+            shown, problem = text, f"the connection to {place} is lost ({{}})"
             if chosen.watch and state.now.ended:
                 print("missionStatus: the mission has ended: " + clean(state.now.ended))
                 break
         return exit_codes.SUCCESS
     except NoMission as reason:
-        why = clean(str(reason))
-        what = (f"no mission answers at {place} ({why}): does behaviorController run, with this "
-                "monitorPort?")
-        if shown:
-            what = f"the connection to {place} is lost ({why})"
+        problem = problem.format(clean(str(reason)))
     except OSError as error:
-        what = f"cannot print: {error.strerror}"
-    print("missionStatus:", what, file=sys.stderr)
+        problem = f"cannot print: {error.strerror}"
+    print("missionStatus:", problem, file=sys.stderr)
     return exit_codes.UNAVAILABLE
 
 
@@ -140,36 +139,23 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
     messages: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
     threading.Thread(target=_read, args=(address, port, messages.put), name="messages",
                      daemon=True).start()
-    state = _next(messages, LIMIT)
-    if state is None:
-        raise NoMission(f"no complete answer within {LIMIT:g} s")
-    came = time.monotonic()
+    state: Union[ShownState, NoMission] = NoMission(f"no complete answer within {LIMIT:g} s")
+    came, wait = time.monotonic(), LIMIT
     while True:
+        with contextlib.suppress(queue.Empty):
+            state, came = messages.get(timeout=wait), time.monotonic()
+        if isinstance(state, NoMission):
+            raise state
         silent = time.monotonic() - came
         if silent >= GIVEN_UP:
             raise NoMission(f"no message for {silent:.0f} s")
         yield replace(state, silent=silent)
         if not is_watching:
             return
-        news = _next(messages, LATE if silent < LATE else 1.0)
-        if news is not None:
-            state, came = news, time.monotonic()
-
-
-def _next(messages: "queue.Queue[Union[ShownState, NoMission]]",
-          seconds: float) -> Optional[ShownState]:
-    """Return the board as of the next message, or None after ``seconds``."""
-    try:
-        state = messages.get(timeout=seconds)
-    except queue.Empty:
-        return None
-    if isinstance(state, NoMission):
-        raise state
-    return state
+        wait = LATE if silent < LATE else 1.0
 
 
 def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]], None]) -> None:
-    reason = "the answer is not a mission's"
     try:
         connection = http.client.HTTPConnection(address, port)
         connection.request("GET", "/events")
@@ -183,7 +169,7 @@ def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]],
             if line.startswith(b"data: "):
                 known = parts.patched(known, msgspec.json.decode(line[6:]))
                 put(msgspec.convert(known, ShownState))
-                reason = "the connection was closed"
+        reason = "the connection was closed" if known else "the answer is not a mission's"
     except msgspec.ValidationError as error:
         reason = f"the answer is not a mission's: {error}"
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):

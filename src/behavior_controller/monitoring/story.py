@@ -5,11 +5,9 @@ record gives the same sentences as the run itself. All texts are safe to show, w
 see ``text.clean``.
 """
 import collections
-from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Tuple
 
-from behavior_controller.execution.events import (
-    BEGUN, BreakpointChanged, Event, HealthChanged, LeafFinished, Noticed, PassFinished, Paused,
-    Recovered, Recovering, RunFinished, RunStarted, SafeStateReported, StopChanged, Suspended)
+from behavior_controller.execution import events
 from behavior_controller.execution.fold import fold, why_recovered
 from behavior_controller.execution.health import NEW
 from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED, SUBSTITUTED
@@ -17,31 +15,12 @@ from behavior_controller.execution.state import (
     BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, SILENT_VISITOR, STOPPED,
     UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
 from behavior_controller.folders import mission_name
+from behavior_controller.monitoring.parts import Sentence
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.text import clean
+from behavior_controller.text import clean, count
 
 UNCERTAIN = (Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION, Cause.UNUSABLE_ANSWER)
 """The causes of a failure in spite of which the request may have been carried out."""
-
-
-class Sentence(NamedTuple):
-    """A sentence about one event, in words for people and on one line.
-
-    ``kind`` says what it is about (one of ``KINDS``), ``severity`` is info, warning or error;
-    ``visit`` is 0 before the first. ``uid`` and ``path`` are those of the node that it leads to; 0
-    and empty if there is none. Sentences of one ``incident`` have one cause: it is the time of the
-    first of them. ``cause`` is the kind of the failure that they are about, in words.
-    """
-
-    at: float
-    visit: int
-    kind: str
-    severity: str
-    text: str
-    uid: int
-    path: str
-    incident: float = 0.0
-    cause: str = ""
 
 
 KINDS = ("visit", "stop", "said", "heard", "asked", "pressed", "moved", "failure", "recovery",
@@ -57,19 +36,28 @@ class Story:
     def __init__(self, before: State = State()) -> None:
         self.state = before
 
-    def take(self, at: float, event: Event) -> Tuple[Sentence, ...]:
+    def take(self, at: float, event: events.Event) -> Tuple[Sentence, ...]:
         """Return the sentences about ``event``."""
         before, self.state = self.state, fold(self.state, at, event)
         return sentences(before, event, self.state)
 
 
-def sentences(before: State, event: Event, after: State) -> Tuple[Sentence, ...]:
+def sentences(before: State, event: events.Event, after: State) -> Tuple[Sentence, ...]:
     """Return the sentences about an event, given what was so before it and what is so after it."""
-    words, failure = _WORDS.get(type(event)), getattr(event, "failure", None)
-    said = tuple(words(before, event, after)) if words is not None else ()
-    if failure is None:
-        return said
-    return tuple(sentence._replace(cause=failure.cause.text) for sentence in said)
+    words = _WORDS.get(type(event))
+    if words is None:
+        return ()
+    number = after.visit.number if after.visit is not None else 0
+    path, failure = getattr(event, "path", ""), getattr(event, "failure", None)
+    # the number of a recovery's event is that of its HandleFallBack
+    is_recovery = isinstance(event, (events.Recovered, events.Recovering))
+    uid = after.uids.get(path, 0 if is_recovery else getattr(event, "uid", 0))
+    reason = failure.cause.text if failure is not None else ""
+    return tuple(
+        Sentence(after.at, number, kind if kind in KINDS else "notice",
+                 severity if severity in SEVERITIES else "warning", clean(text), uid, clean(path),
+                 incident, reason)
+        for kind, severity, text, incident in words(before, event, after))
 
 
 # ----------------------------------------------------------------------------------------- phrases
@@ -127,7 +115,7 @@ _REASONS = {
 _UNSEEN = {LEFT: "the visitor could not be seen", SILENT_VISITOR: "no answer was heard"}
 
 
-def condition(change: HealthChanged) -> str:
+def condition(change: events.HealthChanged) -> str:
     """Return in a few words what is wrong with a service, a topic or the master."""
     if change.kind == "master":
         status = "is new" if change.respect == NEW else change.status
@@ -136,9 +124,9 @@ def condition(change: HealthChanged) -> str:
     return clean(f"{change.name} is {word}" if word else change.name)
 
 
-def conditions(changes: Iterable[HealthChanged]) -> str:
+def conditions(changes: Iterable[events.HealthChanged]) -> str:
     """Return the same of several ones; those with the same trouble are said together."""
-    alike: Dict[str, List[HealthChanged]] = {}
+    alike: Dict[str, List[events.HealthChanged]] = {}
     for change in changes:
         subject = change.name if change.kind == "master" else change.respect
         alike.setdefault(subject, []).append(change)
@@ -149,15 +137,19 @@ MOST_NAMES = 3
 """The most services and topics with the same trouble that are named."""
 
 
-def _common_condition(changes: List[HealthChanged]) -> str:
+def _common_condition(changes: List[events.HealthChanged]) -> str:
     if len(changes) == 1:
         return condition(changes[0])
-    names = listed([change.name for change in changes])
-    if len(changes) > MOST_NAMES:
-        kinds = collections.Counter(change.kind for change in changes)
-        names = listed([f"{number} {kind}{'s' if number > 1 else ''}"
-                        for kind, number in kinds.items()])
-    return clean(f"{names} are {changes[0].respect}")
+    names, kinds = [change.name for change in changes], [change.kind for change in changes]
+    return clean(f"{few(names, kinds, MOST_NAMES)} are {changes[0].respect}")
+
+
+def few(names: List[str], kinds: List[str], most: int) -> str:
+    """Return the names, or of more than ``most`` how many there are of each kind."""
+    if len(names) <= most:
+        return listed(names)
+    numbers = collections.Counter(kinds)
+    return listed([count(number, kind, kind + "s") for kind, number in numbers.items()])
 
 
 def listed(names: List[str]) -> str:
@@ -200,18 +192,18 @@ def counted(outcomes: Dict[str, int]) -> str:
     number, failed = sum(outcomes.values()), outcomes.get("FAILURE", 0)
     if not number:
         return "no visit completed"
-    text = f"{number} visit{'' if number == 1 else 's'}, {failed or 'none'} failed"
+    text = f"{count(number, 'visit', 'visits')}, {failed or 'none'} failed"
     return text + ", the last one was stopped" if "" in outcomes else text
 
 
-def recovering(event: Recovering) -> str:
+def recovering(event: events.Recovering) -> str:
     """Return what a recovery does."""
     if event.substitute:
         return clean(f"doing {event.substitute} in place of {event.node}")
     return clean(f"retrying {event.node}, {event.attempt} of {event.of}")
 
 
-def waiting(event: Paused) -> str:
+def waiting(event: events.Paused) -> str:
     """Return what a mission waits for that gave up."""
     if event.awaited:
         return clean(f"waiting for {event.awaited} to return")
@@ -221,9 +213,9 @@ def waiting(event: Paused) -> str:
 
 def step_words(step: Step) -> str:
     """Return what the robot does in a step, with what it has reported of it last."""
-    if isinstance(step.cause, Recovering):
+    if isinstance(step.cause, events.Recovering):
         return recovering(step.cause)
-    if isinstance(step.cause, Paused):
+    if isinstance(step.cause, events.Paused):
         return waiting(step.cause)
     words = " ".join(filter(None, (step.words, step.what)))
     return f"{words} ({step.feedback})" if step.feedback else words
@@ -254,15 +246,6 @@ def ordinal(number: int) -> str:
     return f"{number}{ending}"
 
 
-def _sentence(state: State, kind: str, severity: str, text: str, uid: int = 0, path: str = "",
-              incident: float = 0.0) -> Sentence:
-    visit = state.visit
-    kind = kind if kind in KINDS else "notice"
-    severity = severity if severity in SEVERITIES else "warning"
-    return Sentence(state.at, visit.number if visit is not None else 0, kind, severity, clean(text),
-                    uid or state.uids.get(path, 0), clean(path), incident)
-
-
 def _incident(state: State, failure: Failure, path: str) -> float:
     """Return when that began which a failure belongs to: the trouble of its service, or the first
     failure of its step.
@@ -272,36 +255,39 @@ def _incident(state: State, failure: Failure, path: str) -> float:
     return min(first, state.robot.ill_since.get(failure.resource, first))
 
 
-def _run_started(before: State, event: RunStarted, after: State) -> Iterator[Sentence]:
+_Said = Tuple[str, str, str, float]
+"""Kind, severity, text and incident of a sentence."""
+
+
+def _run_started(before: State, event: events.RunStarted, after: State) -> Iterator[_Said]:
     name, leaves = mission_name(event.mission), len(event.leaves)
-    yield _sentence(after, "notice", "info", f"mission {name} starts, {leaves} mission leaves")
+    yield "notice", "info", f"mission {name} starts, {leaves} mission leaves", 0.0
 
 
-def _run_finished(before: State, event: RunFinished, after: State) -> Iterator[Sentence]:
+def _run_finished(before: State, event: events.RunFinished, after: State) -> Iterator[_Said]:
     for visit in after.concluded(Visit):
         if visit.arrived is not None:
-            yield _sentence(after, "visit", "warning",
-                            f"visitor {visit.number}: {how_it_ended(visit)}")
-    yield _sentence(after, "notice", "info", f"ends: {event.outcome} (exit code {event.exit_code})")
+            yield "visit", "warning", f"visitor {visit.number}: {how_it_ended(visit)}", 0.0
+    yield "notice", "info", f"ends: {event.outcome} (exit code {event.exit_code})", 0.0
 
 
-def _pass_finished(before: State, event: PassFinished, after: State) -> Iterator[Sentence]:
+def _pass_finished(before: State, event: events.PassFinished, after: State) -> Iterator[_Said]:
     visit = after.visit
     if visit is not None:
-        yield _sentence(after, "visit", "info" if visit.outcome == "SUCCESS" else "warning",
-                        f"pass {event.number}: {event.outcome} after {visit.seconds:.1f} s: "
-                        f"{how_it_ended(visit)}")
+        text = f"pass {event.number}: {event.outcome} after {visit.seconds:.1f} s"
+        severity = "info" if visit.outcome == "SUCCESS" else "warning"
+        yield "visit", severity, f"{text}: {how_it_ended(visit)}", 0.0
 
 
-def _leaf_finished(before: State, event: LeafFinished, after: State) -> Iterator[Sentence]:
+def _leaf_finished(before: State, event: events.LeafFinished, after: State) -> Iterator[_Said]:
     if event.summary is not None:
         text = _met(before, after, event.summary.mark) or event.summary.text
         if text:
-            yield _sentence(after, event.summary.kind, "info", text, event.uid, event.path)
+            yield event.summary.kind, "info", text, 0.0
     for failed in after.concluded(LeafFailure):
         if not failed.is_false_condition:
-            yield _sentence(after, "failure", "warning", why_failed(failed.node, failed.failure),
-                            failed.uid, failed.path, _incident(after, failed.failure, failed.path))
+            incident = _incident(after, failed.failure, failed.path)
+            yield "failure", "warning", why_failed(failed.node, failed.failure), incident
 
 
 def _met(before: State, after: State, mark: str) -> str:
@@ -315,44 +301,41 @@ def _met(before: State, after: State, mark: str) -> str:
     return f"visitor {after.visit.number} {what}"
 
 
-def _stop_changed(before: State, event: StopChanged, after: State) -> Iterator[Sentence]:
+def _stop_changed(before: State, event: events.StopChanged, after: State) -> Iterator[_Said]:
     for stop in after.concluded(Stop):
-        how = "is completed" if stop.why is None else "is broken off: " + why(stop.why)
-        yield _sentence(after, "stop", "info" if stop.why is None else "warning",
-                        f"{stop_name(stop)}, {how}", event.uid, event.path)
-    if event.state == BEGUN and after.stop is not None:
-        yield _sentence(after, "stop", "info", stop_name(after.stop), event.uid, event.path)
+        if stop.why is None:
+            yield "stop", "info", f"{stop_name(stop)}, is completed", 0.0
+        else:
+            yield "stop", "warning", f"{stop_name(stop)}, is broken off: {why(stop.why)}", 0.0
+    if event.state == events.BEGUN and after.stop is not None:
+        yield "stop", "info", stop_name(after.stop), 0.0
 
 
-def _recovering(before: State, event: Recovering, after: State) -> Iterator[Sentence]:
+def _recovering(before: State, event: events.Recovering, after: State) -> Iterator[_Said]:
     # the first failure has its sentence already
     cause_of = ": " + cause(event.failure) if event.attempt > 1 else ""
-    yield _sentence(after, "recovery", "info", recovering(event) + cause_of, 0, event.path,
-                    _incident(after, event.failure, event.path))
+    incident = _incident(after, event.failure, event.path)
+    yield "recovery", "info", recovering(event) + cause_of, incident
 
 
-def _recovered(before: State, event: Recovered, after: State) -> Iterator[Sentence]:
+def _recovered(before: State, event: events.Recovered, after: State) -> Iterator[_Said]:
     stop, incident = next(after.concluded(Stop), None), _incident(before, event.failure, event.path)
     if stop is not None and incident < stop.began:
         incident = 0.0  # an entry of its own: that of the trouble stands far above
     text = why(why_recovered(before, event) if stop is None else stop.why)
     if stop is not None and event.outcome == SKIPPED:
-        yield _sentence(after, "stop", "warning", f"{stop_name(stop)}, is left out: {text}", 0,
-                        event.path, incident)
-    elif stop is not None or event.outcome == GIVEN_UP:
-        if before.has_given_up(event):
-            return
-        kind, words = "recovery", "gave up: " + text
-        if stop is not None:
-            kind, words = "stop", f"{stop_name(stop)}, is broken off: {text}"
+        yield "stop", "warning", f"{stop_name(stop)}, is left out: {text}", incident
+    elif stop is None and event.outcome != GIVEN_UP:
+        yield ("recovery", *_done(before, event, text), incident)
+    elif not before.has_given_up(event):
         severity = "warning" if event.failure.cause is Cause.CONDITION_FALSE else "error"
-        yield _sentence(after, kind, severity, words, 0, event.path, incident)
-    else:
-        severity, words = _done(before, event, text)
-        yield _sentence(after, "recovery", severity, words, 0, event.path, incident)
+        if stop is None:
+            yield "recovery", severity, "gave up: " + text, incident
+        else:
+            yield "stop", severity, f"{stop_name(stop)}, is broken off: {text}", incident
 
 
-def _done(before: State, event: Recovered, needed: str) -> Tuple[str, str]:
+def _done(before: State, event: events.Recovered, needed: str) -> Tuple[str, str]:
     """Return severity and sentence of a recovery after which the mission goes on."""
     if event.outcome == SKIPPED:
         needed = needed.replace(" failed", ", which failed", 1)
@@ -364,76 +347,71 @@ def _done(before: State, event: Recovered, needed: str) -> Tuple[str, str]:
     return "info", f"{event.node} is done at the {ordinal(event.attempts + 1)} try"
 
 
-def _paused(before: State, event: Paused, after: State) -> Iterator[Sentence]:
+def _paused(before: State, event: events.Paused, after: State) -> Iterator[_Said]:
     to_do = ": restart it"
     if not event.awaited:
         to_do = f"{';' if event.reason else ':'} failed last: {cause(event.failure)}: repair it"
-    yield _sentence(after, "recovery", "warning",
-                    waiting(event) + to_do + "; the mission goes on by itself",
-                    incident=_incident(after, event.failure, ""))
+    text = waiting(event) + to_do + "; the mission goes on by itself"
+    yield "recovery", "warning", text, _incident(after, event.failure, "")
 
 
-def _safe_state_reported(before: State, event: SafeStateReported,
-                         after: State) -> Iterator[Sentence]:
+def _safe_state_reported(before: State, event: events.SafeStateReported,
+                         after: State) -> Iterator[_Said]:
     is_reached = all(part.failure is None for part in event.parts)
     failed = [recovery.failures[-1] for recovery in before.recoveries if recovery.failures]
     incident = _incident(before, failed[-1].failure, failed[-1].path) if failed else 0.0
-    yield _sentence(after, "notice", "info" if is_reached else "warning", safe_state(after),
-                    incident=incident)
+    yield "notice", "info" if is_reached else "warning", safe_state(after), incident
 
 
-def _health_changed(before: State, event: HealthChanged, after: State) -> Iterator[Sentence]:
+def _health_changed(before: State, event: events.HealthChanged, after: State) -> Iterator[_Said]:
     """Say nothing of a trouble while a stronger one is known."""
     strongest = after.robot.trouble(event.name)
-    if strongest is not None and rank(strongest) < rank(event):
-        return
-    since = before.robot.ill_since.get(event.name, after.robot.ill_since.get(event.name, 0.0))
-    yield _sentence(after, "health", "info" if event.is_well else "warning", health_text(event),
-                    incident=since)
+    if strongest is None or rank(strongest) >= rank(event):
+        since = before.robot.ill_since.get(event.name, after.robot.ill_since.get(event.name, 0.0))
+        yield "health", "info" if event.is_well else "warning", health_text(event), since
 
 
-def health_text(event: HealthChanged) -> str:
+def health_text(event: events.HealthChanged) -> str:
     """Return how a service, topic or the master is, and what that means."""
     node = f" (of node /{event.node})" if event.node else ""
     then = "; " + event.consequence if event.consequence else ""
     return clean(f"{event.kind} {event.name}{node}: {event.status}{then}")
 
 
-def _noticed(before: State, event: Noticed, after: State) -> Iterator[Sentence]:
-    yield _sentence(after, "notice", event.level, event.text)
+def _noticed(before: State, event: events.Noticed, after: State) -> Iterator[_Said]:
+    yield "notice", event.level, event.text, 0.0
 
 
-def _suspended(before: State, event: Suspended, after: State) -> Iterator[Sentence]:
+def _suspended(before: State, event: events.Suspended, after: State) -> Iterator[_Said]:
     due = " as soon as the robot has done what it does now" if event.is_due else ""
-    yield _sentence(after, "notice", "info",
-                    event.words + due or "goes on, started by the operator")
+    yield "notice", "info", event.words + due or "goes on, started by the operator", 0.0
 
 
-def _breakpoint_changed(before: State, event: BreakpointChanged,
-                        after: State) -> Iterator[Sentence]:
+def _breakpoint_changed(before: State, event: events.BreakpointChanged,
+                        after: State) -> Iterator[_Said]:
     name = event.path.rpartition("/")[2].partition("::")[0]
     words = f"held by a breakpoint of Groot2 at {name}"
     if event.is_held:
-        yield _sentence(after, "notice", "warning", words, event.uid, event.path)
+        yield "notice", "warning", words, 0.0
     elif event.uid in before.held:  # it is released, or halted
-        yield _sentence(after, "notice", "info", "no longer " + words, event.uid, event.path)
+        yield "notice", "info", "no longer " + words, 0.0
 
 
-_Words = Callable[[State, Any, State], Iterator[Sentence]]  # type: ignore[explicit-any]
+_Words = Callable[[State, Any, State], Iterator[_Said]]  # type: ignore[explicit-any]
 
 _WORDS: Dict[type, _Words] = {
-    RunStarted: _run_started,
-    RunFinished: _run_finished,
-    PassFinished: _pass_finished,
-    LeafFinished: _leaf_finished,
-    StopChanged: _stop_changed,
-    Recovering: _recovering,
-    Recovered: _recovered,
-    HealthChanged: _health_changed,
-    Paused: _paused,
-    SafeStateReported: _safe_state_reported,
-    BreakpointChanged: _breakpoint_changed,
-    Suspended: _suspended,
-    Noticed: _noticed,
+    events.RunStarted: _run_started,
+    events.RunFinished: _run_finished,
+    events.PassFinished: _pass_finished,
+    events.LeafFinished: _leaf_finished,
+    events.StopChanged: _stop_changed,
+    events.Recovering: _recovering,
+    events.Recovered: _recovered,
+    events.HealthChanged: _health_changed,
+    events.Paused: _paused,
+    events.SafeStateReported: _safe_state_reported,
+    events.BreakpointChanged: _breakpoint_changed,
+    events.Suspended: _suspended,
+    events.Noticed: _noticed,
 }
 """What is said of each kind of event; the others have no sentence."""

@@ -2,7 +2,9 @@
 """
 import collections
 import time
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Deque, Dict, List, Optional, Tuple
+
+from msgspec.structs import asdict
 
 from behavior_controller.execution.events import Event, PassStarted, TreeShown
 from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
@@ -26,44 +28,37 @@ TIMES = (data.QUESTION_ASKED_AT.name, data.ATTENTION_SET_AT.name)
 """The entries with a time of the mission's clock."""
 
 
-class View:
-    """Folds a run's events from the state ``before`` on, and keeps what is shown of what has ended.
+class View(story.Story):
+    """Keeps besides the state what is shown of what has ended.
 
-    ``newest`` is the number of the newest sentence, ``step_over`` the step that the last event has
-    ended, if it was the newest one.
+    Each part of the board that is known for each moment has a method, which makes it.
     """
 
+    stopped = ""
+    """How the run ended if it does not say so itself."""
+
     def __init__(self, before: State = State()):
-        self.newest = 0
-        self.step_over: Optional[Step] = None
-        self._story = story.Story(before)
-        self._sentences: Deque[Tuple[int, story.Sentence]] = collections.deque(maxlen=SENTENCES)
+        super().__init__(before)
+        self._sentences: Deque[parts.SentenceRow] = collections.deque(maxlen=SENTENCES)
+        self._count = 0  # of all sentences
         self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
         self._results: Dict[int, Deque[Tuple[NodeResult, int]]] = {}  # and how often in a row
-
-    @property
-    def state(self) -> State:
-        """What is so now."""
-        return self._story.state
-
-    def show(self, state: State) -> None:
-        """Have ``state`` be what is so now."""
-        self._story.state = state
 
     def take(self, at: float, event: Event) -> Tuple[story.Sentence, ...]:
         """Fold the next event, and return the sentences about it."""
         before = self.state
-        sentences = self._story.take(at, event)
+        sentences = super().take(at, event)
         for sentence in sentences:
-            self.newest += 1
-            self._sentences.append((self.newest, sentence))
+            self._count += 1
+            self._sentences.append(parts.SentenceRow(
+                **asdict(sentence), number=self._count, time=clock(sentence.at)))
         if isinstance(event, PassStarted):
             self._steps.clear()
         elif isinstance(event, TreeShown):  # the results are those of an earlier tree's nodes
             self._results.clear()
-        self.step_over = step_over(before, self.state)
-        if self.step_over is not None:
-            self._steps.append(self.step_over)
+        ended_step = step_over(before, self.state)
+        if ended_step is not None:
+            self._steps.append(ended_step)
         for ended in self.state.concluded(NodeResult):
             self._end(ended)
         return sentences
@@ -74,22 +69,29 @@ class View:
             results[-1][0].letter, results[-1][0].failure) == (ended.letter, ended.failure)
         results.append((ended, results.pop()[1] + 1 if is_alike else 1))
 
+    @property
+    def ended(self) -> str:
+        """How the run ended, and what was reached of the safe state; empty while it goes on."""
+        finished = self.state.finished
+        outcome = finished.outcome if finished is not None else self.stopped
+        return outcome and "; ".join(filter(None, (outcome, story.safe_state(self.state))))
+
     # ------------------------------------------------------------------------------------ the parts
 
     def changed(self, before: State) -> List[str]:
         """Return the parts that may have changed since ``before``; to make one takes longer than to
         fold an event."""
         now = self.state
-        names = [name for name, part in PARTS.items()
-                 if any(getattr(now, field) != getattr(before, field) for field in part.fields)]
+        names = [name for name, fields in PARTS.items()
+                 if any(getattr(now, field) != getattr(before, field) for field in fields)]
         # without a step, the card shows the statuses
         return names + (["now"] if "statuses" in names and now.step is None else [])
 
     def part(self, name: str) -> Any:
-        """Return one of ``MOMENT``."""
-        return MOMENT[name](self)
+        """Return a part of the board."""
+        return getattr(self, name)()
 
-    def _statuses(self) -> parts.Statuses:
+    def statuses(self) -> parts.Statuses:
         # the last in depth-first order: a running leaf, or what waits above it
         tip = self.state.letters.rfind("R") + 1
         # a recovery that runs does a failed node again
@@ -97,21 +99,24 @@ class View:
                   if recovery.uid == tip)
         return parts.Statuses(self.state.letters, next(failed, 0) or tip)
 
-    def _story_part(self) -> parts.StoryPart:
+    def now(self) -> parts.Now:
+        state = self.state
+        return parts.Now(card(state), robot_line(state), state.visit_count, self.ended)
+
+    def story(self) -> parts.StoryPart:
         visit = self.state.visit
-        return parts.StoryPart(
-            _visit(visit) if visit is not None else None,
-            [_sentence(number, sentence) for number, sentence in self._sentences])
+        return parts.StoryPart(_visit(visit) if visit is not None else None, list(self._sentences))
 
-    def _visits(self) -> parts.Visits:
+    def visits(self) -> Dict[str, Any]:
+        """Return the visits that ended, the newest last, and how many there were in words."""
         ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
-        return parts.Visits(story.counted(self.state.outcomes), ended)
+        return {"counted": story.counted(self.state.outcomes), "newest": ended}
 
-    def _timeline(self) -> List[parts.StepRow]:
-        """Return the steps of the visit that ended."""
+    def timeline(self) -> List[Dict[str, Any]]:
+        """Return the steps of the visit that ended: when each began, and how long it took."""
         return list(map(_step, self._steps))
 
-    def _blackboard(self) -> Dict[str, str]:
+    def blackboard(self) -> Dict[str, str]:
         return {name: self._value(name, text) for name, text in sorted(self.state.entries.items())}
 
     def _value(self, name: str, text: str) -> str:
@@ -129,41 +134,22 @@ class View:
         return [_result(*result) for result in reversed(self._results.get(uid, ()))]
 
 
-class BoardPart(NamedTuple):
-    """A part of the board: the fields of the model that it shows, and what makes it from a view;
-    None: it is not known for each moment, and the board makes it."""
+PARTS: Dict[str, Tuple[str, ...]] = {
+    "mission": ("started", "nodes"),
+    "statuses": ("letters", "recoveries"),
+    "now": ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",
+            "visits", "safe_state", "nodes", "failures"),
+    "story": ("visits",),
+    "visits": ("outcomes", "finished"),
+    "timeline": ("steps", "visit_count"),
+    "blackboard": ("entries",),
+    "health": ("robot",),
+    "alive": ()}
+"""All parts of the board in the order in which they are sent, and the fields of the model that each
+shows."""
 
-    fields: Tuple[str, ...]
-    make: Optional[Callable[[View], Any]] = None
-
-
-PARTS = {
-    "mission": BoardPart(("started", "nodes")),
-    "statuses": BoardPart(("letters", "recoveries"), View._statuses),
-    "now": BoardPart(
-        ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot", "visits",
-         "safe_state", "nodes", "failures"), lambda view: now_of(view.state)),
-    "story": BoardPart(("visits",), View._story_part),
-    "visits": BoardPart(("outcomes", "finished"), View._visits),
-    "timeline": BoardPart(("steps", "visit_count"), View._timeline),
-    "blackboard": BoardPart(("entries",), View._blackboard),
-    "health": BoardPart(("robot",)),
-    "alive": BoardPart(())}
-"""All parts, in the order in which they are sent."""
-
-MOMENT = {name: part.make for name, part in PARTS.items() if part.make is not None}
-"""What makes the parts of the board that are known for each moment."""
-
-
-def now_of(state: State) -> parts.Now:
-    """Return the card, the robot, and how the run ended."""
-    ended = how_it_stopped(state, state.finished.outcome) if state.finished is not None else ""
-    return parts.Now(card(state), robot_line(state), state.visit_count, ended)
-
-
-def how_it_stopped(state: State, outcome: str) -> str:
-    """Return how the run ended, and what was reached of the safe state."""
-    return "; ".join(filter(None, (outcome, story.safe_state(state))))
+MOMENT = ("statuses", "now", "story", "visits", "timeline", "blackboard")
+"""Those that are known for each moment."""
 
 
 def clock(at: float) -> str:
@@ -171,15 +157,10 @@ def clock(at: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(at))
 
 
-def _sentence(number: int, sentence: story.Sentence) -> parts.SentenceRow:
-    return parts.SentenceRow(
-        number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind, sentence.severity,
-        sentence.text, sentence.uid, sentence.incident)
-
-
-def _step(step: Step) -> parts.StepRow:
+def _step(step: Step) -> Dict[str, Any]:
     seconds = round((step.ended or step.began) - step.began, 2)
-    return parts.StepRow(story.step_words(step), step.began, step.uid, step.is_wait, seconds)
+    return {"words": story.step_words(step), "began": step.began, "uid": step.uid,
+            "is_wait": step.is_wait, "seconds": seconds}
 
 
 def _result(last: NodeResult, times: int) -> Dict[str, Any]:
@@ -188,8 +169,9 @@ def _result(last: NodeResult, times: int) -> Dict[str, Any]:
             "why": story.cause(last.failure) if last.failure is not None else ""}
 
 
-def _visit(visit: Visit) -> parts.VisitRow:
-    stops = [parts.StopRow(stop.number, stop.of, stop.name, stop.state, story.why(stop.why),
-                           stop.noun) for stop in visit.stops]
-    return parts.VisitRow(visit.number, clock(visit.arrived or visit.began), visit.began,
-                          visit.arrived, visit.outcome, stops, story.how_it_ended(visit))
+def _visit(visit: Visit) -> Dict[str, Any]:
+    """Return a visit; ``ending``: how it ended, in words."""
+    stops = [dict(asdict(stop), why=story.why(stop.why)) for stop in visit.stops]
+    return {"number": visit.number, "time": clock(visit.arrived or visit.began),
+            "began": visit.began, "arrived": visit.arrived, "outcome": visit.outcome,
+            "stops": stops, "ending": story.how_it_ended(visit)}

@@ -63,10 +63,10 @@ class Page:
 
     def close(self) -> None:
         """Send every browser the end of the mission, and stop serving."""
-        self.board.close()
         self._thread.close(self._part)
 
     async def _part(self) -> None:
+        self.board.close()
         self.is_closing = True
         ends = time.monotonic() + FAREWELL
         while self.streams and time.monotonic() < ends:
@@ -216,8 +216,6 @@ class _Stream(_Quiet):
     """``/events``: all parts at first, then what has changed in them. A slow browser gets the
     newest state, not a backlog."""
 
-    _is_gone = False
-
     async def get(self) -> None:
         """Send until the browser disconnects, or everything was sent at the end."""
         if len(self.page.streams) >= MOST_BROWSERS:
@@ -228,7 +226,7 @@ class _Stream(_Quiet):
         self._versions: Dict[str, int] = {}
         self._parts: Dict[str, Any] = {}  # as they were sent
         try:
-            while not self._is_gone:
+            while not _stream(self.request).closed():
                 is_last, news = self.page.is_closing, self._news()
                 if news:
                     self.write(b"data: " + msgspec.json.encode(news) + b"\n\n")
@@ -237,16 +235,10 @@ class _Stream(_Quiet):
                     return
                 self.note_use()
                 await asyncio.sleep(PUSH_INTERVAL)
-        except StreamClosedError:
-            pass
-        except asyncio.TimeoutError:
+        except (StreamClosedError, asyncio.TimeoutError):
             _stream(self.request).close()
         finally:
             self.page.streams.discard(self)
-
-    def on_connection_close(self) -> None:
-        """End the loop above."""
-        self._is_gone = True
 
     def _news(self) -> Dict[str, Any]:
         """Return what has changed since the last message."""

@@ -334,7 +334,7 @@ class _Run:
         self._watchers: List[Union[Groot2Publisher, Page, Record, ros_interface.RosInterface]] = []
         self._record: Optional[Record] = None
         if folder != NO_RECORD:
-            self._record = Record(folder, self._clock, console.warn)
+            self._record = Record(folder, console.warn)
             self._events.subscribe(self._record)
             self._watchers.append(self._record)
             self._topics = self._record.topics(topics)
@@ -388,7 +388,7 @@ class _Run:
         if chosen.groot2_port:
             self._watchers.append(
                 Groot2Publisher(chosen.groot2_address, chosen.groot2_port, registry().all(), warn,
-                                held=self._events.emit))
+                                self._events.emit))
         if chosen.monitor_port:
             page = Page(chosen.monitor_address, chosen.monitor_port, self._board(), warn)
             self._watchers.append(page)

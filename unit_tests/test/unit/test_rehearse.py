@@ -15,6 +15,7 @@ from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
+from msgspec import structs
 
 from behavior_controller import exit_codes
 from behavior_controller.robot.requests import SetAttention
@@ -546,7 +547,7 @@ FINDINGS = [
     FindingSummary(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5",
                    "it is ticked again and again", 12,
                    Scene("engages", True, TWO, ("/faces", )), 4.0,
-                   (SAID, SAID._replace(at=61.04, text="it waits")), "again 1"),
+                   (SAID, structs.replace(SAID, at=61.04, text="it waits")), "again 1"),
     FindingSummary(findings.BY_NAME["busy-loop"], "M", "m.xml:1:1", "and again", 1,
                    Scene("silent", False, rate=0.5, seed=7), 4.0, (SAID, ), "again 2"),
     FindingSummary(findings.BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1,
@@ -729,7 +730,7 @@ def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
 
 
 def test_a_long_story_is_cut_in_its_middle():
-    story = [SAID._replace(at=float(number), text=str(number)) for number in range(490)]
+    story = [structs.replace(SAID, at=float(number), text=str(number)) for number in range(490)]
     told = shortened(story)
     assert [told[place].text for place in (0, 19, 21, -1)] == ["0", "19", "470", "489"]
     assert "450 sentences" in told[20].text and len(told) == 41

@@ -12,7 +12,7 @@ themselves.
 import collections
 import contextlib
 from typing import (
-    Any, Callable, Deque, Dict, Iterable, List, Literal, NamedTuple, Optional, Tuple, get_args)
+    Any, Callable, Deque, Dict, Iterable, List, Literal, Optional, Tuple, get_args)
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -39,6 +39,11 @@ class HookPlace(Struct, frozen=True):
     uid: int
     position: Literal[0, 1]
 
+    @property
+    def key(self) -> Tuple[int, int]:
+        """What hooks are listed by."""
+        return self.position, self.uid
+
 
 class Hook(HookPlace, frozen=True):
     """One hook of one node."""
@@ -61,7 +66,7 @@ class Hooks:
     at the next tick."""
 
     def __init__(self, tree: Tree, reached: Callable[[int], None], tell: Callable[[str], None],
-                 held: Callable[[BreakpointChanged], None] = lambda event: None):
+                 held: Callable[[BreakpointChanged], None]):
         """``reached`` gets the uid of a node that reaches a breakpoint, ``tell`` a line for the
         operator, ``held`` an event when a breakpoint holds its node and when it lets it go on.
 
@@ -85,15 +90,14 @@ class Hooks:
         with contextlib.suppress(IndexError):
             while True:
                 hook = self.gone.popleft()
-                if self._listed.get((hook.position, hook.uid)) is hook:
-                    self._listed.pop((hook.position, hook.uid), None)
+                if self._listed.get(hook.key) is hook:
+                    self._listed.pop(hook.key, None)
 
     def insert(self, hooks: Iterable[Hook]) -> None:
         """Add each hook, or change the one at its place; a hook of an unknown node is passed over,
         as the library does."""
         # the last hook for a place counts: a client that floods must not occupy the tick thread
-        newest: Dict[Tuple[int, int], Hook] = {
-            (hook.position, hook.uid): hook for hook in hooks if hook.uid in self._nodes}
+        newest = {hook.key: hook for hook in hooks if hook.uid in self._nodes}
         self._listed.update(newest)
         for hook in newest.values():
             self._post(self._nodes[hook.uid].insert, hook)
@@ -122,7 +126,7 @@ class Hooks:
     def disable_all(self) -> None:
         """Disable every hook without removing it; every breakpoint lets its node go on."""
         for hook in self.all():
-            disabled = self._listed[hook.position, hook.uid] = replace(hook, enabled=False)
+            disabled = self._listed[hook.key] = replace(hook, enabled=False)
             self._post(self._nodes[hook.uid].release, disabled, "is disabled")
 
     def remove_all(self, reason: str = "") -> None:
@@ -147,42 +151,24 @@ class _SetHook:
         self.is_unlocked = False
         self.is_reported = False  # the operator knows that it decides results
 
-    def release(self) -> None:
-        """Let a breakpoint go on."""
-        self.is_unlocked = self.is_waiting
-
-    def reset(self) -> None:
-        """Forget that the breakpoint was reached."""
-        self.is_waiting = self.is_unlocked = False
-
-
-class _Held(NamedTuple):
-    """A node that waits at a breakpoint: the status that it had, and its result if it has been
-    ticked."""
-
-    status: Any
-    result: Optional[Result]
-
 
 class _NodeHooks(NodeHook):
     """The hooks of one node, attached to it while there are any."""
 
     def __init__(self, node: Node, owner: Hooks):
-        self._is_reported = False  # as held
         self._node = node
         self._owner = owner
         self._set: Dict[int, _SetHook] = {}  # by position
-        self._held: Optional[_Held] = None
+        # while the node waits at a breakpoint, its status before, and its result if it was ticked
+        self._held: Optional[Tuple[Any, Optional[Result]]] = None
 
     @property
     def is_holding(self) -> bool:  # type: ignore[override]
         """Whether the node waits at a breakpoint."""
         return self._held is not None
 
-    def _note(self, is_held: bool) -> None:
-        if is_held is not self._is_reported:
-            self._is_reported = is_held
-            self._owner.held(BreakpointChanged(self._node.uid, self._node.full_path, is_held))
+    def _report_hold(self, is_held: bool) -> None:
+        self._owner.held(BreakpointChanged(self._node.uid, self._node.full_path, is_held))
 
     def insert(self, hook: Hook) -> None:
         """Set ``hook``, or change the one at its place."""
@@ -191,7 +177,7 @@ class _NodeHooks(NodeHook):
         place.is_reported = False
         place.hook = hook
         if not hook.enabled:
-            place.release()
+            place.is_unlocked = place.is_waiting
         result = "" if hook.mode == BREAKPOINT else " to " + hook.desired_status
         self._tell(hook, f"is set{result}" + ("" if hook.enabled else ", but disabled"))
 
@@ -203,7 +189,7 @@ class _NodeHooks(NodeHook):
             self._owner.gone.append(hook)  # it has removed itself already
             return
         place.hook = hook
-        place.release()
+        place.is_unlocked = place.is_waiting
         self._tell(hook, text)
 
     def remove(self, hook: Hook, reason: str) -> None:
@@ -226,16 +212,17 @@ class _NodeHooks(NodeHook):
         """Return the result that replaces the node's tick, if any; its own result if it waits after
         its tick."""
         held, self._held = self._held, None
-        if held is not None and node.status is RUNNING:
-            waiting = self._set.get(BEFORE if held.result is None else AFTER)
+        if held is not None:
+            status, result = held
+            waiting = self._set.get(BEFORE if result is None else AFTER)
             if waiting is not None and waiting.is_waiting and not waiting.is_unlocked:
                 self._held = held
                 return RUNNING
-            self._note(False)
+            self._report_hold(False)
             # it has not run yet, or has its result already: RUNNING was ours
-            node.status = held.status
-            if held.result is not None:
-                return held.result
+            node.status = status
+            if result is not None:
+                return result
         return self._ask(node, BEFORE, None)
 
     def after(self, node: Node, result: Result) -> Result:
@@ -252,13 +239,13 @@ class _NodeHooks(NodeHook):
         if place is None or not (place.hook.enabled or place.is_unlocked):
             return None
         if place.hook.mode == BREAKPOINT and not place.is_unlocked:
-            self._held = _Held(node.status, result)
-            self._note(True)
+            self._held = node.status, result
+            self._report_hold(True)
             if not place.is_waiting:
                 place.is_waiting = True
                 self._owner.reached(node.uid)
             return RUNNING
-        place.reset()
+        place.is_waiting = place.is_unlocked = False
         return self._decide(place, result)
 
     def _decide(self, place: _SetHook, result: Optional[Result]) -> Optional[Result]:
@@ -281,8 +268,10 @@ class _NodeHooks(NodeHook):
         """Reset the hooks; return whether ``node`` has work to halt: at a breakpoint before it, it
         has none."""
         held, self._held = self._held, None
-        self._note(False)
         for place in self._set.values():
-            place.reset()
+            place.is_waiting = place.is_unlocked = False
         self._leave()
-        return held is None or held.result is not None or held.status is not IDLE
+        if held is None:
+            return True
+        self._report_hold(False)
+        return held != (IDLE, None)

@@ -77,8 +77,7 @@ class Groot2Publisher:
     (breakpoints reached)."""
 
     def __init__(self, address: str, port: int, specs: Sequence[NodeSpec],
-                 warn: Callable[[str], None],
-                 held: Callable[[BreakpointChanged], None] = lambda event: None):
+                 warn: Callable[[str], None], held: Callable[[BreakpointChanged], None]):
         """Open the sockets; if a port is taken, ``warn`` gets one line and nothing is served.
 
         ``specs`` are all registered node types. ``warn`` also gets lines about hooks, on the
@@ -140,7 +139,6 @@ class Groot2Publisher:
         """Remove the hooks of a client that is gone: they must not hold the robot."""
         while True:
             await asyncio.sleep(CHECK_INTERVAL)
-            self._lines.flush()
             shown, silence = self._shown, time.monotonic() - self._last_request
             if shown is not None and silence >= HEARTBEAT:
                 shown.hooks.remove_all(": its client is gone")
@@ -177,10 +175,9 @@ class Groot2Publisher:
         if shown is None:
             raise Refused("no tree yet")
         _, kind, number = struct.unpack("<BBI", frames[0])
-        command = _COMMANDS.get(chr(kind))
-        if command is None:
+        if chr(kind) not in _COMMANDS:
             raise Refused("Request not recognized")
-        payload = command(shown, frames)
+        payload = _COMMANDS[chr(kind)](shown, frames)
         header = struct.pack("<BBI", PROTOCOL, kind, number) + shown.uuid
         return [header] if payload is None else [header, payload]
 
@@ -193,21 +190,15 @@ class _Lines:
         self._began, self._count = 0.0, 0
 
     def tell(self, text: str) -> None:
-        """Send a line to the operator, if it is not one too many."""
-        self.flush()
-        self._count += 1
-        if self._count <= MOST_LINES:
-            self.warn(text)
-
-    def flush(self) -> None:
-        """Start the next second if one has passed, with a line about those left out."""
+        """Send a line to the operator; of those that are too many only that there are more."""
         now = time.monotonic()
         if now - self._began >= 1.0:
-            left_out = self._count - MOST_LINES
             self._began, self._count = now, 0
-            if left_out > 0:
-                self.warn(f"Groot2: {left_out} more changes of breakpoints and replacements in one "
-                          "second")
+        self._count += 1
+        if self._count == MOST_LINES + 1:
+            text = "Groot2: more changes of breakpoints and replacements within this second"
+        if self._count <= MOST_LINES + 1:
+            self.warn(text)
 
 
 class _Shown:
@@ -288,11 +279,9 @@ class _Shown:
 
     def transitions(self, frames: List[bytes]) -> bytes:
         """``t``: the transitions since the last time."""
-        taken = []
-        while self._transitions:
-            when, uid, code = self._transitions.popleft()
-            taken.append(struct.pack("<Q", when)[:6] + struct.pack("<HB", uid, code))
-        return b"".join(taken)
+        waiting = [self._transitions.popleft() for _ in range(len(self._transitions))]
+        return b"".join(struct.pack("<Q", when)[:6] + struct.pack("<HB", uid, code)
+                        for when, uid, code in waiting)
 
 
 _COMMANDS: Dict[str, Callable[[_Shown, List[bytes]], Optional[bytes]]] = {
@@ -328,31 +317,29 @@ def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> bytes:
     """Return the tree as Groot2 reads it: a ``<BehaviorTree>`` for each subtree instance, then the
     model."""
     document = ElementTree.Element("root", BTCPP_format="4")
-    roots = {id(node.children[0].blackboard): (node.attributes["ID"], node.children[0])
-             for node in tree.nodes if node.registration_id == "SubTree"}
-    for path, board in tree.blackboards.items():
-        name, root = roots.get(id(board), (tree.id, tree.root))
-        _add(ElementTree.SubElement(document, "BehaviorTree", ID=name, _fullpath=path), root, tree)
+    paths = {id(board): path for path, board in tree.blackboards.items()}
+    elements: List[ElementTree.Element] = []
+    for node in tree.nodes:
+        parent, path = node.parent, paths[id(node.blackboard)]
+        if parent is None or parent.registration_id == "SubTree":
+            name = tree.id if parent is None else parent.attributes["ID"]
+            above = ElementTree.SubElement(document, "BehaviorTree", ID=name, _fullpath=path)
+        else:
+            above = elements[parent.uid - 1]
+        elements.append(ElementTree.SubElement(above, node.registration_id, _shown(node, paths)))
     document.append(ElementTree.fromstring(tree_nodes_model(specs)))
     return ElementTree.tostring(document, "utf-8")
 
 
-def _add(above: ElementTree.Element, node: Node, tree: Tree) -> None:
-    """Add the element of one node and those below it, down to the SubTrees."""
-    shown = {"name": node.name, "_uid": str(node.uid)}
-    names = {port.name for port in node.spec.ports}
-    children = node.children
+def _shown(node: Node, paths: Dict[int, str]) -> Dict[str, str]:
+    """Return the attributes of a node's element."""
+    shown, names = {"name": node.name}, {port.name for port in node.spec.ports}
     if node.registration_id == "SubTree":
-        board = children[0].blackboard
-        path = next(path for path, other in tree.blackboards.items() if other is board)
-        shown = {"ID": node.attributes["ID"], "_fullpath": path, "_uid": str(node.uid)}
+        shown = {"ID": node.attributes["ID"], "_fullpath": paths[id(node.children[0].blackboard)]}
         names = {key for key in node.attributes if key not in ("ID", "name") and key[:1] != "_"}
-        children = []
-    shown.update((key, text) for key, text in node.attributes.items()
-                 if key in names or key in CONDITIONS)
-    element = ElementTree.SubElement(above, node.registration_id, shown)
-    for child in children:
-        _add(element, child, tree)
+    given = {key: text for key, text in node.attributes.items()
+             if key in names or key in CONDITIONS}
+    return {**shown, "_uid": str(node.uid), **given}
 
 
 # ----------------------------------------------------------------------------------- the blackboard

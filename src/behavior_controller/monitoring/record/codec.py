@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.execution.events import (
-    Answered, Asked, Event, Line, Message, RunStarted, Tick, TreeNode, TreeShown)
+    Event, Line, Message, RunStarted, Tick, TreeNode, TreeShown)
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 
 FORMAT = "behaviorController record"
@@ -86,8 +86,6 @@ class Decoder:
             return [self._checked(self._line(text))]
         except RecursionError:
             why = "it is nested too deeply"
-        except UnicodeDecodeError:
-            why = "it is not UTF-8 text"
         except (msgspec.MsgspecError, ValueError, LookupError) as error:
             why = str(error)
         raise self._fault(f"this is not a line of a record: {why}",
@@ -130,7 +128,7 @@ class Decoder:
         elif isinstance(event, Tick) and self.has_mission:
             if not all(0 < uid <= self._running for uid, _ in event.changes):
                 raise ValueError(f"the tree has only {self._running} nodes")
-        elif isinstance(event, (Asked, Answered)) and event.call < 1:
+        elif getattr(event, "call", 1) < 1:
             raise ValueError("calls count from 1")
         elif isinstance(event, Message) and event.read < 1:
             raise ValueError("reads count from 1")

@@ -1,12 +1,13 @@
 """A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes,
 the mission file."""
+import collections
 import itertools
 import json
 import os
 import re
 from time import localtime, strftime
 from types import SimpleNamespace
-from typing import Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from msgspec.structs import replace
 from tornado.template import Template
@@ -19,7 +20,7 @@ from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution import events
 from behavior_controller.execution.run import with_nodes
-from behavior_controller.execution.state import UNDER_WAY, NodeResult, State, Step, Visit
+from behavior_controller.execution.state import UNDER_WAY, NodeResult, Step, Visit, step_over
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.missions.load import build_tree
@@ -49,14 +50,15 @@ their parent."""
 
 
 class Written(NamedTuple):
-    """How the file writes a node: the number of a document of the record, the line in it, and the
-    ports.
+    """How the file writes a node: the number of a document of the record, its name, the line in it,
+    and the ports.
 
     A port is its name, its text, and whether that text stands in the file; otherwise it is the
     default.
     """
 
     document: int
+    file: str
     line: int
     ports: List[Tuple[str, str, bool]]
 
@@ -70,7 +72,7 @@ class Drawn:
         self.nodes = nodes
         self.visits: Dict[int, Visit] = {}
         # by visit; 0 is what was before the first
-        self.sentences: Dict[int, List[story.Sentence]] = {}
+        self.sentences: Dict[int, List[story.Sentence]] = collections.defaultdict(list)
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # results of each node
         # kinds of results of each mission leaf
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]
@@ -78,62 +80,56 @@ class Drawn:
         self.lanes = Lanes()  # results of mission leaves, from their events
         self.changes = Lanes()  # results of other nodes, from their changes of status
         self.moments = Moments()
-        self._view = View()
-        self._view.take(began, events.TreeShown("", nodes))
+        self.view = View()
+        self.view.take(began, events.TreeShown("", nodes))
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
-
-    @property
-    def run(self) -> State:
-        """What was so at the end."""
-        return self._view.state
 
     def take(self, time: float, event: events.Event) -> None:
         """Process the next line."""
         self.ended = max(self.ended, time)
-        for sentence in self._view.take(time, event):
-            self.sentences.setdefault(sentence.visit, []).append(sentence)
-        visit = self.run.visit
-        if visit is not None:
-            self.visits[visit.number] = visit
-            self.sentences.setdefault(visit.number, [])
-        if self._view.step_over is not None:
-            self._end_step(self._view.step_over)
-        for ended in self.run.concluded(NodeResult):
-            self._end(ended)
+        before = self.view.state
+        for sentence in self.view.take(time, event):
+            self.sentences[sentence.visit].append(sentence)
+        state = self.view.state
+        if state.visit is not None:
+            self.visits[state.visit.number] = state.visit
+        step = step_over(before, state)
+        if step is not None:
+            self._end_step(step)
+        for ended in state.concluded(NodeResult):
+            self.counts[ended.uid - 1][ended.letter] += 1
+            if ended.uid not in self.lanes:
+                self.changes.add(ended.uid, self._bar(ended.began, ended.ended, ended.letter))
         self._draw(time, event)
-        self.moments.take(self._view, self._since(self.ended))
-
-    def _end(self, ended: NodeResult) -> None:
-        self.counts[ended.uid - 1][ended.letter] += 1
-        if ended.uid not in self.lanes:
-            self.changes.add(ended.uid,
-                             Bar(self._since(ended.began), self._since(ended.ended), ended.letter))
+        self.moments.take(self.view, self._since(self.ended))
 
     def _end_step(self, step: Step) -> None:
-        end = self._since(step.ended or step.began)
-        self.steps.append(Bar(self._since(step.began), end, DONE, story.step_words(step)))
-        self.lanes.end_wait(step.uid, NO, end)  # a condition tells that it does not hold once
+        bar = self._bar(step.began, step.ended or step.began, DONE, story.step_words(step))
+        self.steps.append(bar)
+        self.lanes.end_wait(step.uid, NO, bar.end)  # a condition tells that it does not hold once
 
     def _draw(self, time: float, event: events.Event) -> None:
-        end = self._since(time)
         if isinstance(event, events.Retried):
-            bar = Bar(end, end, RETRY, story.cause(event.failure))
+            bar = self._bar(time, time, RETRY, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)
         elif isinstance(event, events.LeafFinished) and 0 < event.uid <= len(self.nodes):
             is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
             kind = NO if is_no else LETTER_OF.get(event.status, "-")
             self.finished[event.uid - 1][kind] += 1
             why = story.cause(event.failure) if event.failure else ""
-            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind, why)
+            bar = self._bar(time - max(0.0, event.seconds), time, kind, why)
             self.lanes.add(event.uid, bar, is_asked_again=is_no)
+
+    def _bar(self, began: float, ended: float, kind: str, note: str = "") -> Bar:
+        return Bar(self._since(began), self._since(ended), kind, note)
 
     def _since(self, time: float) -> float:
         return max(0.0, time - self.began)
 
     def finish(self) -> "Drawn":
         """Draw what was under way when the record ended."""
-        if self.run.step is not None:
-            self._end_step(replace(self.run.step, ended=self.ended))
+        if self.view.state.step is not None:
+            self._end_step(replace(self.view.state.step, ended=self.ended))
         return self
 
 
@@ -148,14 +144,13 @@ def to_html(lines: Iterable[events.Line], verdict: str = "") -> str:
               for number, visit in {0: None, **run.visits}.items()]
     documents = [(encodable(file), re.split("\r\n?|\n", encodable(text)))
                  for file, text in run.started.sources.documents]
+    settings = [tuple(map(encodable, setting)) for setting in run.started.settings.items()]
     live = file_text("page_files", "index.html")
     content = Template(file_text("report_files", "report.html")).generate(
-        clock=clock, seconds=_seconds, sign=_sign, why=story.why, letter_of=_letter,
-        how_it_ended=story.how_it_ended, completed=story.completed, verdict=verdict,
+        clock=clock, seconds=_seconds, sign=_sign, story=story, letter_of=_letter, verdict=verdict,
         choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
-        rows=_rows(run, written), doubt=encodable(doubt),
-        settings={encodable(key): encodable(value) for key, value in run.started.settings.items()},
-        documents=documents, moment=_between(live, '<div id="card">', "</section>"),
+        rows=_rows(run, written), doubt=encodable(doubt), settings=settings, documents=documents,
+        moment=_between(live, '<div id="card">', "</section>"),
         robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
     sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
     return framed("Mission " + mission_name(run.started.mission), list(_heads(run, earlier)),
@@ -188,11 +183,11 @@ def _written(run: Drawn) -> Tuple[Dict[str, Written], str]:
     numbers = {source.file: number for number, source in enumerate(sources)}
     written = {}
     for node in tree.nodes:
-        element = node.element
+        element, file = node.element, node.element.document.file
         ports = [(name, text, name in element.attributes)
                  for name, text in port_texts(node).items()]
         written[node.full_path] = Written(
-            numbers[element.document.file], element.place()[0], ports)
+            numbers[file], encodable(os.path.basename(file)), element.place()[0], ports)
     return written, ""
 
 
@@ -230,18 +225,18 @@ def _letter(visit: Visit) -> str:
 
 def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
     """Yield when the mission ran, how it ended, and what the report does not have."""
-    day = strftime("%Y-%m-%d", localtime(run.began))
+    state, day = run.view.state, strftime("%Y-%m-%d", localtime(run.began))
     ending = "the record ends before the run: the node was killed, or the record full"
-    if run.run.finished is not None:
-        ending = "ended: " + run.run.finished.outcome
+    if state.finished is not None:
+        ending = "ended: " + state.finished.outcome
     yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}; "
-           f"{story.counted(run.run.outcomes)}; {ending}")
-    yield "Robot at the end: " + robot_line(run.run).text
+           f"{story.counted(state.outcomes)}; {ending}")
+    yield "Robot at the end: " + robot_line(state).text
     if earlier:
-        yield "Before it the record has {}, which this report leaves out.".format(
-            ", ".join(mission.mission for mission in earlier))
-    if run.run.lost:
-        yield f"The record lacks {run.run.lost} lines, which the disk was too slow for."
+        missions = ", ".join(mission.mission for mission in earlier)
+        yield f"Before it the record has {missions}, which this report leaves out."
+    if state.lost:
+        yield f"The record lacks {state.lost} lines, which the disk was too slow for."
 
 
 # -------------------------------------------------------------------------------------------- story
@@ -257,42 +252,32 @@ def _choices(run: Drawn) -> List[Tuple[str, str, str, Counter[str]]]:
 
 def _grouped(sentences: List[story.Sentence]) -> List[Tuple[int, story.Sentence]]:
     """Return sentences; one that is repeated within a second comes once, with its count."""
-    alike = itertools.groupby(sentences, lambda said: said._replace(at=int(said.at)))
+    alike = itertools.groupby(sentences, lambda said: replace(said, at=int(said.at)))
     return [(len(group), group[0]) for group in (list(group) for _, group in alike)]
 
 
 # ----------------------------------------------------------------------------------------- timeline
 
 
-def _numbers(lanes: Iterable[Tuple[int, List[Bar]]],
-             notes: Dict[str, int]) -> List[List[Union[int, str]]]:
-    """Return for each lane its key, and for each bar its begin and length (ms), kind, count and
-    number of its note."""
-    rows: List[List[Union[int, str]]] = []
-    for key, bars in lanes:
-        rows.append([key])
-        for bar in bars:
-            rows[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind,
-                         bar.count, notes.setdefault(bar.note, len(notes))]
-    return rows
+def _lanes(lanes: Iterable[Tuple[int, List[Bar]]]) -> List[List[Any]]:
+    """Return for each lane its key, and its bars: begin and length (ms), kind, count and note."""
+    return [[key, *([round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind,
+                     bar.count, bar.note] for bar in bars)] for key, bars in lanes]
 
 
 def _data(run: Drawn, written: Dict[str, Written]) -> str:
     """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of
     the run."""
-    notes: Dict[str, int] = {}
-    lanes = _numbers(itertools.chain([(0, run.steps)], run.lanes), notes)
-    types = {node.type for node in run.nodes}
-    visits = []
+    types, visits = {node.type for node in run.nodes}, []
     for visit in run.visits.values():
         ended = run.ended if visit.ended is None else visit.ended
         times = (visit.began, visit.arrived or visit.began, ended)
-        visits.append([visit.number, *(round(1000 * (at - run.began)) for at in times)])
-    outcomes = [_letter(visit) for visit in run.visits.values()]
+        visits.append([visit.number, *(round(1000 * (at - run.began)) for at in times),
+                       _letter(visit)])
     data = {
         "began": round(1000 * run.began), "offset": 1000 * localtime(run.began).tm_gmtoff,
-        "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
-        "lanes": lanes, "changes": _numbers(run.changes, notes), "notes": list(notes),
+        "length": round(1000 * (run.ended - run.began)), "visits": visits,
+        "lanes": _lanes([(0, run.steps), *run.lanes]), "changes": _lanes(run.changes),
         "nodes": [[node.type, written[node.path].ports if node.path in written else []]
                   for node in run.nodes],
         "types": {spec.id: spec.summary for spec in leaves.registry().all() if spec.id in types},
@@ -329,13 +314,10 @@ def _row(run: Drawn, uid: int, written: Dict[str, Written],
     failed = finished["F"] if finished[NO] else count["F"]
     results = (("S", "success", count["S"]), ("F", "failure", failed),
                (NO, LEGEND[NO], count["F"] - failed))
-    place = written.get(node.path)
-    file = "" if place is None else run.started.sources.documents[place.document].file
     return SimpleNamespace(
         uid=uid, path=encodable(node.path), name=encodable(name), kind=encodable(kind),
         is_bare=bool(node.parent) and is_bare(registry.find(node.type), node.name),
-        has_run=bool(count) or uid in run.run.running, place=place,
-        file=encodable(os.path.basename(file)),
+        has_run=bool(count) or uid in run.view.state.running, place=written.get(node.path),
         results=[result for result in results if result[2] > 0])
 
 

@@ -11,16 +11,13 @@ import os
 import shutil
 import threading
 import time
-from functools import partial
-from typing import Any, BinaryIO, Callable, Deque, Dict, List, Optional, Tuple
+from typing import Any, BinaryIO, Callable, Deque, Dict, Iterator, List, Optional, Tuple
 
 from behavior_controller import folders
-from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.engine.blackboard import Entry as EntryOfTree
-from behavior_controller.execution.events import (
-    LETTERS, EntriesWritten, Event, Lost, Message, StillHearing, Tick, TreeNode, TreeShown)
+from behavior_controller.execution import events
 from behavior_controller.robot.gateway import Sample, Topics
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.requests import Location, Point
@@ -39,17 +36,13 @@ LONGEST_VALUE = 120
 """The most characters of the value of an entry."""
 
 MOST_WAITING = 100_000
-"""The most lines that wait for a slow disk."""
+"""The most events that wait for another thread, such as that of a slow disk."""
 
 OPENING = 0.5
 """The most seconds that ``open`` waits for the file."""
 
 REST = 0.05
 """Seconds between two rounds of formatting lines."""
-
-Note = Tuple[float, Callable[..., Event], Tuple[Any, ...]]
-"""When something happened, and what makes the event of which values."""
-
 
 def new_folder(logs: str) -> str:
     """Return the folder of a new run below ``logs``, and remove all others but the newest
@@ -61,23 +54,23 @@ def new_folder(logs: str) -> str:
     return os.path.join(place, f"{time.strftime('%Y%m%d-%H%M%S')}_{os.getpid()}")
 
 
-def shown(tree: Tree) -> TreeShown:
+def shown(tree: Tree) -> events.TreeShown:
     """Return the event for a tree that is going to run."""
-    return TreeShown(tree.id, list(map(_shown_node, tree.nodes)))
+    return events.TreeShown(tree.id, list(map(_shown_node, tree.nodes)))
 
 
-def _shown_node(node: Any) -> TreeNode:
+def _shown_node(node: Any) -> events.TreeNode:
     pause = node.attributes.get(node.spec.pause, "")
-    return TreeNode(
+    return events.TreeNode(
         node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
         int(pause) / 1000.0 if pause.isdecimal() else 0.0,
         any(node.attributes.get(name) for name in PRE_CONDITIONS))
 
 
-def traversed(at: float, is_first: Optional[bool], changes: List[Change]) -> Tick:
+def traversed(at: float, is_first: Optional[bool], changes: List[Change]) -> events.Tick:
     """Return the event for a traversal ``at`` that time of the clock, as a follower of its tree is
     told of it."""
-    return Tick(at, is_first, [(node.uid, LETTERS[new]) for node, _, new in changes])
+    return events.Tick(at, is_first, [(node.uid, events.LETTERS[new]) for node, _, new in changes])
 
 
 def entry_text(value: Any) -> str:
@@ -94,9 +87,9 @@ def entry_text(value: Any) -> str:
     return clean(text, LONGEST_VALUE)
 
 
-def written(*entries: Tuple[str, Any]) -> EntriesWritten:
+def written(*entries: Tuple[str, Any]) -> events.EntriesWritten:
     """Return the event for entries with these values."""
-    return EntriesWritten([(name, None if value is None else entry_text(value))
+    return events.EntriesWritten([(name, None if value is None else entry_text(value))
                            for name, value in entries])
 
 
@@ -125,19 +118,74 @@ class Entries:
         return changed + [(name, None) for name in before]
 
 
-class Record(Topics):
+class Feed:
+    """What happens on the tick thread, as another thread takes it: as events, which it makes of
+    what was queued, so that this takes no time from the robot. No thread is woken.
+
+    ``lost`` is the number of those that did not fit since the last one that did.
+    """
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._most = MOST_WAITING
+        self._waiting: Deque[Tuple[float, Callable[..., events.Event], Tuple[Any, ...]]] = (
+            collections.deque())
+
+    def __call__(self, event: events.Event) -> None:
+        """Queue an event."""
+        self.put(lambda: event)
+
+    def put(self, make: Callable[..., events.Event], *values: Any) -> None:
+        """Queue the event that ``make`` makes of ``values``."""
+        if len(self._waiting) >= self._most:
+            self.lost += 1
+            return
+        self.note_loss()
+        self._waiting.append((time.time(), make, values))
+
+    def note_loss(self) -> None:
+        """Queue a ``Lost`` where events are missing."""
+        if self.lost:
+            self._waiting.append((time.time(), events.Lost, (self.lost,)))
+            self.lost = 0
+
+    def follow(self, tree: Tree, is_wanted: Callable[[Optional[bool], List[Change]], bool]) -> None:
+        """Queue from now on what was written to the entries of ``tree``, and each of its traversals
+        that ``is_wanted``."""
+        entries = Entries(tree)
+
+        def note(is_first: Optional[bool], changes: List[Change]) -> None:
+            news = entries.news()
+            if news:
+                self.put(written, *news)
+            if is_wanted(is_first, changes):
+                self.put(traversed, tree.clock.now(), is_first, changes)
+
+        tree.follow(note)
+
+    def stop(self) -> None:
+        """Forget what waits, and queue nothing more."""
+        self._most = 0
+        self._waiting.clear()
+
+    def lines(self) -> Iterator[events.Line]:
+        """Yield what waits, each with its time."""
+        while self._waiting:
+            at, make, values = self._waiting.popleft()
+            yield events.Line(at, make(*values))
+
+
+class Record(Feed, Topics):
     """Writes ``<directory>/mission.jsonl``. A sink of events, and the robot's topics as the mission
     reads them. A failure to write is reported once; the run goes on.
 
     The file is opened, written and closed on a separate thread: a disk may be slow, or hang.
     """
 
-    def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None]):
-        self._clock = clock
+    def __init__(self, directory: str, complain: Callable[[str], None]):
+        super().__init__()
         self.path = os.path.join(directory, FILE_NAME)
         self._complain = complain
-        self._lost = 0  # notes that did not fit since the last one that did
-        self._notes: Deque[Note] = collections.deque()
         self._is_over = threading.Event()
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Tuple[Sample, ...]] = {}
@@ -165,32 +213,11 @@ class Record(Topics):
         """Write the waiting lines, for a second at most."""
         thread = self._thread
         if thread is not None and thread.is_alive():
-            self._note_loss()
+            self.note_loss()
             self._is_over.set()
             thread.join(1.0)
 
     # -------------------------------------------------------------------------------------- writing
-
-    def __call__(self, event: Event) -> None:
-        """Record an event."""
-        self._note(lambda: event)
-
-    def _note(self, make: Callable[..., Event], *values: Any) -> None:
-        """Queue what happened, without waking a thread: the event is made of ``values`` and written
-        later."""
-        if self._thread is None:
-            return
-        if len(self._notes) >= MOST_WAITING:
-            self._lost += 1
-            return
-        self._note_loss()
-        self._notes.append((time.time(), make, values))
-
-    def _note_loss(self) -> None:
-        """Put a ``Lost`` line where lines are missing."""
-        if self._lost:
-            self._notes.append((time.time(), Lost, (self._lost,)))
-            self._lost = 0
 
     def _write(self) -> None:
         """Format and write lines until the end, on a separate thread, as a disk may be slow."""
@@ -206,7 +233,7 @@ class Record(Topics):
             self._complain(f"no record is written to {self.path}: {reason}; the mission goes on")
         finally:
             self._thread = None
-            self._notes.clear()
+            self.stop()
             self._is_open.set()
 
     def _fill(self, file: BinaryIO) -> None:
@@ -214,17 +241,15 @@ class Record(Topics):
         written = file.write(header(os.getpid(), time.time()))
         while not is_last:
             is_last = self._is_over.wait(REST)
-            while self._notes:
-                at, make, values = self._notes.popleft()
-                event = make(*values)
-                if isinstance(event, Lost):
-                    self._complain(f"the record {self.path} lacks {event.lines} lines, because the "
-                                   "disk is too slow; the mission goes on")
-                line = encode(at, event)
-                written += len(line)
+            for line in self.lines():
+                if isinstance(line.event, events.Lost):
+                    self._complain(f"the record {self.path} lacks {line.event.lines} lines, "
+                                   "because the disk is too slow; the mission goes on")
+                text = encode(line.time, line.event)
+                written += len(text)
                 if written > MOST_BYTES:
                     raise ValueError(f"it has reached {MOST_BYTES} bytes and ends here")
-                file.write(line)
+                file.write(text)
             file.flush()
 
     # --------------------------------------------------------------------------------- what happens
@@ -232,17 +257,10 @@ class Record(Topics):
     def show(self, tree: Tree) -> None:
         """Record ``tree`` from now on, with each message that it reads."""
         self._seen.clear()
-        tree.follow(partial(self._follow, Entries(tree)))
-        self._note(shown, tree)
-
-    def _follow(self, entries: Entries, is_first: Optional[bool], changes: List[Change]) -> None:
-        self._reads.clear()
-        news = entries.news()
-        if news:
-            self._note(written, *news)
+        tree.follow(lambda is_first, changes: self._reads.clear())
         # what is halted or reset between two traversals follows from what is recorded
-        if is_first is not None:
-            self._note(traversed, self._clock.now(), is_first, changes)
+        self.follow(tree, lambda is_first, changes: is_first is not None)
+        self.put(shown, tree)
 
     # --------------------------------------------------------------------------- the robot's topics
 
@@ -262,14 +280,14 @@ class Record(Topics):
             known = set(map(id, before))
             for sample in samples:
                 if id(sample) not in known:
-                    self._note(Message, topic.name, read, sample.value, sample.arrived)
+                    self.put(events.Message, topic.name, read, sample.value, sample.arrived)
         return samples
 
     def is_hearing(self, topic: Topic) -> bool:
         """Record that the robot still hears something on a topic."""
         is_so = self._inner.is_hearing(topic)
         if is_so:
-            self._note(StillHearing, topic.name)
+            self.put(events.StillHearing, topic.name)
         return is_so
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:

@@ -5,7 +5,7 @@ import itertools
 import os
 import sys
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, TypeVar, Union
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import exit_codes, folders, leaves, ros_arguments
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
@@ -27,8 +27,6 @@ from behavior_controller.text import Source, Unreadable, clean, count, read_byte
 from behavior_controller.monitoring.record.codec import decode
 from behavior_controller.monitoring.record.recorder import FILE_NAME, MOST_BYTES
 from behavior_controller.monitoring.record.html_report import story_lines, to_html
-
-Part = TypeVar("Part")
 
 NAME_OF: Dict[str, str] = {letter: NAMES[status] for status, letter in events.LETTERS.items()}
 
@@ -58,25 +56,20 @@ class Diverged(Exception):
 def find_record(name: str) -> str:
     """Return the path of a record, given that, the folder of one run, or ``latest``: the newest of
     the default folder."""
-    if name == LATEST and not os.path.exists(name):
-        paths = _records_below(folders.records())
-        if not paths:
-            place = os.path.join(folders.records(), "*", FILE_NAME)
-            raise MissionError.of(place, "there is no record yet", "name a record or its folder")
-        return paths[-1]
-    path = os.path.join(name, FILE_NAME)
-    below = _records_below(name)
-    if not below or os.path.exists(path):
-        return path if os.path.isdir(name) else name
-    if len(below) > 1:
+    is_latest = name == LATEST and not os.path.exists(name)
+    folder = folders.records() if is_latest else name
+    below = sorted(filter(os.path.isfile, glob.glob(
+        os.path.join(glob.escape(folder), "*", FILE_NAME))))
+    if is_latest and not below:
+        place = os.path.join(folder, "*", FILE_NAME)
+        raise MissionError.of(place, "there is no record yet", "name a record or its folder")
+    own = os.path.join(name, FILE_NAME)
+    if not below or os.path.exists(own):
+        return own if os.path.isdir(name) else name
+    if len(below) > 1 and not is_latest:
         raise MissionError.of(name, f"the folder has the records of {len(below)} runs",
                               f"name one, the newest is {os.path.dirname(below[-1])}")
-    return below[0]
-
-
-def _records_below(folder: str) -> List[str]:
-    paths = glob.glob(os.path.join(glob.escape(folder), "*", FILE_NAME))
-    return sorted(filter(os.path.isfile, paths))
+    return below[-1]
 
 
 def read_record(path: str) -> List[events.Line]:
@@ -115,110 +108,32 @@ def replay(lines: List[events.Line], mission: Optional[str] = None) -> Replayed:
     return Replayed(passes, changes)
 
 
-def _restored(what: str, read: Callable[[], Part]) -> Part:
-    """Return the result of ``read``, a part of a record. Raises MissionError, in one line, if this
-    release cannot use it."""
+def _restored(started: events.RunStarted, clock: ManualClock, mission: Optional[str]) -> Mission:
+    """Return the mission of a record, with the file ``mission`` in its place if one is given.
+
+    Raises MissionError, in one line, if this release cannot use the record.
+    """
+    sources = started.sources
+    if sources.interface not in INTERFACES:
+        raise _unusable(
+            f"its interface is {sources.interface}; this release has {', '.join(INTERFACES)}")
+    edited = load_tree(mission, clock=clock) if mission is not None else None
     try:
-        return read()
+        return Mission(
+            settings.recorded(started.settings, "settings"), started.mission,
+            phrases.recorded(sources.phrases),
+            recovery_policy.read(sources.policy, leaves.mission_specs()),
+            edited or build_tree([parse(text, file) for file, text in sources.documents],
+                                 clock=clock),
+            _knowledge(sources.knowledge, INTERFACES[sources.interface]))
     except FaultsFound as invalid:
         first, *others = invalid.faults
         more = f"; and {len(others)} more" if others else ""
-        raise _unusable(f"its {what} cannot be used: {first}{more}") from invalid
+        raise _unusable(f"it cannot be used: {first}{more}") from invalid
 
 
 def _unusable(text: str) -> FaultsFound:
     return MissionError.of("the record", text, "replay it with the release that wrote it")
-
-
-class _Replay:
-    """One mission of a record, and the recorded answers and messages."""
-
-    def __init__(self, started: events.RunStarted, nodes: List[events.TreeNode],
-                 mission: Optional[str]):
-        sources = started.sources
-        if sources.interface not in INTERFACES:
-            raise _unusable(
-                f"its interface is {sources.interface}; this release has {', '.join(INTERFACES)}")
-        self.clock = ManualClock()
-        if mission is not None:
-            self.tree = load_tree(mission, clock=self.clock)
-        else:
-            self.tree = _restored("mission", lambda: build_tree(
-                [parse(text, file) for file, text in sources.documents], clock=self.clock))
-        self._nodes = nodes  # of the record, by uid - 1
-        self._world = _World(INTERFACES[sources.interface])
-        self._health = Health()
-        self._began: Optional[float] = None
-        self._now: List[Tuple[str, str]] = []
-        chosen = _restored("configuration", lambda: settings.recorded(started.settings, "settings"))
-        spoken = _restored("phrases", lambda: phrases.recorded(sources.phrases))
-        rules = _restored("recovery policy",
-                          lambda: recovery_policy.read(sources.policy, leaves.mission_specs()))
-        known = _restored("knowledge",
-                          lambda: _knowledge(sources.knowledge, INTERFACES[sources.interface]))
-        self.tree.subscribe(
-            lambda node, old, new: self._now.append((node.full_path, events.LETTERS[new])))
-        restored = Mission(chosen, started.mission, spoken, rules, self.tree, known)
-        self._mission = restored.context(self._world, self._world, events.Events(), self._health)
-        self.tree.setup(mission=self._mission)
-
-    def take(self, event: events.Event) -> int:
-        """Process one event; a traversal is repeated and compared. Return how many statuses it
-        changed."""
-        self._world.take(event)
-        if isinstance(event, events.Lost):
-            raise Diverged(f"the record lacks {event.lines} lines")
-        elif isinstance(event, events.PassStarted):
-            self._mission.begin_visit(self.tree.blackboard, event.at)
-        elif isinstance(event, events.HealthChanged):
-            self._health.report(event.respect, event)
-            self._health.publish(events.Events())
-        elif isinstance(event, events.Tick):
-            return self._traverse(event)
-        return 0
-
-    def _traverse(self, tick: events.Tick) -> int:
-        self.clock.set_to(tick.at)
-        self._began = tick.at if self._began is None else self._began
-        self._now.clear()
-        self._world.begin()
-        result: Any = None
-        try:
-            if tick.first:
-                self.clock.run_due()
-            result = self.tree.root.execute()
-        except BehaviorControllerError:
-            pass  # it ended a pass of the recorded run too
-        self._compare([(self._nodes[uid - 1].path, letter) for uid, letter in tick.changes],
-                      tick.at - self._began)
-        if result is SUCCESS or result is FAILURE:
-            self.tree.root.reset()
-        elif result is not RUNNING:
-            self.tree.halt()
-        return len(tick.changes)
-
-    def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
-        """Raise ``Diverged`` at the first difference."""
-        pairs = itertools.zip_longest(recorded, self._now)
-        status = next((f"recorded is {_words(was)}, now it is {_words(now)}"
-                       for was, now in pairs if was != now), "")
-        differences = "; ".join(filter(None, (status, self._world.difference())))
-        if differences:
-            raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")
-
-
-def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:
-    if interface.has_knowledge_files != (len(sources) == 2):
-        raise ConfigurationError.of(
-            "sources.knowledge", f"{len(sources)} files do not fit the robot {interface.name}")
-    return knowledge_files.read(sources[0], sources[1]) if sources else None
-
-
-def _words(change: Optional[Tuple[str, str]]) -> str:
-    if change is None:
-        return "no further change"
-    path, letter = change
-    return f"{path} {NAME_OF[letter]}"
 
 
 class RecordedTopics(Topics):
@@ -264,25 +179,83 @@ class RecordedTopics(Topics):
         """Do nothing: the record decides when the tree is traversed."""
 
 
-class _World(FakeGateway, RecordedTopics):
-    """The recorded answers and messages."""
+class _Replay(FakeGateway):
+    """One mission of a record, as the robot that it asks: with the recorded answers."""
 
-    def __init__(self, interface: Interface) -> None:
-        FakeGateway.__init__(self, reply=lambda request: self._results.pop(len(self.calls), None))
-        RecordedTopics.__init__(self, interface)
+    def __init__(self, started: events.RunStarted, nodes: List[events.TreeNode],
+                 mission: Optional[str]):
+        super().__init__(reply=lambda request: self._results.pop(len(self.calls), None))
+        self._clock = ManualClock()
+        restored = _restored(started, self._clock, mission)
+        self._tree = restored.tree
+        self._nodes = nodes  # of the record, by uid - 1
+        self._interface = INTERFACES[started.sources.interface]
+        self._topics = RecordedTopics(self._interface)
+        self._health = Health()
+        self._began: Optional[float] = None
+        self._statuses: List[Tuple[str, str]] = []  # that the traversal has changed
         self._wanted: List[Request] = []  # requests that the traversal must make
         self._results: Dict[int, Union[Answer, Failure]] = {}  # of the calls that it makes
         self._difference = ""  # between the requests that are made and the recorded ones
+        self._tree.subscribe(lambda node, old, new: self._statuses.append(
+            (node.full_path, events.LETTERS[new])))
+        self._mission = restored.context(self, self._topics, events.Events(), self._health)
+        self._tree.setup(mission=self._mission)
 
-    def take(self, event: events.Event) -> None:
-        """Store also a request or an answer."""
-        super().take(event)
+    def take(self, event: events.Event) -> int:
+        """Store what the next traversal needs; a traversal is repeated and compared. Return how
+        many statuses it changed. Raises ``Diverged``."""
+        self._topics.take(event)
         if isinstance(event, events.Asked):
             self._wanted.append(event.request)
         elif isinstance(event, events.Answered) and event.call <= len(self.calls):
             self.calls[event.call - 1].finish(event.result)
         elif isinstance(event, events.Answered):
             self._results[event.call] = event.result
+        elif isinstance(event, events.Lost):
+            raise Diverged(f"the record lacks {event.lines} lines")
+        elif isinstance(event, events.PassStarted):
+            self._mission.begin_visit(self._tree.blackboard, event.at)
+        elif isinstance(event, events.HealthChanged):
+            self._health.report(event.respect, event)
+            self._health.publish(events.Events())
+        elif isinstance(event, events.Tick):
+            self._traverse(event)
+            return len(event.changes)
+        return 0
+
+    def _traverse(self, tick: events.Tick) -> None:
+        self._clock.set_to(tick.at)
+        self._began = tick.at if self._began is None else self._began
+        self._statuses.clear()
+        self._topics.begin()
+        result: Any = None
+        try:
+            if tick.first:
+                self._clock.run_due()
+            result = self._tree.root.execute()
+        except BehaviorControllerError:
+            pass  # it ended a pass of the recorded run too
+        differences = "; ".join(filter(None, self._differences(tick)))
+        if differences:
+            seconds = tick.at - self._began
+            raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")
+        if result is SUCCESS or result is FAILURE:
+            self._tree.root.reset()
+        elif result is not RUNNING:
+            self._tree.halt()
+
+    def _differences(self, tick: events.Tick) -> Iterator[str]:
+        """Yield the first difference of statuses, and that of requests."""
+        recorded = ((self._nodes[uid - 1].path, letter) for uid, letter in tick.changes)
+        pairs = itertools.zip_longest(recorded, self._statuses)
+        yield next((f"recorded is {_words(was)}, now it is {_words(now)}"
+                    for was, now in pairs if was != now), "")
+        if self._wanted and not self._difference:
+            yield f"recorded is the request {self._wanted[0]}, now there is none"
+        yield self._difference
+
+    # --------------------------------------------------------------------------------- as the robot
 
     def start(self, request: Request) -> Call:
         """Compare a request with the recorded one; its answer is the recorded one's."""
@@ -293,12 +266,19 @@ class _World(FakeGateway, RecordedTopics):
                 self._interface.resource(type(request)), request)
         return super().start(request)
 
-    def difference(self) -> str:
-        """Return how the requests of the traversal differ from the recorded ones; empty if they do
-        not."""
-        if self._wanted and not self._difference:
-            return f"recorded is the request {self._wanted[0]}, now there is none"
-        return self._difference
+
+def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:
+    if interface.has_knowledge_files != (len(sources) == 2):
+        raise ConfigurationError.of(
+            "sources.knowledge", f"{len(sources)} files do not fit the robot {interface.name}")
+    return knowledge_files.read(sources[0], sources[1]) if sources else None
+
+
+def _words(change: Optional[Tuple[str, str]]) -> str:
+    if change is None:
+        return "no further change"
+    path, letter = change
+    return f"{path} {NAME_OF[letter]}"
 
 
 # -------------------------------------------------------------------------------------- the command

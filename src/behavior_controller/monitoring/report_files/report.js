@@ -40,22 +40,17 @@ function clock(time, step = 1000) {
   return text.slice(11, step < 1000 ? 23 : 19);
 }
 
-function barsOf(numbers) {
-  const bars = [];
-  for (let place = 1; place < numbers.length; place += 5) {
-    const [begin, length, letter, count, note] = numbers.slice(place, place + 5);
-    bars.push({begin, end: begin + length, kind: letter === "-" ? "h" : letter, count, text: data.notes[note]});
-  }
-  return bars;
+function barsOf([, ...bars]) {
+  return bars.map(([begin, length, letter, count, text]) => (
+    {begin, end: begin + length, kind: letter === "-" ? "h" : letter, count, text}));
 }
 
 function visitBars() {
   const bars = [];
-  data.visits.forEach(([number, began, arrived, ended], place) => {
-    const outcome = data.outcomes[place];
+  for (const [number, began, arrived, ended, outcome] of data.visits) {
     if (arrived > began) bars.push({begin: began, end: arrived, kind: "w", count: 1, text: "", link: "v" + number});
     bars.push({begin: arrived, end: ended, kind: outcome === "-" ? "h" : outcome, count: 1, text: "Visitor " + number, link: "v" + number});
-  });
+  }
   return bars;
 }
 

@@ -12,6 +12,8 @@ from contextlib import suppress
 from typing import (
     Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple)
 
+from msgspec.structs import asdict
+
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, ConfigurationError, Fault
 from behavior_controller.missions.load import find
@@ -375,5 +377,5 @@ def _finding_as_json(finding: FindingSummary) -> Dict[str, Any]:
     return dict(finding._asdict(), kind=finding.kind.name, means=finding.kind.means,
                 scene=None if scene is None else dict(
                     scene._asdict(), planned=list(map(str, scene.planned))),
-                story=[sentence._asdict() for sentence in finding.story],
+                story=[asdict(sentence) for sentence in finding.story],
                 consequences=list(map(_finding_as_json, finding.consequences)))

@@ -6,6 +6,8 @@ from collections import Counter
 from typing import (
     Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple)
 
+from msgspec.structs import replace
+
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.monitoring.story import Sentence, Story
 from behavior_controller.robot.declarations import Topic
@@ -220,7 +222,7 @@ class Survey:
     def story(self, scene: Scene) -> Tuple[Sentence, ...]:
         """Return the sentences of a play; their times are seconds from its beginning."""
         story = Story()
-        return tuple(sentence._replace(at=sentence.at - START)
+        return tuple(replace(sentence, at=sentence.at - START)
                      for line in self._theatre.play(scene).run.lines
                      for sentence in story.take(line.time, line.event))
 
@@ -268,5 +270,5 @@ def shortened(story: Sequence[Sentence]) -> Tuple[Sentence, ...]:
     if left_out <= 0:
         return tuple(story)
     half = MOST_SENTENCES // 2
-    gap = story[half]._replace(text=f"… {count(left_out, 'sentence', 'sentences')} more …")
+    gap = replace(story[half], text=f"… {count(left_out, 'sentence', 'sentences')} more …")
     return (*story[:half], gap, *story[-half:])
