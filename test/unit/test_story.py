@@ -25,7 +25,7 @@ from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisit
 from behavior_controller.monitoring.moment import card
 from behavior_controller.monitoring.parts import card_line
 from behavior_controller.monitoring.story import (
-    KINDS, Story, counted, stop_name, how_it_ended, ordinal, safe_state, why as in_words,
+    KINDS, Story, stop_name, how_it_ended, ordinal, safe_state, why as in_words,
     why_failed)
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record.recorder import Record

@@ -2,7 +2,7 @@
 """
 import collections
 import time
-from typing import Any, Deque, Dict, List, Optional, Tuple
+from typing import Any, Deque, Dict, List, Tuple
 
 from msgspec.structs import asdict
 

@@ -110,8 +110,8 @@ def test_every_word_that_is_not_understood_is_named():
         "argument failurRate:=0.9: unknown (did you mean failureRate?)",
         "argument mision:=museum: unknown (did you mean mission?)",
         "argument _failureRate:=1: unknown (did you mean failureRate?)",
-        "argument failureRate=1: this is not of the form name:=value (rosrun unit_tests runTest --help "
-        "lists all)",
+        "argument failureRate=1: this is not of the form name:=value (rosrun unit_tests "
+        "runTest --help lists all)",
         "argument randomSeed:=: it has no value (leave it out, and the configuration decides)",
         "argument colour:=red: unknown (rosrun unit_tests runTest --help lists all)",
         "argument seed:=1: randomSeed is given twice (leave out all but one)"

@@ -35,7 +35,8 @@ STAGE = Stage(settings.defaults(), [
 TREE = STAGE.mission.tree
 UIDS = {node.name: node.uid for node in TREE.nodes}
 HOME = STAGE.world.knowledge.home.location
-TOUR = [GoTo(exhibit.location._replace(theta_deg=7.0)) for exhibit in STAGE.world.knowledge.exhibits]
+TOUR = [GoTo(exhibit.location._replace(theta_deg=7.0))
+        for exhibit in STAGE.world.knowledge.exhibits]
 BACK = GoTo(HOME._replace(theta_deg=7.0))  # how the robot stands there does not matter
 NO_DATA, REFUSED = Failure(Cause.MISSING_DATA, "no {x}", "/x"), Failure(Cause.REFUSED, "no", "/x")
 FAULT = JournalEntry(START, "a node", "/x", 1, {}, fault="refused")

@@ -83,7 +83,8 @@ def test_a_visitor_is_shown_the_way_to_any_place_and_led_to_a_near_one(wanted, a
     of_test = facts(on=on)
     visit, = of_test.run.visits
     assert judge(of_test).passed and visit.outcome == "SUCCESS" and len(visit.stops) == asked
-    assert drives(of_test) == ([place.location, usual.world.knowledge.home.location] if walks else [])
+    home = usual.world.knowledge.home.location
+    assert drives(of_test) == ([place.location, home] if walks else [])
     pointed = [each.request.target for each in of_test.run.exchanges
                if isinstance(each.request, PerformGesture) and each.request.type == "deictic"]
     assert set(pointed) == (set() if wanted is None else {place.gesture})

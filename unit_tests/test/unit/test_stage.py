@@ -99,7 +99,8 @@ def test_the_visitor_answers_when_the_question_is_over():
 
 
 def test_a_request_without_sense_is_refused_at_once():
-    blank = tuple(exhibit._replace(description1=" ") for exhibit in LAB_TOUR.world.knowledge.exhibits)
+    blank = tuple(exhibit._replace(description1=" ")
+                  for exhibit in LAB_TOUR.world.knowledge.exhibits)
     on = Stage(settings.defaults(),
                [parse(M.format('<Sequence><RetrieveListOfExhibits/><SelectExhibit/>'
                                '<DescribeExhibitSpeech name="1"/></Sequence>'))],

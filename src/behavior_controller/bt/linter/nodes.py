@@ -3,7 +3,7 @@
 What depends on an instance (types of entries, paths of SubTrees) is found when the tree is built.
 """
 import re
-from typing import Callable, Optional
+from typing import Callable
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.engine import ports
