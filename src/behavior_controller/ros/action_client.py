@@ -52,24 +52,22 @@ FEEDBACK_GAP = 0.5
 
 
 class ActionClient:
-    """Carries one goal at a time. ``go_on``, ``send`` and ``cancel`` belong to one thread."""
+    """Carries one goal at a time. All of it is for one thread, which sleeps until there is
+    ``news``."""
 
-    def __init__(self, action: Action, ended: Callable[[Union[Message, Trouble]], None],
+    def __init__(self, action: Action, news: threading.Event,
                  reported: Optional[Callable[[Message], None]] = None):
-        """``ended`` gets a goal's result, or why there is none: ``REFUSED`` by the server,
-        ``CONNECTION_LOST`` with it, ``NO_ANSWER`` if it does not acknowledge the goal, and
-        ``UNUSABLE_ANSWER`` if the result of one that was done does not come. It and ``reported``,
-        which gets feedback, may be called on rospy's threads."""
+        """``news`` is set when a goal has got further. ``reported`` gets feedback, on rospy's
+        threads."""
         self.name = resolved(action)
         self._action = action
         self._type = TYPES[action]
-        self._ended = ended
+        self._news = news
         self._reported = reported
         self._client: Optional[actionlib.ActionClient] = None
         self._goal: Any = None  # the handle of the goal under way
         self._sent_at = -math.inf
         self._result_due = math.inf  # known once the goal's status says that it was done
-        self._lock = threading.Lock()  # of ``_goal``
         for part, kind in PARTS:
             DIRECTORY.subscribe(f"{self.name}/{part}", kind.format(action.type))
 
@@ -85,20 +83,14 @@ class ActionClient:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a goal is under way."""
+        """Whether a goal is under way. Any thread may ask."""
         return self._goal is not None
 
-    def go_on(self) -> None:
-        """Connect when there is a server; end a goal that the server can no longer end. Raises
-        ``Trouble``, and what rospy raises."""
-        if self._client is None:
-            if DIRECTORY.is_published(f"{self.name}/status"):
-                _check_parameters()
-                self._client = actionlib.ActionClient(self._action.name, self._type)
-        elif self._goal is not None:
-            trouble = self._trouble(self._goal)
-            if trouble is not None:
-                self._end(self._goal, trouble)
+    def connect(self) -> None:
+        """Connect when there is a server. Raises ``Trouble``, and what rospy raises."""
+        if self._client is None and DIRECTORY.is_published(f"{self.name}/status"):
+            _check_parameters()
+            self._client = actionlib.ActionClient(self._action.name, self._type)
 
     def send(self, request: Request) -> None:
         """Send a goal. Raises ``Trouble`` if it does not fit, or the client was never connected."""
@@ -106,24 +98,36 @@ class ActionClient:
         if self._client is None:
             raise Trouble(Cause.NOT_ADVERTISED, NO_ACTION)
         self._sent_at, self._result_due = time.monotonic(), math.inf
-        with self._lock:  # a result may come before ``_goal`` is set
-            self._goal = self._client.send_goal(goal, self._moved, self._report)
+        self._goal = self._client.send_goal(goal, lambda goal: self._news.set(), self._report)
 
     def cancel(self) -> None:
-        """Cancel the goal under way; ``ended`` is not called for it."""
-        goal = self._goal
-        if self._forget(goal):
-            goal.cancel()
+        """Cancel the goal under way, and forget it."""
+        self._goal.cancel()
+        self._goal = None
 
-    def _trouble(self, goal: Any) -> Optional[Trouble]:
-        """Return why the server can no longer end a goal, or has ended it without a result."""
-        state, now = goal.get_comm_state(), time.monotonic()
+    def result(self) -> Union[Message, Trouble, None]:
+        """Return once what has become of the goal; None: it is under way, or there is none.
+
+        That is its result, or why there is none: ``REFUSED`` by the server, ``CONNECTION_LOST``
+        with it, ``NO_ANSWER`` if it does not acknowledge the goal, and ``UNUSABLE_ANSWER`` if the
+        result of one that was done does not come.
+        """
+        result = self._outcome(self._goal) if self.is_busy else None
+        if result is not None:
+            self._goal = None
+        return result
+
+    def _outcome(self, goal: Any) -> Union[Message, Trouble, None]:
+        state, status, now = goal.get_comm_state(), goal.get_goal_status(), time.monotonic()
+        if state == CommState.DONE:
+            result = goal.get_result() if status == GoalStatus.SUCCEEDED else None
+            return _refusal(goal) if result is None else result
         has_ended = state == CommState.WAITING_FOR_RESULT
         if has_ended:
             self._result_due = min(self._result_due, now + PATIENCE)
         if not self.is_there:
             return Trouble(Cause.CONNECTION_LOST, "its server is gone")
-        if has_ended and goal.get_goal_status() in FAILED:
+        if has_ended and status in FAILED:
             return _refusal(goal)  # the status says why: no result is needed
         if now > self._result_due:
             return Trouble(Cause.UNUSABLE_ANSWER, "its result did not come")
@@ -132,25 +136,6 @@ class ActionClient:
             goal.cancel()
             return Trouble(Cause.NO_ANSWER, f"the goal was not acknowledged in {PATIENCE:g} s")
         return None
-
-    def _forget(self, goal: Any) -> bool:
-        """Forget ``goal``; return whether it was the one under way."""
-        with self._lock:
-            if goal is None or goal != self._goal:
-                return False
-            self._goal = None
-            return True
-
-    def _end(self, goal: Any, result: Union[Message, Trouble]) -> None:
-        if self._forget(goal):
-            self._ended(result)
-
-    def _moved(self, goal: Any) -> None:
-        """Process the end of a goal; on one of rospy's threads."""
-        if goal.get_comm_state() == CommState.DONE:
-            result = goal.get_result()
-            is_done = goal.get_goal_status() == GoalStatus.SUCCEEDED and result is not None
-            self._end(goal, result if is_done else _refusal(goal))
 
     def _report(self, goal: Any, feedback: Message) -> None:
         if self._reported is not None and goal == self._goal:
@@ -180,10 +165,7 @@ class GoalThread(RequestThread):
     def __init__(self, action: Action):
         self._action = action
         self._news = threading.Event()
-        self._result: Union[Message, Trouble, None] = None
-        self._job: Optional[Job] = None
-        self._reported, self._reported_at = "", -math.inf
-        self._client = ActionClient(action, self._end, self._report)
+        self._client = ActionClient(action, self._news, self._report)
         super().__init__(action)
 
     def cut(self) -> bool:
@@ -194,29 +176,28 @@ class GoalThread(RequestThread):
 
     def idle(self) -> None:
         """Connect to the server before the first request."""
-        self._client.go_on()
+        self._client.connect()
 
     def exchange(self, job: Job) -> Union[Answer, Failure]:
         """Send a goal, and wait for its end."""
-        self._job, self._result = job, None
-        self._reported, self._reported_at = "", -math.inf
+        self._job, self._reported, self._reported_at = job, "", -math.inf
         self._connect(job)
         self._client.send(job.request)
         self.is_asked = True
-        while self._result is None:
-            if job.cut.is_set():
-                self._client.cancel()
-                raise Trouble(Cause.NO_ANSWER, "cancelled")
-            self._client.go_on()
+        while not job.cut.is_set():
+            result = self._client.result()
+            if isinstance(result, Trouble):
+                raise result
+            if result is not None:
+                return result_of(self._action, result, self.name)
             self._wait(ROUND)
-        if isinstance(self._result, Trouble):
-            raise self._result
-        return result_of(self._action, self._result, self.name)
+        self._client.cancel()
+        raise Trouble(Cause.NO_ANSWER, "cancelled")
 
     def _connect(self, job: Job) -> None:
         """Return when the server is there. Raises ``Trouble``."""
         deadline = time.monotonic() + CONNECT_LIMIT
-        self._client.go_on()
+        self._client.connect()
         if not self._client.is_there:
             DIRECTORY.server(self.name, CONNECT_LIMIT)
         while not self._client.is_there:
@@ -224,20 +205,16 @@ class GoalThread(RequestThread):
                 raise Trouble(Cause.NOT_REACHABLE,
                               "the master lists it, but not all of its topics connect")
             self._wait(ROUND_WHEN_CONNECTING)
-            self._client.go_on()
+            self._client.connect()
 
     def _wait(self, seconds: float) -> None:
         self._news.wait(seconds)
         self._news.clear()
 
-    def _end(self, result: Union[Message, Trouble]) -> None:
-        self._result = result
-        self._news.set()
-
     def _report(self, feedback: Message) -> None:
         """Pass on what the server reports, if it is new; on one of rospy's threads."""
-        now, job = time.monotonic(), self._job
-        if job is None or now < self._reported_at + FEEDBACK_GAP:
+        now = time.monotonic()
+        if now < self._reported_at + FEEDBACK_GAP:
             return
         try:
             text = self._action.feedback(feedback)
@@ -245,4 +222,4 @@ class GoalThread(RequestThread):
             text = clean(described(error))
         if text and text != self._reported:
             self._reported, self._reported_at = text, now
-            job.feedback(text)
+            self._job.feedback(text)

@@ -13,16 +13,13 @@ import rospy
 from behavior_controller.robot.declarations import Action, Message
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Listen
-from behavior_controller.ros.action_client import ActionClient
+from behavior_controller.ros.action_client import ActionClient, ROUND
 from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.text import clean
 
-ROUND = 0.5
-"""Seconds between two searches for the action's server."""
-
 ROUND_WHEN_LISTENING = 0.05
-"""The same while a mission listens."""
+"""Seconds between two looks at the action while a mission listens."""
 
 REST = 0.25
 """Seconds between a goal without a result and the next: a server may refuse each at once."""
@@ -30,13 +27,13 @@ REST = 0.25
 
 class SpeechActionClient:
     """The action in place of a topic: ``listen`` is for the tick thread and never waits; results
-    arrive on rospy's threads."""
+    arrive on a thread of their own."""
 
     def __init__(self, action: Action[Listen], is_published: Callable[[], bool],
                  receive: Callable[[Any], None], wake: Callable[[], None],
                  warn: Callable[[str], None]):
         """``is_published`` returns whether the topic itself has a publisher; ``receive`` gets each
-        utterance, and ``wake`` is called when a goal has ended without words."""
+        utterance, and ``wake`` is called when a goal has ended."""
         self._action = action
         self._is_published = is_published
         self._receive = receive
@@ -45,8 +42,8 @@ class SpeechActionClient:
         self._warned = ""  # the last warning
         self._until = -math.inf  # when the listening ends
         self._again_at = -math.inf  # when the next goal may be sent
-        self._client = ActionClient(action, self._end)
         self._changed = threading.Event()
+        self._client = ActionClient(action, self._changed)
         start_thread("hearing " + action.name, self._work)
 
     @property
@@ -87,18 +84,25 @@ class SpeechActionClient:
             self._changed.clear()
 
     def _go_on(self) -> None:
-        """Do what is due: connect to the server, send a goal, or abandon one."""
+        """Do what is due: connect to the server, take a result, send a goal, or abandon one."""
         client = self._client
+        client.connect()
+        result = client.result()
+        if result is not None:
+            self._end(result)
+        is_due = self._is_listening and time.monotonic() >= self._again_at
         if client.is_busy and self._is_late:
             client.cancel()
-            return
-        client.go_on()
-        is_due = self._is_listening and time.monotonic() >= self._again_at
-        if not client.is_busy and is_due and client.is_there and not self._is_published():
+        elif not client.is_busy and is_due and client.is_there and not self._is_published():
             client.send(Listen(max(0.0, self._until - time.monotonic())))
 
     def _end(self, result: Union[Message, Trouble]) -> None:
-        """Process the end of a goal."""
+        """Process the end of a goal.
+
+        A failure is warned of once, and published in the form of an error on the topic, unless a
+        result was lost, as the first one of a server that was started anew: the next goal brings
+        another.
+        """
         self._again_at = time.monotonic() + REST
         if not isinstance(result, Trouble):
             self._warned = ""
@@ -106,19 +110,10 @@ class SpeechActionClient:
             if utterance:
                 self._again_at = -math.inf
                 self._receive(utterance)
-            else:
-                self._wake()
         elif result.cause is not Cause.NO_ANSWER:  # then another goal is sent
-            self._fail(result)
-        self._changed.set()
-
-    def _fail(self, trouble: Trouble) -> None:
-        """Warn once; publish that the action failed, in the form of an error on the topic, unless
-        a result was lost, as the first one of a server that was started anew: the next goal brings
-        another."""
-        self._warn_once(f"failed: {trouble}")
-        if trouble.cause is not Cause.UNUSABLE_ANSWER:
-            self._receive(f"Error: {self._client.name} {trouble}")
+            self._warn_once(f"failed: {result}")
+            if result.cause is not Cause.UNUSABLE_ANSWER:
+                self._receive(f"Error: {self._client.name} {result}")
         self._wake()
 
     def _warn_once(self, text: str) -> None:
