@@ -5,7 +5,9 @@ each publisher and shakes hands, all at once and each bounded in time; all that 
 reported together.
 """
 import time
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+from concurrent.futures import TimeoutError as FutureTimeout, wait
+from functools import partial
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Sequence, Set, Tuple
 
 import rospy
 
@@ -19,7 +21,7 @@ from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.tcpros import (
     Connection, Trouble, ask_master, STEP_LIMIT, open_publisher)
 from behavior_controller.ros.service_client import open_service
-from behavior_controller.ros.timeouts import Stopped, start_thread
+from behavior_controller.ros.timeouts import begin, run_apart
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 
 PROBE_LIMIT = 3.0
@@ -59,26 +61,16 @@ def _probe_service(service: Service) -> None:
     _compare(answer, TYPES[service], "its server")
 
 
-def _probe_topic(topic: Topic) -> None:
-    """Connect to each publisher until one is right. An action may replace the topic."""
-    wanted = [(resolved(topic), TYPES[topic])]
-    if topic.action is not None:
-        wanted.append(_result_of(topic.action))
-    _probe_publishers(wanted, not_published(topic))
-
-
-def _probe_action(action: Action) -> None:
-    """Connect to the topic of its results."""
-    _probe_publishers([_result_of(action)], NO_ACTION)
-
-
-def _result_of(action: Action) -> Tuple[str, Any]:
-    return resolved(action) + "/result", type(TYPES[action]().action_result)
-
-
-def _probe_publishers(wanted: Sequence[Tuple[str, Any]], otherwise: str) -> None:
-    """Connect to publishers of the ``wanted`` topics and types until one is right; else raise what
-    is wrong with the first, or ``otherwise``."""
+def _probe_publishers(offer: Offer) -> None:
+    """Connect to publishers of a topic, or of an action's results, until one is right; else raise
+    what is wrong with the first. An action may replace a topic."""
+    wanted, otherwise = [], NO_ACTION
+    action = offer if isinstance(offer, Action) else None
+    if isinstance(offer, Topic):
+        action, otherwise = offer.action, not_published(offer)
+        wanted.append((resolved(offer), TYPES[offer]))
+    if action is not None:
+        wanted.append((resolved(action) + "/result", type(TYPES[action]().action_result)))
     publishers, _, _ = ask_master("getSystemState", seconds=STEP_LIMIT)
     troubles: List[Trouble] = []
     for topic, kind in wanted:
@@ -115,8 +107,8 @@ def _probe_publisher(topic: str, kind: Any, node: str) -> None:
 
 
 PROBES: Dict[type, Callable[[Any], None]] = {
-    Service: _probe_service, Action: _probe_action, Publication: _probe_subscribers,
-    Topic: _probe_topic}
+    Service: _probe_service, Action: _probe_publishers, Publication: _probe_subscribers,
+    Topic: _probe_publishers}
 """What raises ``Trouble`` if it cannot be used, in bounded time, by the kind of declaration."""
 
 
@@ -134,27 +126,22 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
                  is_stopped: Callable[[], bool]) -> List[Missing]:
     """Examine ``offers`` in parallel and return those that cannot be used, in their order.
 
-    Ends within ``PROBE_LIMIT``, or when ``wake`` signals that the operator has stopped the node.
+    Ends within ``PROBE_LIMIT``. Raises ``Stopped`` when ``wake`` signals that the operator has
+    stopped the node.
     """
-    silence = Trouble(Cause.NO_ANSWER, f"not in {PROBE_LIMIT:g} s")
-    troubles: Dict[Offer, Optional[Trouble]] = {}
-
-    def probe(offer: Offer) -> None:
+    probes = [begin("probe " + offer.name, partial(PROBES[type(offer)], offer))[1]
+              for offer in offers]
+    run_apart(lambda: wait(probes, PROBE_LIMIT), wake, is_stopped, 2 * PROBE_LIMIT)
+    missing = []
+    for offer, probe in zip(offers, probes):
         try:
-            PROBES[type(offer)](offer)
-            troubles[offer] = None
+            probe.result(0)
         except Trouble as trouble:
-            troubles[offer] = trouble
-        wake.emit()
-
-    for offer in offers:
-        start_thread("probe " + offer.name, probe, offer)
-    deadline = time.monotonic() + PROBE_LIMIT
-    while len(troubles) < len(offers) and time.monotonic() < deadline and not is_stopped():
-        wake.wait(max(0.0, deadline - time.monotonic()))
-        wake.test_and_clear()
-    verdicts = ((offer, troubles.get(offer, silence)) for offer in offers)
-    return [Missing(offer, trouble) for offer, trouble in verdicts if trouble is not None]
+            missing.append(Missing(offer, trouble))
+        except FutureTimeout:
+            silence = Trouble(Cause.NO_ANSWER, f"not in {PROBE_LIMIT:g} s")
+            missing.append(Missing(offer, silence))
+    return missing
 
 
 class StartUpCheck:
@@ -169,7 +156,7 @@ class StartUpCheck:
         self._offers = plan.offers
         self._tell = tell
         self._wake = wake
-        self._is_stopped = is_stopped
+        self._missing = partial(find_missing, wake=wake, is_stopped=is_stopped)
 
     def run(self) -> None:
         """Return when the mission has all that it needs.
@@ -189,16 +176,8 @@ class StartUpCheck:
             self._wake.wait(min(ROUND, max(0.0, deadline - time.monotonic())))
             self._wake.test_and_clear()
             missing = self._missing([absent.offer for absent in missing])
-        if awaited:
             self._look_for_another_robot(missing)
         self._report(missing)
-
-    def _missing(self, offers: Sequence[Offer]) -> List[Missing]:
-        """Return what is missing of ``offers``. Raises ``Stopped``."""
-        missing = find_missing(offers, self._wake, self._is_stopped)
-        if self._is_stopped():
-            raise Stopped("stopped")
-        return missing
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
         """Return what is missing and without which the mission does not start."""
