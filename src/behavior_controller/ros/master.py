@@ -107,23 +107,21 @@ class Directory:
         """
         with self._lock:
             known = self._services.get(name, _Entry(0, ())).uris
-        if known and self.is_away:
-            return Place(known[0], False)
+        uri = None
         try:
-            limit = min(seconds, seconds_if_known) if known else seconds
-            uri = ask_master("lookupService", name, seconds=limit)
-            # a new master, which ``refresh`` has not seen yet, does not know this node either
-            if uri is None and known and ask_master(
-                    "lookupNode", rospy.get_name(), seconds=QUERY_LIMIT) is None:
-                return Place(known[0], False)
+            if not (known and self.is_away):
+                limit = min(seconds, seconds_if_known) if known else seconds
+                uri = ask_master("lookupService", name, seconds=limit)
+                # a new master, which ``refresh`` has not seen yet, does not know this node either
+                if uri or not known or ask_master(
+                        "lookupNode", rospy.get_name(), seconds=QUERY_LIMIT):
+                    known = self._settle(self._services, name, (uri,) if uri else ())
         except Trouble:
             if not known:
                 raise
-            return Place(known[0], False)
-        uris = self._settle(self._services, name, (uri,) if uri else ())
-        if not uris:
+        if not known:
             raise Trouble(Cause.NOT_ADVERTISED, NOT_OFFERED)
-        return Place(uris[0], uri is not None)
+        return Place(known[0], uri is not None)
 
     def _settle(self, entries: Dict[str, _Entry], name: str,
                 uris: Tuple[str, ...]) -> Tuple[str, ...]:

@@ -21,7 +21,7 @@ from behavior_controller.robot.gateway import Cause, Sample, Topics, since
 from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
 from behavior_controller.ros.master import DIRECTORY
-from behavior_controller.ros.speech_action_client import SpeechActionClient
+from behavior_controller.ros.action_client import SpeechActionClient
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 from behavior_controller.text import clean
@@ -77,8 +77,8 @@ class Link:
         self._latch = latch
         self._connection = Connection()
         self._ended = threading.Event()
-        self.header: Optional[Dict[str, str]] = None
-        """The publisher's handshake, while connected."""
+        self.header: Dict[str, str] = {}
+        """The publisher's handshake; empty while not connected."""
         self.is_right = False
         """Whether there is a connection whose messages are used."""
         self.is_garbled = False
@@ -94,7 +94,7 @@ class Link:
 
     def reconnect(self) -> None:
         """End the current connection, and make a new one."""
-        if self.header is not None:
+        if self.header:
             self._connection.close()
 
     def _work(self) -> None:
@@ -108,7 +108,7 @@ class Link:
             except Trouble:
                 pass  # the monitor reports it if it lasts
             finally:
-                self.is_right, self.is_garbled, self.header = False, False, None
+                self.is_right, self.is_garbled, self.header = False, False, {}
                 self.has_tried = True
                 self._connection.hang_up()
             self._ended.wait(AGAIN if has_stood else RETRY)
@@ -116,13 +116,12 @@ class Link:
     def _open(self) -> None:
         """Connect and shake hands."""
         message_type = self._latch.message_type
-        header = open_publisher(self._connection, self._uri, self._latch.name,
-                                type=message_type._type, tcp_nodelay="1",
-                                message_definition=message_type._full_text)
+        self.header = open_publisher(self._connection, self._uri, self._latch.name,
+                                     type=message_type._type, tcp_nodelay="1",
+                                     message_definition=message_type._full_text)
         self._connection.notice_a_dead_host()
         self._connection.wait_without_limit()
-        self.header = header
-        self.is_right = self._latch.accepts(header)
+        self.is_right = self._latch.accepts(self.header)
         self.has_tried = True
 
     def _listen(self) -> None:
@@ -131,8 +130,7 @@ class Link:
         The first message of a latching publisher may be as old as the publisher: it is not used as
         evidence.
         """
-        header = self.header or {}
-        is_old = header.get("latching") == "1"
+        is_old = self.header.get("latching") == "1"
         buffer = bytearray()
         while not self._ended.is_set():
             buffer += self._connection.receive_some(BUFFER_BYTES)
@@ -143,7 +141,7 @@ class Link:
                 continue
             if messages and is_old:
                 is_old = False
-                self._latch.pass_over(header, messages.pop(0))
+                self._latch.pass_over(self.header, messages.pop(0))
             if messages:
                 self.is_garbled = not self._latch.receive(messages)
 
@@ -167,7 +165,7 @@ class Latch:
         self._is_met = False
         self.count = 0  # messages since there is a connection
         self.last_arrival = self._since = time.monotonic()  # of the last of them, and of the first
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._bytes: Optional[bytes] = None
         self._alarms: Dict[Any, Callable[[Any], bool]] = {}
         self._recent: Tuple[Sample, ...] = ()
@@ -199,11 +197,11 @@ class Latch:
     @property
     def absence(self) -> str:
         """Why the topic is not connected, as far as that is known."""
-        links = [(uri, link.header or {}, link) for uri, link in self._links.items()]
-        wrong = [f"{_sender(header)} as {header.get('type')}" for _, header, link in links
-                 if header and not link.is_right]
-        garbled = [_sender(header) for _, header, link in links if link.is_garbled]
-        unreachable = [uri for uri, header, _ in links if not header]
+        links = self._links.values()
+        wrong = [f"{_sender(link.header)} as {link.header.get('type')}" for link in links
+                 if link.header and not link.is_right]
+        garbled = [_sender(link.header) for link in links if link.is_garbled]
+        unreachable = [uri for uri, link in self._links.items() if not link.header]
         if wrong:
             return f"published by {', '.join(wrong)}; expected is {self._topic.type}"
         if garbled:
@@ -216,14 +214,13 @@ class Latch:
     @property
     def connected_nodes(self) -> Dict[str, str]:
         """The addresses of the nodes that are connected, by their names."""
-        headers = [(uri, link.header) for uri, link in self._links.items()]
-        return {_sender(header): uri for uri, header in headers if header}
+        return {_sender(link.header): uri for uri, link in self._links.items() if link.header}
 
     def meet(self, uris: Sequence[str]) -> None:
         """Connect to the publishers at ``uris``, and stop trying to reach others. Only one thread
         calls this."""
         links = {uri: link for uri, link in self._links.items()
-                 if uri in uris or link.header is not None}
+                 if uri in uris or link.header}
         for uri in set(self._links).difference(links):
             self._links[uri].end()
         for uri in set(uris).difference(links):
@@ -288,22 +285,19 @@ class Latch:
             value = self._decode(data) if is_news else self._recent[-1].value
             if value is None:
                 return None
-            self._bytes = data
-            self._take(value)
+            self.hear(value, data)
         reason, is_missed = self.ignoring
         if reason and is_missed(value):
             self._warn_ignored(reason, value, reason)
         return is_news
 
-    def _take(self, value: Any) -> None:
-        self._recent = self._topic.kept(self._recent, Sample(value, time.monotonic()))
-        self._ring(value)
-
-    def hear(self, value: Any) -> None:
-        """Use the action's result as the newest message. Any thread may call this."""
+    def hear(self, value: Any, data: Optional[bytes] = None) -> None:
+        """Use ``value`` as the newest message, whose bytes were ``data``: none, if an action
+        brought it. Any thread may call this."""
         with self._lock:
-            self._bytes = None
-            self._take(value)
+            self._bytes = data
+            self._recent = self._topic.kept(self._recent, Sample(value, time.monotonic()))
+            self._ring(value)
 
     def pass_over(self, header: Dict[str, str], data: bytes) -> None:
         """Report that the first message of a latching publisher is not used; a state is sent again.
@@ -329,7 +323,11 @@ class Latch:
     def _ring(self, value: Any) -> None:
         """Wake the tree for each alarm that waited for ``value``."""
         for key, wanted in list(self._alarms.items()):
-            if _is_wanted(wanted, value):
+            try:
+                is_wanted = wanted(value)
+            except BaseException:  # SystemExit would end the thread; the tick reports whose it is
+                is_wanted = True
+            if is_wanted:
                 del self._alarms[key]
                 self._wake()
 
@@ -352,15 +350,6 @@ class Latch:
         """Forget the alarm ``key``, if there is one."""
         with self._lock:
             self._alarms.pop(key, None)
-
-
-def _is_wanted(wanted: Callable[[Any], bool], value: Any) -> bool:
-    """Return whether the tree is to look at ``value``; if the check fails, the tick reports whose
-    it is."""
-    try:
-        return wanted(value)
-    except BaseException:  # SystemExit would end the thread of the messages
-        return True
 
 
 def _sender(header: Dict[str, str]) -> str:
