@@ -20,7 +20,7 @@ from behavior_controller.robot.gateway import Cause, Failure, NO_ACTION, result_
 from behavior_controller.robot.requests import Answer, Listen, Request
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.request_thread import Job, RequestThread
-from behavior_controller.ros.tcpros import CONNECT_LIMIT, Trouble, ask_master
+from behavior_controller.ros.tcpros import CONNECT_LIMIT, ROUND, Trouble, ask_master
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import TYPES, filled, resolved
 from behavior_controller.text import clean
@@ -42,11 +42,8 @@ PARTS = (("status", "actionlib_msgs/GoalStatusArray"), ("result", "{}ActionResul
          ("feedback", "{}ActionFeedback"))
 """The topics of an action's server, and their types."""
 
-ROUND = 0.5
-"""Seconds between two looks for a server, or after a goal under way."""
-
 ROUND_WHEN_CONNECTING = 0.02
-"""The same while a request waits for its server."""
+"""Seconds between two looks for its server while a request waits for it."""
 
 FEEDBACK_GAP = 0.5
 """Seconds between two reports of feedback: each wakes the tree, and a server may send it often."""
@@ -60,17 +57,15 @@ REST = 0.25
 
 
 class ActionClient:
-    """Carries one goal at a time. All of it is for one thread, which sleeps until there is
-    ``news``."""
+    """Carries one goal at a time. All of it is for one thread, but for what says otherwise."""
 
-    def __init__(self, action: Action, news: threading.Event,
-                 reported: Optional[Callable[[Message], None]] = None):
-        """``news`` is set when a goal has got further. ``reported`` gets feedback, on rospy's
-        threads."""
+    def __init__(self, action: Action, reported: Optional[Callable[[Message], None]] = None):
+        """``reported`` gets feedback, on rospy's threads."""
         self.name = resolved(action)
         self._action = action
         self._type = TYPES[action]
-        self._news = news
+        self.news = threading.Event()
+        """Set when the goal has got further, or by another thread that has something to do."""
         self._reported = reported
         self._client: Optional[actionlib.ActionClient] = None
         self._goal: Any = None  # the handle of the goal under way
@@ -97,7 +92,11 @@ class ActionClient:
     def connect(self) -> None:
         """Connect when there is a server. Raises ``Trouble``, and what rospy raises."""
         if self._client is None and DIRECTORY.is_published(f"{self.name}/status"):
-            _check_parameters()
+            for name in map(rospy.resolve_name, PARAMETERS):
+                value = ask_master("getParam", name)
+                if value is not None and type(value) is not int:
+                    raise Trouble(Cause.TYPE_MISMATCH, f"the parameter {name} is {value!r}, and "
+                                  f"must be a whole number: set it, or rosparam delete {name}")
             self._client = actionlib.ActionClient(self._action.name, self._type)
 
     def send(self, request: Request) -> None:
@@ -106,7 +105,7 @@ class ActionClient:
         if self._client is None:
             raise Trouble(Cause.NOT_ADVERTISED, NO_ACTION)
         self._sent_at, self._result_due = time.monotonic(), math.inf
-        self._goal = self._client.send_goal(goal, lambda goal: self._news.set(), self._report)
+        self._goal = self._client.send_goal(goal, lambda goal: self.news.set(), self._report)
 
     def cancel(self) -> None:
         """Cancel the goal under way, and forget it."""
@@ -145,18 +144,14 @@ class ActionClient:
             return Trouble(Cause.NO_ANSWER, f"the goal was not acknowledged in {PATIENCE:g} s")
         return None
 
+    def wait(self, seconds: float) -> None:
+        """Return when there is news, after ``seconds`` at the latest."""
+        self.news.wait(seconds)
+        self.news.clear()
+
     def _report(self, goal: Any, feedback: Message) -> None:
         if self._reported is not None and goal == self._goal:
             self._reported(feedback)
-
-
-def _check_parameters() -> None:
-    """Raise ``Trouble`` if actionlib cannot use a parameter."""
-    for name in map(rospy.resolve_name, PARAMETERS):
-        value = ask_master("getParam", name)
-        if value is not None and type(value) is not int:
-            raise Trouble(Cause.TYPE_MISMATCH, f"the parameter {name} is {value!r}, and must be a "
-                                               f"whole number: set it, or rosparam delete {name}")
 
 
 def _refusal(goal: Any) -> Trouble:
@@ -172,14 +167,13 @@ class GoalThread(RequestThread):
 
     def __init__(self, action: Action):
         self._action = action
-        self._news = threading.Event()
-        self._client = ActionClient(action, self._news, self._report)
+        self._client = ActionClient(action, self._report)
         super().__init__(action)
 
     def cut(self) -> bool:
         """Cancel the goal under way."""
         is_reusable = super().cut()
-        self._news.set()
+        self._client.news.set()
         return is_reusable
 
     def idle(self) -> None:
@@ -198,7 +192,7 @@ class GoalThread(RequestThread):
                 raise result
             if result is not None:
                 return result_of(self._action, result, self.name)
-            self._wait(ROUND)
+            self._client.wait(ROUND)
         self._client.cancel()
         raise Trouble(Cause.NO_ANSWER, "cancelled")
 
@@ -212,12 +206,8 @@ class GoalThread(RequestThread):
             if job.cut.is_set() or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_REACHABLE,
                               "the master lists it, but not all of its topics connect")
-            self._wait(ROUND_WHEN_CONNECTING)
+            self._client.wait(ROUND_WHEN_CONNECTING)
             self._client.connect()
-
-    def _wait(self, seconds: float) -> None:
-        self._news.wait(seconds)
-        self._news.clear()
 
     def _report(self, feedback: Message) -> None:
         """Pass on what the server reports, if it is new; on one of rospy's threads."""
@@ -233,7 +223,7 @@ class GoalThread(RequestThread):
             self._job.feedback(text)
 
 
-class SpeechActionClient:
+class SpeechActionClient(ActionClient):
     """The action in place of a topic: while a mission listens and the topic has no publisher, the
     action gets one goal after the other, and each result becomes a message of the topic.
 
@@ -245,7 +235,7 @@ class SpeechActionClient:
                  warn: Callable[[str], None]):
         """``is_published`` returns whether the topic itself has a publisher; ``receive`` gets each
         utterance, and ``wake`` is called when a goal has ended."""
-        self._action = action
+        super().__init__(action)
         self._is_published = is_published
         self._receive = receive
         self._wake = wake
@@ -253,14 +243,7 @@ class SpeechActionClient:
         self._warned = ""  # the last warning
         self._until = -math.inf  # when the listening ends
         self._again_at = -math.inf  # when the next goal may be sent
-        self._changed = threading.Event()
-        self._client = ActionClient(action, self._changed)
         start_thread("hearing " + action.name, self._work)
-
-    @property
-    def is_there(self) -> bool:
-        """Whether the client is connected to a server of the action."""
-        return self._client.is_there
 
     def listen(self, seconds: float) -> None:
         """Have goals sent for ``seconds`` from now; 0: stop, and cancel the current goal.
@@ -268,12 +251,12 @@ class SpeechActionClient:
         A goal that is under way when the time is over has its own limit for its result.
         """
         self._until = time.monotonic() + seconds if seconds > 0 else -math.inf
-        self._changed.set()
+        self.news.set()
 
     @property
     def is_under_way(self) -> bool:
         """Whether a goal was sent in time whose result may still come."""
-        return self._client.is_busy and not self._is_late
+        return self.is_busy and not self._is_late
 
     @property
     def _is_listening(self) -> bool:
@@ -291,21 +274,19 @@ class SpeechActionClient:
                 pass  # the node ends, or the master does not answer: it is tried again
             except Exception as error:  # Trouble, or whatever rospy raises on a broken answer
                 self._warn_once(f"cannot be used: {clean(str(error), 500)}")
-            self._changed.wait(ROUND_WHEN_LISTENING if self._is_listening else ROUND)
-            self._changed.clear()
+            self.wait(ROUND_WHEN_LISTENING if self._is_listening else ROUND)
 
     def _go_on(self) -> None:
         """Do what is due: connect to the server, take a result, send a goal, or abandon one."""
-        client = self._client
-        client.connect()
-        result = client.result()
+        self.connect()
+        result = self.result()
         if result is not None:
             self._end(result)
         is_due = self._is_listening and time.monotonic() >= self._again_at
-        if client.is_busy and self._is_late:
-            client.cancel()
-        elif not client.is_busy and is_due and client.is_there and not self._is_published():
-            client.send(Listen(max(0.0, self._until - time.monotonic())))
+        if self.is_busy and self._is_late:
+            self.cancel()
+        elif not self.is_busy and is_due and self.is_there and not self._is_published():
+            self.send(Listen(max(0.0, self._until - time.monotonic())))
 
     def _end(self, result: Union[Message, Trouble]) -> None:
         """Process the end of a goal.
@@ -324,10 +305,10 @@ class SpeechActionClient:
         elif result.cause is not Cause.NO_ANSWER:  # then another goal is sent
             self._warn_once(f"failed: {result}")
             if result.cause is not Cause.UNUSABLE_ANSWER:
-                self._receive(f"Error: {self._client.name} {result}")
+                self._receive(f"Error: {self.name} {result}")
         self._wake()
 
     def _warn_once(self, text: str) -> None:
         if text != self._warned:
             self._warned = text
-            self._warn(f"the action {self._client.name} {text}")
+            self._warn(f"the action {self.name} {text}")

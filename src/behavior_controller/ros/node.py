@@ -35,9 +35,8 @@ from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
 from behavior_controller.ros.console import (
     FILE_ONLY, Console, is_shortage, log_path, open_log)
-from behavior_controller.ros.master import NAME_IS_TAKEN
+from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
-from behavior_controller.ros.node_name import adopt, join
 from behavior_controller.ros.configuration import read_plan, report_faults
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway

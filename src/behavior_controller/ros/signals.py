@@ -53,8 +53,8 @@ class Signals:
         """Called at the first request to stop."""
         self._deadline = math.inf  # when the process ends in any case
         self._console = console
-        self._has_terminal = _terminal_answers()
-        self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
+        uses_nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        self._ends_with_terminal = _terminal_answers() and not uses_nohup
         # an ignored signal would never reach sigwait
         for number in TAKEN:
             signal.signal(number, signal.SIG_DFL)
@@ -72,14 +72,10 @@ class Signals:
 
     def _take(self) -> None:
         """Act on each signal until one of them means stop."""
-        while signal.sigwait(TAKEN) == signal.SIGHUP and not self._is_hang_up():
+        while signal.sigwait(TAKEN) == signal.SIGHUP and (
+                _terminal_answers() or not self._ends_with_terminal):
             self.reload()
         self._stop()
-
-    def _is_hang_up(self) -> bool:
-        """Whether the terminal in which the node was started is gone, and ``nohup`` was not used.
-        """
-        return self._has_terminal and not self._outlives_terminal and not _terminal_answers()
 
     def _stop(self) -> None:
         """Pass the request on, and end the process if it has not ended ``STOP_LIMIT`` seconds

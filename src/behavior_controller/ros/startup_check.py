@@ -19,17 +19,13 @@ from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.tcpros import (
-    Connection, Trouble, ask_master, STEP_LIMIT, open_publisher)
+    Connection, ROUND, STEP_LIMIT, Trouble, ask_master, open_publisher)
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.timeouts import begin, run_apart
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 
 PROBE_LIMIT = 3.0
 """Seconds after which a service or topic without an answer counts as missing."""
-
-ROUND = 0.5
-"""Seconds between two checks of what is missing, while the start waits (``startupTimeout``)."""
-
 
 def _keys(offers: Iterable[Offer]) -> Set[Tuple[str, str]]:
     """Return what identifies each of these services and topics on the network: name and type."""
@@ -144,40 +140,38 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
     return missing
 
 
-class StartUpCheck:
+class StartUpCheck(NamedTuple):
     """Waits for the robot's nodes as long as the configuration allows."""
 
-    def __init__(self, plan: Mission, tell: Callable[[str, str], None], wake: WakeUp,
-                 is_stopped: Callable[[], bool]):
-        """``tell`` takes a severity and a line for the operator; ``wake`` and ``is_stopped`` are as
-        in ``find_missing``."""
-        self._settings = plan.settings
-        self._interface = plan.settings.interface
-        self._offers = plan.offers
-        self._tell = tell
-        self._wake = wake
-        self._missing = partial(find_missing, wake=wake, is_stopped=is_stopped)
+    plan: Mission
+    tell: Callable[[str, str], None]
+    """Takes a severity and a line for the operator."""
+    wake: WakeUp
+    is_stopped: Callable[[], bool]
 
     def run(self) -> None:
         """Return when the mission has all that it needs.
 
         Raises ``Stopped``, and ``NodesMissing``, which lists all that is missing.
         """
-        deadline = time.monotonic() + self._settings.startup_timeout
-        missing = self._missing(self._offers)
+        deadline = time.monotonic() + self.plan.settings.startup_timeout
+        missing = self._missing(self.plan.offers)
         self._look_for_another_robot(missing)
         awaited: List[str] = []
         while self._needed(missing) and time.monotonic() < deadline:
             names = [resolved(absent.offer) for absent in self._needed(missing)]
             if names != awaited:
                 left = deadline - time.monotonic()
-                self._tell("info", f"waiting up to {left:.0f} s for {', '.join(names)}")
+                self.tell("info", f"waiting up to {left:.0f} s for {', '.join(names)}")
                 awaited = names
-            self._wake.wait(min(ROUND, max(0.0, deadline - time.monotonic())))
-            self._wake.test_and_clear()
+            self.wake.wait(min(ROUND, max(0.0, deadline - time.monotonic())))
+            self.wake.test_and_clear()
             missing = self._missing([absent.offer for absent in missing])
             self._look_for_another_robot(missing)
         self._report(missing)
+
+    def _missing(self, offers: Sequence[Offer]) -> List[Missing]:
+        return find_missing(offers, self.wake, self.is_stopped)
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
         """Return what is missing and without which the mission does not start."""
@@ -185,8 +179,8 @@ class StartUpCheck:
 
     def _reason_to_go_on(self, missing: Missing) -> str:
         """Return why the mission can start without it; empty if it cannot."""
-        offer, asr_enabled = missing.offer, self._settings.asr_enabled
-        if offer is self._interface.evidence(Sense.UTTERANCE).topic:
+        offer, asr_enabled = missing.offer, self.plan.settings.asr_enabled
+        if offer is self.plan.settings.interface.evidence(Sense.UTTERANCE).topic:
             return "" if asr_enabled else "asrEnabled is false: going on"
         has_another_type = missing.trouble.cause is Cause.TYPE_MISMATCH
         if isinstance(offer, Topic) or not offer.is_optional or has_another_type:
@@ -203,8 +197,8 @@ class StartUpCheck:
         """
         if not self._needed(missing):
             return
-        ours = _keys(self._interface.offers)
-        there = _keys(self._offers) - _keys(
+        ours = _keys(self.plan.settings.interface.offers)
+        there = _keys(self.plan.offers) - _keys(
             absent.offer for absent in missing
             if absent.trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED))
         for name, interface in INTERFACES.items():
@@ -217,7 +211,7 @@ class StartUpCheck:
             if names:
                 raise NodesMissing(
                     f"the robot speaks {name}, and the configuration says robotInterface "
-                    f"{self._interface.name}: set robotInterface {name} (found: "
+                    f"{self.plan.settings.interface.name}: set robotInterface {name} (found: "
                     f"{', '.join(names)})")
 
     def _report(self, missing: List[Missing]) -> None:
@@ -225,9 +219,9 @@ class StartUpCheck:
         needed = self._needed(missing)
         for absent in missing:
             if absent not in needed:
-                self._tell("warning", f"{absent} ({self._reason_to_go_on(absent)})")
+                self.tell("warning", f"{absent} ({self._reason_to_go_on(absent)})")
         if needed:
-            lines = [f"{len(needed)} of the {len(self._offers)} services and topics that the "
+            lines = [f"{len(needed)} of the {len(self.plan.offers)} services and topics that the "
                      "mission needs are missing:", *(f"  {absent}" for absent in needed),
                      "start what is missing and start again, or set startupTimeout to wait for it"]
             raise NodesMissing("\n".join(lines))

@@ -19,21 +19,13 @@ import rospy
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.gateway import Cause, Sample, Topics, since
 from behavior_controller.robot.declarations import Interface, Topic
-from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
+from behavior_controller.ros.tcpros import (
+    AGAIN, Connection, MOST_BYTES, ROUND, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.action_client import SpeechActionClient
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 from behavior_controller.text import clean
-
-ROUND = 0.5
-"""Seconds between two reads of the master's state."""
-
-RETRY = 0.5
-"""Seconds between an attempt to connect to a publisher and the next one."""
-
-AGAIN = 0.05
-"""Seconds between a broken connection and the next attempt: a publisher may end each at once."""
 
 BUFFER_BYTES = 65536
 """The most bytes of one read; far more than arrive during a pause."""
@@ -111,7 +103,7 @@ class Link:
                 self.is_right, self.is_garbled, self.header = False, False, {}
                 self.has_tried = True
                 self._connection.hang_up()
-            self._ended.wait(AGAIN if has_stood else RETRY)
+            self._ended.wait(AGAIN if has_stood else ROUND)
 
     def _open(self) -> None:
         """Connect and shake hands."""
@@ -137,7 +129,7 @@ class Link:
             messages = split(buffer)
             if not self.is_right:
                 # read all the same: a publisher that is not read from would block
-                time.sleep(RETRY)
+                time.sleep(ROUND)
                 continue
             if messages and is_old:
                 is_old = False
@@ -378,15 +370,9 @@ class RosTopics(Topics):
             with contextlib.suppress(Trouble, RuntimeError), DIRECTORY.round():
                 DIRECTORY.refresh()
                 for latch in self.latches.values():
-                    self._follow(latch)
+                    with contextlib.suppress(Trouble):  # the others are met all the same
+                        latch.meet(DIRECTORY.publishers(latch.name, latch.connected_nodes))
             time.sleep(ROUND)
-
-    @staticmethod
-    def _follow(latch: Latch) -> None:
-        """Meet the listed publishers; without an answer about one topic the others are met all the
-        same."""
-        with contextlib.suppress(Trouble):  # the directory has noted it
-            latch.meet(DIRECTORY.publishers(latch.name, latch.connected_nodes))
 
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """See ``Topics``."""

@@ -17,7 +17,8 @@ from behavior_controller.execution.health import (
     GONE, Health, NEW, SILENT, SLOW, available_again, gone)
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Topic)
-from behavior_controller.ros.tcpros import CHUNK, Connection, Trouble, STEP_LIMIT, open_publisher
+from behavior_controller.ros.tcpros import (
+    AGAIN, CHUNK, Connection, ROUND, STEP_LIMIT, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.subscriber import Latch, RosTopics
@@ -27,9 +28,6 @@ from behavior_controller.ros.types import resolved
 CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
 seconds."""
-
-ROUND = 0.5
-"""Seconds between two attempts to reach a server that is gone."""
 
 SILENCE = 1.25
 """Seconds without a message after which a continuous topic is silent, unless its messages are rare.
@@ -62,8 +60,13 @@ It is long enough for one lost packet. The connection to an unreachable host bre
 a half seconds, so that is reported within five.
 """
 
-RETRY = 0.05
-"""Seconds between a broken connection and the next one: a server may end each at once."""
+LOST = 2
+"""A master is lost after this number of unanswered rounds: over a poor link one question in a
+hundred is lost."""
+
+SLOW_IN_A_ROW = 4
+"""A master is slow after this number of slow answers in a row: over a poor link a tenth are slow.
+"""
 
 NO_MASTER = (
     "the mission goes on with the nodes where they were last, but finds none that is started now")
@@ -141,7 +144,7 @@ class Monitor:
                 while not self._closed.is_set():
                     connection.receive_some(CHUNK)
             connection.hang_up()
-            self._closed.wait(RETRY)
+            self._closed.wait(AGAIN)
             limit = RETURN_LIMIT
 
     def _report(self, respect: str, change: HealthChanged) -> None:
@@ -175,10 +178,10 @@ class Monitor:
                 "master", rosgraph.get_master_uri(), "", not consequence, status, consequence))
 
         forgotten = DIRECTORY.forgotten
-        if DIRECTORY.is_lost:
+        if DIRECTORY.unanswered >= LOST:
             report(GONE, DIRECTORY.fault, NO_MASTER)
             return
-        if DIRECTORY.is_slow:
+        if DIRECTORY.slow_answers >= SLOW_IN_A_ROW:
             report(SLOW, "answers slowly", SLOW_MASTER)
         else:
             report(SLOW, "answers in time again")
