@@ -58,13 +58,6 @@ class Place(NamedTuple):
     is_listed: bool
 
 
-class _Entry(NamedTuple):
-    """Addresses, and the number of the registration under which the master listed them."""
-
-    registration: int
-    uris: Tuple[str, ...]
-
-
 class Directory:
     """Asks the master, and remembers its answers. Any thread may ask; ``refresh`` belongs to one
     thread."""
@@ -74,13 +67,13 @@ class Directory:
         self.registering = threading.Lock()
         """Held while this node registers anything: in between it checks whether another has taken
         its name."""
-        self._services: Dict[str, _Entry] = {}
-        self._topics: Dict[str, _Entry] = {}
+        # addresses by kind and name: those that this master lists, and those of a former one
+        self._known: Dict[Tuple[str, str], Tuple[str, ...]] = {}
+        self._former: Dict[Tuple[str, str], Tuple[str, ...]] = {}
         self._subscriptions: Dict[str, str] = {}  # topic: type
         self._publishing: Mapping[str, Any] = {}  # topic: names of the nodes that publish it
         self._offered: FrozenSet[str] = frozenset()
         self._is_registered = False
-        self._registration = 0  # grows whenever the master has forgotten this node
         self.unanswered = 0
         """Rounds with an unanswered question since the last without."""
         self._has_failed = False  # a question of this round
@@ -93,9 +86,7 @@ class Directory:
     def forgotten(self) -> Set[str]:
         """The services and topics that a former master knew and this one does not."""
         with self._lock:
-            known = list(self._services.items()) + list(self._topics.items())
-            return {name for name, entry in known
-                    if entry.registration != self._registration and name not in self._offered}
+            return {name for _, name in self._former}.difference(self._offered)
 
     # ------------------------------------------------------------------------------------- services
 
@@ -107,9 +98,9 @@ class Directory:
         that was found before. Raises ``Trouble`` if no node offers it, or if the master does not
         answer and the service was never found.
         """
+        key, uri = ("service", name), None
         with self._lock:
-            known = self._services.get(name, _Entry(0, ())).uris
-        uri = None
+            known = self._known.get(key) or self._former.get(key, ())
         try:
             if not (known and self.unanswered):
                 limit = min(seconds, seconds_if_known) if known else seconds
@@ -117,7 +108,7 @@ class Directory:
                 # a new master, which ``refresh`` has not seen yet, does not know this node either
                 if uri or not known or ask_master(
                         "lookupNode", rospy.get_name(), seconds=QUERY_LIMIT):
-                    known = self._settle(self._services, name, (uri,) if uri else ())
+                    known = self._settle(key, (uri,) if uri else ())
         except Trouble:
             if not known:
                 raise
@@ -125,19 +116,16 @@ class Directory:
             raise Trouble(Cause.NOT_ADVERTISED, NOT_OFFERED)
         return Place(known[0], uri is not None)
 
-    def _settle(self, entries: Dict[str, _Entry], name: str,
-                uris: Tuple[str, ...]) -> Tuple[str, ...]:
+    def _settle(self, key: Tuple[str, str], uris: Tuple[str, ...]) -> Tuple[str, ...]:
         """Return the addresses that the master lists; if there are none and it has forgotten this
         node since, the earlier ones."""
         with self._lock:
-            before = entries.get(name)
             if uris:
-                entries[name] = _Entry(self._registration, uris)
-            elif before is not None and before.registration != self._registration:
-                return before.uris
+                self._known[key] = uris
+                self._former.pop(key, None)
             else:
-                entries.pop(name, None)  # its node has unregistered
-        return uris
+                self._known.pop(key, None)  # its node has unregistered
+            return uris or self._former.get(key, ())
 
     # --------------------------------------------------------------------------------------- topics
 
@@ -153,7 +141,7 @@ class Directory:
         """
         uris = [known.get(node) or self._ask("lookupNode", node)
                 for node in self._publishing.get(topic, ())]
-        return self._settle(self._topics, topic, tuple(uri for uri in uris if uri))
+        return self._settle(("topic", topic), tuple(uri for uri in uris if uri))
 
     @staticmethod
     def server(action: str, seconds: float) -> str:
@@ -222,7 +210,8 @@ class Directory:
         if self._is_registered:
             self._is_registered = False
             with self._lock:
-                self._registration += 1
+                self._former.update(self._known)
+                self._known.clear()
         # a node that started at the same moment may have removed them
         for topic, message_type in ask(uri, "getPublications", seconds=QUERY_LIMIT):
             self._ask("registerPublisher", topic, message_type, uri)

@@ -113,7 +113,7 @@ def run() -> NoReturn:
     """Run the node, and end the process with its exit code."""
     block_signals()
     console = Console()
-    node = _Node(console, Signals(console))
+    node = _Node(console)
     node.end(node.run())
 
 
@@ -142,20 +142,18 @@ def _part_from_ros() -> None:
 class _Node:
     """The node from its start to its end."""
 
-    def __init__(self, console: Console, signals: Signals):
+    def __init__(self, console: Console):
         self._console = console
-        self._signals = signals
-        self._is_stopped = signals.stop_requested.is_set
         self._wake = WakeUp()
         self._run: Optional[_Run] = None
+        self._signals = Signals(console, self._wake.emit, self._stop_beside)
+        self._is_stopped = self._signals.stop_requested.is_set
 
     def run(self) -> int:
         """Run the node, and return the exit code. Raises nothing."""
         console = self._console
         threading.excepthook = lambda failed: _report_thread(
             console, failed.exc_value or failed.exc_type())
-        self._signals.wake = self._wake.emit
-        self._signals.ignored = self._stop_beside
         try:
             return self._carry_out()
         except Stopped:
@@ -329,9 +327,8 @@ class _Run:
         self._robot = RosGateway(plan.settings.interface, plan.settings.deadline, self._clock,
                                  self._wake.emit, self._health)
         self._watchers: List[Union[Groot2Publisher, Page, Record, ros_interface.RosInterface]] = []
-        self._record: Optional[Record] = None
-        if folder != NO_RECORD:
-            self._record = Record(folder, self._clock, console.warn)
+        self._record = None if folder == NO_RECORD else Record(folder, self._clock, console.warn)
+        if self._record is not None:
             self._events.subscribe(self._record)
             self._watchers.append(self._record)
             self._topics = self._record.topics(topics)

@@ -38,8 +38,12 @@ class Signals:
     """SIGINT, SIGTERM and SIGQUIT request a stop; SIGHUP to read the files again, unless the
     terminal is gone."""
 
-    def __init__(self, console: Console):
-        """Handle the signals from now on. Raises RuntimeError if no thread can be started."""
+    def __init__(self, console: Console, wake: Callable[[], None], ignored: Callable[[], None]):
+        """Handle the signals from now on. Raises RuntimeError if no thread can be started.
+
+        ``wake`` is called at the first request to stop, ``ignored`` ``REACTION`` seconds later, on
+        a thread of its own.
+        """
         self.stop_requested = threading.Event()
         self.stop_code: Optional[int] = None
         """The exit code of a stop that has a special one."""
@@ -47,10 +51,8 @@ class Signals:
         self.reload: Callable[[], None] = lambda: console.tell(
             "warning", "SIGHUP ignored: the mission has not begun")
         """Called at each SIGHUP that is not a hang-up. Must not wait for anything."""
-        self.ignored: Callable[[], None] = lambda: None
-        """Called on a thread of its own, ``REACTION`` seconds after the first request to stop."""
-        self.wake: Callable[[], None] = lambda: None
-        """Called at the first request to stop."""
+        self._wake = wake
+        self._ignored = ignored
         self._deadline = math.inf  # when the process ends in any case
         self._console = console
         uses_nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
@@ -82,10 +84,10 @@ class Signals:
         later."""
         self._deadline = time.monotonic() + STOP_LIMIT
         self.stop_requested.set()
-        self.wake()
+        self._wake()
         time.sleep(REACTION)
         with contextlib.suppress(RuntimeError):  # no threads left: the limit holds
-            start_thread("stop", self.ignored)
+            start_thread("stop", self._ignored)
         time.sleep(max(0.0, self.time_left))
         if not self.is_over:
             self._console.tell("error", NOT_STOPPED)
