@@ -45,15 +45,12 @@ Command = Callable[[], Tuple[bool, str]]
 """What a service does; returns whether it is done, and a line for the caller. Must not wait."""
 
 
-MESSAGES = ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
-"""The types of the diagnostics."""
-
-
 def types() -> Tuple[Any, ...]:
-    """Return the generated classes of ``std_srvs/Trigger`` and of ``MESSAGES``. Raises
+    """Return the generated classes of ``std_srvs/Trigger`` and of the diagnostics. Raises
     ConfigurationError if they are not installed."""
     trigger = roslib.message.get_service_class("std_srvs/Trigger")
-    messages = [roslib.message.get_message_class("diagnostic_msgs/" + name) for name in MESSAGES]
+    messages = [roslib.message.get_message_class("diagnostic_msgs/" + name)
+                for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")]
     if None in (trigger, *messages):
         raise ConfigurationError.of(
             "rosInterface", "it needs the ROS packages std_srvs and diagnostic_msgs",

@@ -71,12 +71,8 @@ class Link:
         self._ended = threading.Event()
         self.header: Dict[str, str] = {}
         """The publisher's handshake; empty while not connected."""
-        self.is_right = False
-        """Whether there is a connection whose messages are used."""
-        self.is_garbled = False
-        """Whether its newest message could not be used."""
-        self.has_tried = False
-        """Whether an attempt to connect has ended."""
+        self.fault: Optional[str] = None
+        """Why its messages are not used; empty: they are; None: it was not tried yet."""
         start_thread("topic " + latch.name, self._work)
 
     def end(self) -> None:
@@ -100,8 +96,8 @@ class Link:
             except Trouble:
                 pass  # the monitor reports it if it lasts
             finally:
-                self.is_right, self.is_garbled, self.header = False, False, {}
-                self.has_tried = True
+                self.fault = f"its publisher at {self._uri} cannot be reached"
+                self.header = {}
                 self._connection.hang_up()
             self._ended.wait(AGAIN if has_stood else ROUND)
 
@@ -113,8 +109,7 @@ class Link:
                                      message_definition=message_type._full_text)
         self._connection.notice_a_dead_host()
         self._connection.wait_without_limit()
-        self.is_right = self._latch.accepts(self.header)
-        self.has_tried = True
+        self.fault = self._latch.fault_of(self.header)
 
     def _listen(self) -> None:
         """Read messages until the connection ends.
@@ -122,12 +117,13 @@ class Link:
         The first message of a latching publisher may be as old as the publisher: it is not used as
         evidence.
         """
+        is_wrong = bool(self.fault)
         is_old = self.header.get("latching") == "1"
         buffer = bytearray()
         while not self._ended.is_set():
             buffer += self._connection.receive_some(BUFFER_BYTES)
             messages = split(buffer)
-            if not self.is_right:
+            if is_wrong:
                 # read all the same: a publisher that is not read from would block
                 time.sleep(ROUND)
                 continue
@@ -135,7 +131,9 @@ class Link:
                 is_old = False
                 self._latch.pass_over(self.header, messages.pop(0))
             if messages:
-                self.is_garbled = not self._latch.receive(messages)
+                self.fault = "" if self._latch.receive(messages) else (
+                    f"no message of {_sender(self.header)} can be decoded: build both from the "
+                    "same msg files")
 
 
 class Latch:
@@ -180,28 +178,17 @@ class Latch:
     @property
     def is_searched(self) -> bool:
         """Whether the topic's publishers were looked up, and each was tried."""
-        return self._is_met and all(link.has_tried for link in self._links.values())
+        return self._is_met and all(link.fault is not None for link in self._links.values())
 
     @property
     def _is_published(self) -> bool:
-        return any(link.is_right and not link.is_garbled for link in self._links.values())
+        return any(link.fault == "" for link in self._links.values())
 
     @property
     def absence(self) -> str:
         """Why the topic is not connected, as far as that is known."""
-        links = self._links.values()
-        wrong = [f"{_sender(link.header)} as {link.header.get('type')}" for link in links
-                 if link.header and not link.is_right]
-        garbled = [_sender(link.header) for link in links if link.is_garbled]
-        unreachable = [uri for uri, link in self._links.items() if not link.header]
-        if wrong:
-            return f"published by {', '.join(wrong)}; expected is {self._topic.type}"
-        if garbled:
-            return (f"no message of {', '.join(garbled)} can be decoded: build both from the same "
-                    "msg files")
-        if unreachable:
-            return f"its publisher at {', '.join(unreachable)} cannot be reached"
-        return not_published(self._topic)
+        faults = [link.fault for link in self._links.values() if link.fault]
+        return "; ".join(faults) or not_published(self._topic)
 
     @property
     def connected_nodes(self) -> Dict[str, str]:
@@ -225,19 +212,19 @@ class Latch:
         for link in self._links.values():
             link.reconnect()
 
-    def accepts(self, header: Dict[str, str]) -> bool:
-        """Return whether the publisher behind a handshake sends the expected type; only then are
-        its messages used."""
+    def fault_of(self, header: Dict[str, str]) -> str:
+        """Return why the messages of the publisher behind a handshake are not used; empty: they
+        are, as they have the expected type."""
         wanted = self.message_type
         if header.get("md5sum") == wanted._md5sum:
             if not self._is_published:
                 # the rate of the topic is measured again, without the silence before
                 self.count = 0
-            return True
+            return ""
         sender = _sender(header)
         self._warn_once(sender, f"ignoring what {sender} publishes on {self.name}: it is "
                                 f"{type_mismatch(header, wanted)}")
-        return False
+        return f"published by {sender} as {header.get('type')}; expected is {self._topic.type}"
 
     def _warn_once(self, subject: str, text: str) -> None:
         if subject not in self._warned:
@@ -280,7 +267,7 @@ class Latch:
             self.hear(value, data)
         reason, is_missed = self.ignoring
         if reason and is_missed(value):
-            self._warn_ignored(reason, value, reason)
+            self._warn_once(reason, f"ignoring {value!r} on {self.name}: {reason}")
         return is_news
 
     def hear(self, value: Any, data: Optional[bytes] = None) -> None:
@@ -296,12 +283,9 @@ class Latch:
         """
         value = None if self._topic.is_continuous else self._decode(data)
         if value:
-            text = (f"{_sender(header)} publishes it latched, so it may be old; publish it without "
-                    f"latching: rostopic pub -r 1 {self.name} …")
-            self._warn_ignored("latching", value, text)
-
-    def _warn_ignored(self, cause: str, value: Any, text: str) -> None:
-        self._warn_once(cause, f"ignoring {value!r} on {self.name}: {text}")
+            self._warn_once("latching", (
+                f"ignoring {value!r} on {self.name}: {_sender(header)} publishes it latched, so it "
+                f"may be old; publish it without latching: rostopic pub -r 1 {self.name} …"))
 
     def _decode(self, data: bytes) -> Any:
         """Return the plain data of a message, or None if the bytes are not one of its type."""
