@@ -48,7 +48,6 @@ ROUND_WHEN_CONNECTING = 0.02
 FEEDBACK_GAP = 0.5
 """Seconds between two reports of feedback: each wakes the tree, and a server may send it often."""
 
-
 ROUND_WHEN_LISTENING = 0.05
 """Seconds between two looks at the action while a mission listens."""
 

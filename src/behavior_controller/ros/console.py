@@ -16,8 +16,7 @@ from typing import Dict, Optional
 
 import rospkg
 import rospy
-from rosgraph.roslogging import (
-    RosStreamHandler, configure_logging, makedirs_with_parent_perms)
+from rosgraph.roslogging import RosStreamHandler, configure_logging, makedirs_with_parent_perms
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.command import no_resources

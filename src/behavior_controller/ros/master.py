@@ -16,8 +16,7 @@ import socket
 import threading
 import time
 import urllib.parse
-from typing import (
-    Any, Dict, FrozenSet, Iterator, List, Mapping, NamedTuple, Optional, Set, Tuple)
+from typing import Any, Dict, FrozenSet, Iterator, List, Mapping, NamedTuple, Optional, Set, Tuple
 
 import rosgraph
 import rospy
@@ -244,7 +243,7 @@ def adopt(name: str, argv: List[str]) -> None:
     Raises NodesMissing if no master answers, and ConfigurationError for a ``__name`` that is not
     allowed.
     """
-    is_silent = _ask("getParam", NO_TOPICS_IN_ROSOUT)
+    is_silent = _ask_at_start("getParam", NO_TOPICS_IN_ROSOUT)
     # rospy would ask the master at each line for /rosout. A master that hangs would hold the lines
     # back, and that question registers the node: asked by a node whose name was taken, it would
     # shut down the one that took it.
@@ -262,7 +261,7 @@ def adopt(name: str, argv: List[str]) -> None:
     rospy.rostime.set_rostime_initialized(True)
 
 
-def _ask(method: str, argument: str) -> Any:
+def _ask_at_start(method: str, argument: str) -> Any:
     try:
         return ask_master(method, argument)
     except Trouble as trouble:
@@ -278,7 +277,7 @@ def join(name: str, argv: List[str]) -> Optional[str]:
     Return the address of the former node if it has not ended in ``PARTING_LIMIT`` seconds. Raises
     ``Stopped``, ConfigurationError, and NodesMissing without a master.
     """
-    former = _ask("lookupNode", rospy.get_name())
+    former = _ask_at_start("lookupNode", rospy.get_name())
     rospy.impl.init.ROSHandler = _Handler
     try:
         with DIRECTORY.registering:

@@ -18,8 +18,7 @@ import rospkg
 import rospy
 
 from behavior_controller import exit_codes, extensions
-from behavior_controller.ros.timeouts import (
-    Late, Stopped, run_apart, run_together, start_thread)
+from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import (
@@ -33,8 +32,7 @@ from behavior_controller.leaves import registry
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
-from behavior_controller.ros.console import (
-    FILE_ONLY, Console, is_shortage, log_path, open_log)
+from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, log_path, open_log
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.configuration import read_plan, report_faults

@@ -27,6 +27,7 @@ from behavior_controller.ros.types import TYPES, not_published, resolved, type_m
 PROBE_LIMIT = 3.0
 """Seconds after which a service or topic without an answer counts as missing."""
 
+
 def _keys(offers: Iterable[Offer]) -> Set[Tuple[str, str]]:
     """Return what identifies each of these services and topics on the network: name and type."""
     return {(resolved(offer), TYPES[offer]._md5sum) for offer in offers}

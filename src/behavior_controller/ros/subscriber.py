@@ -88,18 +88,16 @@ class Link:
     def _work(self) -> None:
         while not self._ended.is_set():
             self._connection = Connection()
-            has_stood = False
             try:
-                self._open()
-                has_stood = True
-                self._listen()
-            except Trouble:
-                pass  # the monitor reports it if it lasts
+                with contextlib.suppress(Trouble):  # the monitor reports it if it lasts
+                    self._open()
+                    self._listen()
             finally:
+                pause = AGAIN if self.header else ROUND
                 self.fault = f"its publisher at {self._uri} cannot be reached"
                 self.header = {}
                 self._connection.hang_up()
-            self._ended.wait(AGAIN if has_stood else ROUND)
+            self._ended.wait(pause)
 
     def _open(self) -> None:
         """Connect and shake hands."""
@@ -198,8 +196,7 @@ class Latch:
     def meet(self, uris: Sequence[str]) -> None:
         """Connect to the publishers at ``uris``, and stop trying to reach others. Only one thread
         calls this."""
-        links = {uri: link for uri, link in self._links.items()
-                 if uri in uris or link.header}
+        links = {uri: link for uri, link in self._links.items() if uri in uris or link.header}
         for uri in set(self._links).difference(links):
             self._links[uri].end()
         for uri in set(uris).difference(links):
