@@ -33,19 +33,6 @@ def _keys(offers: Iterable[Offer]) -> Set[Tuple[str, str]]:
     return {(resolved(offer), TYPES[offer]._md5sum) for offer in offers}
 
 
-class Missing(NamedTuple):
-    """A service or topic that did not pass, and why."""
-
-    offer: Offer
-    trouble: Trouble
-
-    def __str__(self) -> str:
-        """Return a line for an operator."""
-        offer, trouble = self
-        return (f"{offer.kind} {resolved(offer)} (of node /{offer.node}): {trouble.reason}; "
-                f"without it {offer.absence}")
-
-
 # --------------------------------------------------------------------------------------- the probes
 
 
@@ -120,8 +107,9 @@ def _compare(answer: Dict[str, str], wanted: Any, peer: str) -> None:
 
 
 def find_missing(offers: Sequence[Offer], wake: WakeUp,
-                 is_stopped: Callable[[], bool]) -> List[Missing]:
-    """Examine ``offers`` in parallel and return those that cannot be used, in their order.
+                 is_stopped: Callable[[], bool]) -> Dict[Offer, Trouble]:
+    """Examine ``offers`` in parallel and return those that cannot be used, in their order, each
+    with the reason.
 
     Ends within ``PROBE_LIMIT``. Raises ``Stopped`` when ``wake`` signals that the operator has
     stopped the node.
@@ -129,15 +117,14 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
     probes = [begin("probe " + offer.name, partial(PROBES[type(offer)], offer))[1]
               for offer in offers]
     run_apart(lambda: wait(probes, PROBE_LIMIT), wake, is_stopped, 2 * PROBE_LIMIT)
-    missing = []
+    missing: Dict[Offer, Trouble] = {}
     for offer, probe in zip(offers, probes):
         try:
             probe.result(0)
         except Trouble as trouble:
-            missing.append(Missing(offer, trouble))
+            missing[offer] = trouble
         except FutureTimeout:
-            silence = Trouble(Cause.NO_ANSWER, f"not in {PROBE_LIMIT:g} s")
-            missing.append(Missing(offer, silence))
+            missing[offer] = Trouble(Cause.NO_ANSWER, f"not in {PROBE_LIMIT:g} s")
     return missing
 
 
@@ -160,37 +147,38 @@ class StartUpCheck(NamedTuple):
         self._look_for_another_robot(missing)
         awaited: List[str] = []
         while self._needed(missing) and time.monotonic() < deadline:
-            names = [resolved(absent.offer) for absent in self._needed(missing)]
+            names = [resolved(offer) for offer in self._needed(missing)]
             if names != awaited:
                 left = deadline - time.monotonic()
                 self.tell("info", f"waiting up to {left:.0f} s for {', '.join(names)}")
                 awaited = names
             self.wake.wait(min(ROUND, max(0.0, deadline - time.monotonic())))
             self.wake.test_and_clear()
-            missing = self._missing([absent.offer for absent in missing])
+            missing = self._missing(list(missing))
             self._look_for_another_robot(missing)
         self._report(missing)
 
-    def _missing(self, offers: Sequence[Offer]) -> List[Missing]:
+    def _missing(self, offers: Sequence[Offer]) -> Dict[Offer, Trouble]:
         return find_missing(offers, self.wake, self.is_stopped)
 
-    def _needed(self, missing: List[Missing]) -> List[Missing]:
+    def _needed(self, missing: Dict[Offer, Trouble]) -> List[Offer]:
         """Return what is missing and without which the mission does not start."""
-        return [absent for absent in missing if not self._reason_to_go_on(absent)]
+        return [offer for offer, trouble in missing.items()
+                if not self._reason_to_go_on(offer, trouble)]
 
-    def _reason_to_go_on(self, missing: Missing) -> str:
+    def _reason_to_go_on(self, offer: Offer, trouble: Trouble) -> str:
         """Return why the mission can start without it; empty if it cannot."""
-        offer, asr_enabled = missing.offer, self.plan.settings.asr_enabled
+        asr_enabled = self.plan.settings.asr_enabled
         if offer is self.plan.settings.interface.evidence(Sense.UTTERANCE).topic:
             return "" if asr_enabled else "asrEnabled is false: going on"
-        has_another_type = missing.trouble.cause is Cause.TYPE_MISMATCH
+        has_another_type = trouble.cause is Cause.TYPE_MISMATCH
         if isinstance(offer, Topic) or not offer.is_optional or has_another_type:
             return ""
         if not offer.fails_without:
             return "going on: a step that asks for it is passed over while no node offers it"
         return "going on: a step that asks for it fails" if asr_enabled else ""
 
-    def _look_for_another_robot(self, missing: List[Missing]) -> None:
+    def _look_for_another_robot(self, missing: Dict[Offer, Trouble]) -> None:
         """Raise ``NodesMissing`` if the robot is not the configured one.
 
         That is so if nothing exists that only the configured robot has, but something that only
@@ -200,13 +188,13 @@ class StartUpCheck(NamedTuple):
             return
         ours = _keys(self.plan.settings.interface.offers)
         there = _keys(self.plan.offers) - _keys(
-            absent.offer for absent in missing
-            if absent.trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED))
+            offer for offer, trouble in missing.items()
+            if trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED))
         for name, interface in INTERFACES.items():
             if not there <= _keys(interface.offers):
                 continue
             own = [offer for offer in interface.offers if not _keys([offer]) <= ours]
-            lacking = [absent.offer for absent in self._missing(own)]
+            lacking = self._missing(own)
             names = sorted(f"{resolved(offer)} as {offer.type}" for offer in own
                            if offer not in lacking)
             if names:
@@ -215,14 +203,19 @@ class StartUpCheck(NamedTuple):
                     f"{self.plan.settings.interface.name}: set robotInterface {name} (found: "
                     f"{', '.join(names)})")
 
-    def _report(self, missing: List[Missing]) -> None:
+    def _report(self, missing: Dict[Offer, Trouble]) -> None:
         """Warn of what is missing and not needed, and raise for the rest."""
-        needed = self._needed(missing)
-        for absent in missing:
-            if absent not in needed:
-                self.tell("warning", f"{absent} ({self._reason_to_go_on(absent)})")
+        needed = []
+        for offer, trouble in missing.items():
+            line = (f"{offer.kind} {resolved(offer)} (of node /{offer.node}): {trouble.reason}; "
+                    f"without it {offer.absence}")
+            reason = self._reason_to_go_on(offer, trouble)
+            if reason:
+                self.tell("warning", f"{line} ({reason})")
+            else:
+                needed.append("  " + line)
         if needed:
-            lines = [f"{len(needed)} of the {len(self.plan.offers)} services and topics that the "
-                     "mission needs are missing:", *(f"  {absent}" for absent in needed),
-                     "start what is missing and start again, or set startupTimeout to wait for it"]
-            raise NodesMissing("\n".join(lines))
+            raise NodesMissing("\n".join([
+                f"{len(needed)} of the {len(self.plan.offers)} services and topics that the "
+                "mission needs are missing:", *needed,
+                "start what is missing and start again, or set startupTimeout to wait for it"]))
