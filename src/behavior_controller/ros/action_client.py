@@ -38,10 +38,6 @@ FAILED = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalSta
 PARAMETERS = ("actionlib_client_pub_queue_size", "actionlib_client_sub_queue_size")
 """Parameters that actionlib reads, unchecked; of a wrong type it makes half a client."""
 
-PARTS = (("status", "actionlib_msgs/GoalStatusArray"), ("result", "{}ActionResult"),
-         ("feedback", "{}ActionFeedback"))
-"""The topics of an action's server, and their types."""
-
 ROUND_WHEN_CONNECTING = 0.02
 """Seconds between two looks for its server while a request waits for it."""
 
@@ -59,7 +55,6 @@ class GoalThread(RequestThread):
     """A thread that carries requests as goals of one action, one at a time."""
 
     IDLE = ROUND
-
     READS_FEEDBACK = True
 
     def __init__(self, action: Action):
@@ -69,8 +64,9 @@ class GoalThread(RequestThread):
         """Set when a goal has got further, or by another thread that has something to do."""
         self._reported, self._reported_at = "", -math.inf
         super().__init__(action)
-        for part, kind in PARTS:
-            DIRECTORY.subscribe(f"{self.name}/{part}", kind.format(action.type))
+        DIRECTORY.subscribe(f"{self.name}/status", "actionlib_msgs/GoalStatusArray")
+        DIRECTORY.subscribe(f"{self.name}/result", f"{action.type}ActionResult")
+        DIRECTORY.subscribe(f"{self.name}/feedback", f"{action.type}ActionFeedback")
 
     @property
     def is_there(self) -> bool:
