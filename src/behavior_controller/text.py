@@ -82,18 +82,18 @@ def read_text(path: str) -> str:
 def read_bytes(path: str, most: int = MOST_BYTES) -> bytes:
     """Return the content of a regular file. Raises Unreadable; a FIFO or a device is refused
     without being read."""
-    def opened(name: str, flags: int) -> int:
-        # O_NONBLOCK: else open() blocks on a FIFO without a writer
-        return os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY)
-
     try:
-        with open(path, "rb", opener=opened) as file:
-            status = os.fstat(file.fileno())
+        # O_NONBLOCK: else open() blocks on a FIFO without a writer
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        try:
+            status = os.fstat(descriptor)
             if not stat.S_ISREG(status.st_mode):
-                raise Unreadable("it is not a regular file")
-            data = b"" if status.st_size > most else file.read(most + 1)
-    except IsADirectoryError as error:
-        raise Unreadable("it is a folder") from error
+                is_folder = stat.S_ISDIR(status.st_mode)
+                raise Unreadable("it is a folder" if is_folder else "it is not a regular file")
+            with open(descriptor, "rb", closefd=False) as file:
+                data = b"" if status.st_size > most else file.read(most + 1)
+        finally:
+            os.close(descriptor)
     except (OSError, ValueError) as error:
         raise Unreadable(clean(getattr(error, "strerror", None) or str(error))) from error
     size = max(status.st_size, len(data))
