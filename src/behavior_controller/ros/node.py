@@ -325,8 +325,9 @@ class _Run:
         self._robot = RosGateway(plan.settings.interface, plan.settings.deadline, self._clock,
                                  self._wake.emit, self._health)
         self._watchers: List[Union[Groot2Publisher, Page, Record, ros_interface.RosInterface]] = []
-        self._record = None if folder == NO_RECORD else Record(folder, self._clock, console.warn)
-        if self._record is not None:
+        self._record: Optional[Record] = None
+        if folder != NO_RECORD:
+            self._record = Record(folder, self._clock, console.warn)
             self._events.subscribe(self._record)
             self._watchers.append(self._record)
             self._topics = self._record.topics(topics)
