@@ -95,8 +95,8 @@ def quoted(name: str) -> Tuple[str, str]:
 @functools.lru_cache(maxsize=None)
 def exported(kind: str) -> Tuple[Extension, ...]:
     """Return the modules of a kind, by the name of their package. Raises BrokenExtension."""
-    return tuple(_loaded(package, folder, kind, modules[kind])
-                 for package, folder, modules in _exports() if kind in modules)
+    return tuple(_loaded(package, folder, kind, module)
+                 for package, folder, exported_kind, module in _exports() if exported_kind == kind)
 
 
 def doubts() -> Tuple[Fault, ...]:
@@ -192,11 +192,11 @@ def _give_up() -> None:
 
 
 @functools.lru_cache(maxsize=None)
-def _exports() -> Tuple[Tuple[str, str, Dict[str, str]], ...]:
-    """Return package, folder and the modules of each export to us, by package; the first package of
-    a name counts."""
+def _exports() -> Tuple[Tuple[str, str, str, str], ...]:
+    """Return package, folder, kind and module of each export to us, by package; the first package
+    of a name counts."""
     _doubts.clear()
-    exports: Dict[str, List[Tuple[str, str, Dict[str, str]]]] = {}
+    exports: Dict[str, List[Tuple[str, str, str, str]]] = {}
     for folder in package_folders():
         path = os.path.join(folder, MANIFEST)
         try:
@@ -206,14 +206,13 @@ def _exports() -> Tuple[Tuple[str, str, Dict[str, str]], ...]:
             continue
         name = package_name(manifest) or os.path.basename(folder)
         if name not in exports:
-            exports[name] = [(name, folder, dict(element.attrib))
-                             for element in _export_elements(name, path, manifest)]
+            exports[name] = [(name, folder, *export) for export in _modules(name, path, manifest)]
     return tuple(export for name in sorted(exports) for export in exports[name])
 
 
-def _export_elements(package: str, path: str, manifest: bytes) -> List[ElementTree.Element]:
-    """Return our elements of a package.xml. Most packages export nothing to us, and need no
-    parsing."""
+def _modules(package: str, path: str, manifest: bytes) -> List[Tuple[str, str]]:
+    """Return kind and module of each export to us in a package.xml. Most packages have none, and
+    need no parsing."""
     exports = b"<" + TARGET.encode() in manifest
     other = _EXPORT.search(manifest)
     if other is not None and did_you_mean(other.group(1).decode(), [TARGET]) and not exports:
@@ -231,11 +230,12 @@ def _export_elements(package: str, path: str, manifest: bytes) -> List[ElementTr
         return []
     if exports and not elements:
         raise BrokenExtension(package, f"{path}: <{TARGET}> must stand in <export>")
-    for attribute in (attribute for element in elements for attribute in element.attrib):
+    modules = [export for element in elements for export in element.attrib.items()]
+    for attribute, _ in modules:
         if attribute not in KINDS:
             raise BrokenExtension(package, f"{path}: {TARGET} has no attribute {attribute}; "
                                            f"allowed: {', '.join(KINDS)}")
-    return elements
+    return modules
 
 
 def _doubt(folder: str, text: str) -> None:

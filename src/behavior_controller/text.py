@@ -86,24 +86,20 @@ def read_bytes(path: str, most: int = MOST_BYTES) -> bytes:
         # O_NONBLOCK: else open() blocks on a FIFO without a writer
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
         try:
-            size = _regular_size(descriptor)
+            status = os.fstat(descriptor)
+            if not stat.S_ISREG(status.st_mode):
+                is_folder = stat.S_ISDIR(status.st_mode)
+                raise Unreadable("it is a folder" if is_folder else "it is not a regular file")
             with open(descriptor, "rb", closefd=False) as file:
-                data = b"" if size > most else file.read(most + 1)
+                data = b"" if status.st_size > most else file.read(most + 1)
         finally:
             os.close(descriptor)
     except (OSError, ValueError) as error:
         raise Unreadable(clean(getattr(error, "strerror", None) or str(error))) from error
-    if max(size, len(data)) > most:
-        raise Unreadable(f"it has {max(size, len(data))} bytes; at most {most} are read")
+    size = max(status.st_size, len(data))
+    if size > most:
+        raise Unreadable(f"it has {size} bytes; at most {most} are read")
     return data
-
-
-def _regular_size(descriptor: int) -> int:
-    status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode):
-        raise Unreadable(
-            "it is a folder" if stat.S_ISDIR(status.st_mode) else "it is not a regular file")
-    return status.st_size
 
 
 def decode(data: bytes, errors: str = "strict") -> str:

@@ -125,7 +125,7 @@ class TestActions(unittest.TestCase):
     def missing(self):
         """Return the reasons for which the start-up check would not begin."""
         found_missing = find_missing(self.offers, WakeUp(), lambda: False)
-        return [missing.trouble.reason for missing in found_missing]
+        return [trouble.reason for trouble in found_missing.values()]
 
     def test_a_goal_ends_with_its_result_again_and_again(self):
         server = Server("/turn/done")

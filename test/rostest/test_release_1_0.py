@@ -27,9 +27,8 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Point, Prompt, Say, SetAnimation, SetAttention,
     SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.robot.release_1_0 import ATTENTION, INTERFACE, SPEECH  # noqa: E402
-from behavior_controller.ros.action_client import PARAMETERS, PATIENCE  # noqa: E402
-from behavior_controller.ros.speech_action_client import (  # noqa: E402
-    ROUND_WHEN_LISTENING, SpeechActionClient)
+from behavior_controller.ros.action_client import (  # noqa: E402
+    PARAMETERS, PATIENCE, ROUND_WHEN_LISTENING, SpeechActionClient)
 from behavior_controller.ros.service_client import RosGateway  # noqa: E402
 from behavior_controller.ros.subscriber import RosTopics  # noqa: E402
 from behavior_controller.ros.types import TYPES  # noqa: E402

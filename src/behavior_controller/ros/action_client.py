@@ -1,5 +1,5 @@
 """The client of an action: carries one goal after the other to a server that may come, go, refuse
-or hang.
+or hang; for requests, and to get visitors' utterances.
 
 actionlib's client registers with the master and may wait for it, so it is only used on a separate
 thread.
@@ -7,6 +7,7 @@ thread.
 import math
 import threading
 import time
+from functools import partial
 from typing import Any, Callable, Optional, Union
 
 import actionlib
@@ -17,10 +18,10 @@ from actionlib_msgs.msg import GoalStatus
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.declarations import Action, Message
 from behavior_controller.robot.gateway import Cause, Failure, NO_ACTION, result_of
-from behavior_controller.robot.requests import Answer, Request
+from behavior_controller.robot.requests import Answer, Listen, Request
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.request_thread import Job, RequestThread
-from behavior_controller.ros.tcpros import CONNECT_LIMIT, Trouble, ask_master
+from behavior_controller.ros.tcpros import CONNECT_LIMIT, ROUND, Trouble, ask_master
 from behavior_controller.ros.types import TYPES, filled, resolved
 from behavior_controller.text import clean
 
@@ -37,41 +38,35 @@ FAILED = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalSta
 PARAMETERS = ("actionlib_client_pub_queue_size", "actionlib_client_sub_queue_size")
 """Parameters that actionlib reads, unchecked; of a wrong type it makes half a client."""
 
-PARTS = (("status", "actionlib_msgs/GoalStatusArray"), ("result", "{}ActionResult"),
-         ("feedback", "{}ActionFeedback"))
-"""The topics of an action's server, and their types."""
-
-ROUND = 0.5
-"""Seconds between two looks for a server, or after a goal under way."""
-
 ROUND_WHEN_CONNECTING = 0.02
-"""The same while a request waits for its server."""
+"""Seconds between two looks for its server while a request waits for it."""
 
 FEEDBACK_GAP = 0.5
 """Seconds between two reports of feedback: each wakes the tree, and a server may send it often."""
 
+ROUND_WHEN_LISTENING = 0.05
+"""Seconds between two looks at the action while a mission listens."""
 
-class ActionClient:
-    """Carries one goal at a time. ``go_on``, ``send`` and ``cancel`` belong to one thread."""
+REST = 0.25
+"""Seconds between a goal without a result and the next: a server may refuse each at once."""
 
-    def __init__(self, action: Action, ended: Callable[[Union[Message, Trouble]], None],
-                 reported: Optional[Callable[[Message], None]] = None):
-        """``ended`` gets a goal's result, or why there is none: ``REFUSED`` by the server,
-        ``CONNECTION_LOST`` with it, ``NO_ANSWER`` if it does not acknowledge the goal, and
-        ``UNUSABLE_ANSWER`` if the result of one that was done does not come. It and ``reported``,
-        which gets feedback, may be called on rospy's threads."""
-        self.name = resolved(action)
+
+class GoalThread(RequestThread):
+    """A thread that carries requests as goals of one action, one at a time."""
+
+    IDLE = ROUND
+    READS_FEEDBACK = True
+
+    def __init__(self, action: Action):
         self._action = action
-        self._type = TYPES[action]
-        self._ended = ended
-        self._reported = reported
-        self._client: Optional[actionlib.ActionClient] = None
-        self._goal: Any = None  # the handle of the goal under way
-        self._sent_at = -math.inf
-        self._result_due = math.inf  # known once the goal's status says that it was done
-        self._lock = threading.Lock()  # of ``_goal``
-        for part, kind in PARTS:
-            DIRECTORY.subscribe(f"{self.name}/{part}", kind.format(action.type))
+        self._client: Any = None
+        self.news = threading.Event()
+        """Set when a goal has got further, or by another thread that has something to do."""
+        self._reported, self._reported_at = "", -math.inf
+        super().__init__(action)
+        DIRECTORY.subscribe(f"{self.name}/status", "actionlib_msgs/GoalStatusArray")
+        DIRECTORY.subscribe(f"{self.name}/result", f"{action.type}ActionResult")
+        DIRECTORY.subscribe(f"{self.name}/feedback", f"{action.type}ActionFeedback")
 
     @property
     def is_there(self) -> bool:
@@ -80,164 +75,87 @@ class ActionClient:
         if client is None:
             return False
         topics = [client.pub_goal, client.pub_cancel, client.status_sub, client.result_sub]
-        topics += [client.feedback_sub] if self._reported is not None else []
+        topics += [client.feedback_sub] if self.READS_FEEDBACK else []
         return all(topic.get_num_connections() for topic in topics)
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether a goal is under way."""
-        return self._goal is not None
-
-    def go_on(self) -> None:
-        """Connect when there is a server; end a goal that the server can no longer end. Raises
-        ``Trouble``, and what rospy raises."""
-        if self._client is None:
-            if DIRECTORY.is_published(f"{self.name}/status"):
-                _check_parameters()
-                self._client = actionlib.ActionClient(self._action.name, self._type)
-        elif self._goal is not None:
-            trouble = self._trouble(self._goal)
-            if trouble is not None:
-                self._end(self._goal, trouble)
-
-    def send(self, request: Request) -> None:
-        """Send a goal. Raises ``Trouble`` if it does not fit, or the client was never connected."""
-        goal = filled(self._type().action_goal.goal, self._action, request)
-        if self._client is None:
-            raise Trouble(Cause.NOT_ADVERTISED, NO_ACTION)
-        self._sent_at, self._result_due = time.monotonic(), math.inf
-        with self._lock:  # a result may come before ``_goal`` is set
-            self._goal = self._client.send_goal(goal, self._moved, self._report)
-
-    def cancel(self) -> None:
-        """Cancel the goal under way; ``ended`` is not called for it."""
-        goal = self._goal
-        if self._forget(goal):
-            goal.cancel()
-
-    def _trouble(self, goal: Any) -> Optional[Trouble]:
-        """Return why the server can no longer end a goal, or has ended it without a result."""
-        state, now = goal.get_comm_state(), time.monotonic()
-        has_ended = state == CommState.WAITING_FOR_RESULT
-        if has_ended:
-            self._result_due = min(self._result_due, now + PATIENCE)
-        if not self.is_there:
-            return Trouble(Cause.CONNECTION_LOST, "its server is gone")
-        if has_ended and goal.get_goal_status() in FAILED:
-            return _refusal(goal)  # the status says why: no result is needed
-        if now > self._result_due:
-            return Trouble(Cause.UNUSABLE_ANSWER, "its result did not come")
-        if state == CommState.WAITING_FOR_GOAL_ACK and now > self._sent_at + PATIENCE:
-            # rospy may have sent it to a server that has ended, and counts that as a success
-            goal.cancel()
-            return Trouble(Cause.NO_ANSWER, f"the goal was not acknowledged in {PATIENCE:g} s")
-        return None
-
-    def _forget(self, goal: Any) -> bool:
-        """Forget ``goal``; return whether it was the one under way."""
-        with self._lock:
-            if goal is None or goal != self._goal:
-                return False
-            self._goal = None
-            return True
-
-    def _end(self, goal: Any, result: Union[Message, Trouble]) -> None:
-        if self._forget(goal):
-            self._ended(result)
-
-    def _moved(self, goal: Any) -> None:
-        """Process the end of a goal; on one of rospy's threads."""
-        if goal.get_comm_state() == CommState.DONE:
-            result = goal.get_result()
-            is_done = goal.get_goal_status() == GoalStatus.SUCCEEDED and result is not None
-            self._end(goal, result if is_done else _refusal(goal))
-
-    def _report(self, goal: Any, feedback: Message) -> None:
-        if self._reported is not None and goal == self._goal:
-            self._reported(feedback)
-
-
-def _check_parameters() -> None:
-    """Raise ``Trouble`` if actionlib cannot use a parameter."""
-    for name in map(rospy.resolve_name, PARAMETERS):
-        value = ask_master("getParam", name)
-        if value is not None and type(value) is not int:
-            raise Trouble(Cause.TYPE_MISMATCH, f"the parameter {name} is {value!r}, and must be a "
-                                               f"whole number: set it, or rosparam delete {name}")
-
-
-def _refusal(goal: Any) -> Trouble:
-    """Return in words how a goal ended, and why if its server says so."""
-    how, why = GoalStatus.to_string(goal.get_goal_status()).lower(), goal.get_goal_status_text()
-    return Trouble(Cause.REFUSED, f"{how} ({why})" if why else how)
-
-
-class GoalThread(RequestThread):
-    """A thread that carries requests as goals of one action."""
-
-    IDLE = ROUND
-
-    def __init__(self, action: Action):
-        self._action = action
-        self._news = threading.Event()
-        self._result: Union[Message, Trouble, None] = None
-        self._job: Optional[Job] = None
-        self._reported, self._reported_at = "", -math.inf
-        self._client = ActionClient(action, self._end, self._report)
-        super().__init__(action)
 
     def cut(self) -> bool:
         """Cancel the goal under way."""
         is_reusable = super().cut()
-        self._news.set()
+        self.news.set()
         return is_reusable
 
     def idle(self) -> None:
-        """Connect to the server before the first request."""
-        self._client.go_on()
+        """Connect when there is a server. Raises ``Trouble``, and what rospy raises."""
+        if self._client is None and DIRECTORY.is_published(f"{self.name}/status"):
+            for name in map(rospy.resolve_name, PARAMETERS):
+                value = ask_master("getParam", name)
+                if value is not None and type(value) is not int:
+                    raise Trouble(Cause.TYPE_MISMATCH, f"the parameter {name} is {value!r}, and "
+                                  f"must be a whole number: set it, or rosparam delete {name}")
+            self._client = actionlib.ActionClient(self._action.name, TYPES[self._action])
 
     def exchange(self, job: Job) -> Union[Answer, Failure]:
-        """Send a goal, and wait for its end."""
-        self._job, self._result = job, None
+        """Send a goal once the server is there, and wait for its end."""
         self._reported, self._reported_at = "", -math.inf
-        self._connect(job)
-        self._client.send(job.request)
-        self.is_asked = True
-        while self._result is None:
-            if job.cut.is_set():
-                self._client.cancel()
-                raise Trouble(Cause.NO_ANSWER, "cancelled")
-            self._client.go_on()
-            self._wait(ROUND)
-        if isinstance(self._result, Trouble):
-            raise self._result
-        return result_of(self._action, self._result, self.name)
-
-    def _connect(self, job: Job) -> None:
-        """Return when the server is there. Raises ``Trouble``."""
         deadline = time.monotonic() + CONNECT_LIMIT
-        self._client.go_on()
-        if not self._client.is_there:
+        self.idle()
+        if not self.is_there:
             DIRECTORY.server(self.name, CONNECT_LIMIT)
-        while not self._client.is_there:
+        while not self.is_there:
             if job.cut.is_set() or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_REACHABLE,
                               "the master lists it, but not all of its topics connect")
-            self._wait(ROUND_WHEN_CONNECTING)
-            self._client.go_on()
+            self.wait(ROUND_WHEN_CONNECTING)
+            self.idle()
+        result = self.achieve(job.request, job.cut.is_set, partial(self._report, job))
+        return result_of(self._action, result, self.name)
 
-    def _wait(self, seconds: float) -> None:
-        self._news.wait(seconds)
-        self._news.clear()
+    def achieve(self, request: Request, is_dropped: Callable[[], bool],
+                reported: Optional[Callable[[Any, Message], None]] = None) -> Message:
+        """Send a goal to the server that is there, and return its result; ``reported`` gets its
+        feedback, on rospy's threads.
 
-    def _end(self, result: Union[Message, Trouble]) -> None:
-        self._result = result
-        self._news.set()
+        Raises ``Trouble``: ``REFUSED`` by the server, ``CONNECTION_LOST`` with it, ``NO_ANSWER`` if
+        it does not acknowledge the goal or ``is_dropped()``, and ``UNUSABLE_ANSWER`` if the result
+        of one that was done does not come. ``TYPE_MISMATCH``: it does not fit, and is not sent.
+        """
+        message = filled(TYPES[self._action]().action_goal.goal, self._action, request)
+        sent_at, result_due = time.monotonic(), math.inf
+        goal = self._client.send_goal(message, lambda _: self.news.set(), reported)
+        self.is_asked = True
+        while not is_dropped():
+            state, status, now = goal.get_comm_state(), goal.get_goal_status(), time.monotonic()
+            has_ended = state == CommState.WAITING_FOR_RESULT
+            if state == CommState.DONE:
+                result = goal.get_result()
+                if status == GoalStatus.SUCCEEDED and result is not None:
+                    return result
+                raise _refusal(goal)
+            if has_ended:
+                result_due = min(result_due, now + PATIENCE)
+            if not self.is_there:
+                raise Trouble(Cause.CONNECTION_LOST, "its server is gone")
+            if has_ended and status in FAILED:
+                raise _refusal(goal)  # the status says why: no result is needed
+            if now > result_due:
+                raise Trouble(Cause.UNUSABLE_ANSWER, "its result did not come")
+            if state == CommState.WAITING_FOR_GOAL_ACK and now > sent_at + PATIENCE:
+                # rospy may have sent it to a server that has ended, and counts that as a success
+                goal.cancel()
+                raise Trouble(Cause.NO_ANSWER, f"the goal was not acknowledged in {PATIENCE:g} s")
+            self.wait(ROUND)
+        goal.cancel()
+        raise Trouble(Cause.NO_ANSWER, "cancelled")
 
-    def _report(self, feedback: Message) -> None:
+    def wait(self, seconds: float) -> None:
+        """Return when there is news, after ``seconds`` at the latest."""
+        self.news.wait(seconds)
+        self.news.clear()
+
+    def _report(self, job: Job, goal: Any, feedback: Message) -> None:
         """Pass on what the server reports, if it is new; on one of rospy's threads."""
-        now, job = time.monotonic(), self._job
-        if job is None or now < self._reported_at + FEEDBACK_GAP:
+        now = time.monotonic()
+        if now < self._reported_at + FEEDBACK_GAP:
             return
         try:
             text = self._action.feedback(feedback)
@@ -246,3 +164,101 @@ class GoalThread(RequestThread):
         if text and text != self._reported:
             self._reported, self._reported_at = text, now
             job.feedback(text)
+
+
+def _refusal(goal: Any) -> Trouble:
+    """Return in words how a goal ended, and why if its server says so."""
+    how, why = GoalStatus.to_string(goal.get_goal_status()).lower(), goal.get_goal_status_text()
+    return Trouble(Cause.REFUSED, f"{how} ({why})" if why else how)
+
+
+class SpeechActionClient(GoalThread):
+    """The action in place of a topic: while a mission listens and the topic has no publisher, the
+    action gets one goal after the other, and each result becomes a message of the topic.
+
+    ``listen`` is for the tick thread and never waits; results arrive on this thread.
+    """
+
+    READS_FEEDBACK = False
+
+    def __init__(self, action: Action[Listen], is_published: Callable[[], bool],
+                 receive: Callable[[Any], None], wake: Callable[[], None],
+                 warn: Callable[[str], None]):
+        """``is_published`` returns whether the topic itself has a publisher; ``receive`` gets each
+        utterance, and ``wake`` is called when a goal has ended."""
+        self._is_published = is_published
+        self._receive = receive
+        self._wake = wake
+        self._warn = warn
+        self._warned = ""  # the last warning
+        self._until = -math.inf  # when the listening ends
+        self._is_busy = False  # a goal is under way
+        super().__init__(action)
+
+    def listen(self, seconds: float) -> None:
+        """Have goals sent for ``seconds`` from now; 0: stop, and cancel the current goal.
+
+        A goal that is under way when the time is over has its own limit for its result.
+        """
+        self._until = time.monotonic() + seconds if seconds > 0 else -math.inf
+        self.carry(Listen(seconds), lambda result, at: None, lambda text: None)
+        self.news.set()
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a goal was sent in time whose result may still come."""
+        return self._is_busy and not self._is_late()
+
+    def _is_late(self) -> bool:
+        return time.monotonic() >= self._until + self._action.deadline
+
+    def idle(self) -> None:
+        """Connect when there is a server, or warn of what is in the way."""
+        try:
+            super().idle()
+        except (rospy.ROSException, OSError):
+            pass  # the node ends, or the master does not answer: it is tried again
+        except Exception as error:  # Trouble, or whatever rospy raises on a broken answer
+            self._warn_once(f"cannot be used: {clean(str(error), 500)}")
+
+    def exchange(self, job: Job) -> Answer:
+        """Send one goal after the other while the mission listens."""
+        while time.monotonic() < self._until:
+            self.idle()
+            if not self.is_there or self._is_published():
+                self.wait(ROUND_WHEN_LISTENING)
+                continue
+            has_heard = self._has_heard()
+            self._wake()
+            if not has_heard:
+                time.sleep(REST)
+        return Answer()
+
+    def _has_heard(self) -> bool:
+        """Send a goal, and return whether it has brought words.
+
+        A failure is warned of once, and published in the form of an error on the topic, unless a
+        result was lost, as the first one of a server that was started anew: the next goal brings
+        another.
+        """
+        self._is_busy = True
+        try:
+            wish = Listen(max(0.0, self._until - time.monotonic()))
+            utterance = self._action.answer(self.achieve(wish, self._is_late)).response
+            self._warned = ""
+            if utterance:
+                self._receive(utterance)
+            return bool(utterance)
+        except Trouble as trouble:
+            if trouble.cause is not Cause.NO_ANSWER:  # then another goal is sent
+                self._warn_once(f"failed: {trouble}")
+                if trouble.cause is not Cause.UNUSABLE_ANSWER:
+                    self._receive(f"Error: {self.name} {trouble}")
+            return False
+        finally:
+            self._is_busy = False
+
+    def _warn_once(self, text: str) -> None:
+        if text != self._warned:
+            self._warned = text
+            self._warn(f"the action {self.name} {text}")

@@ -7,13 +7,16 @@ sinks (terminal, log file, /rosout).
 import errno
 import logging
 import os
+import stat
 import tempfile
 import time
 import traceback
 from functools import partial
 from typing import Dict, Optional
 
-from rosgraph.roslogging import RosStreamHandler
+import rospkg
+import rospy
+from rosgraph.roslogging import RosStreamHandler, configure_logging, makedirs_with_parent_perms
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.command import no_resources
@@ -146,12 +149,11 @@ class Console:
         if isinstance(event, LeafFinished) and not self._is_repeated(event):
             parts = [event.status, event.resource, f"{event.seconds:.3f} s",
                      reason(event.failure), event.summary.text if event.summary is not None else ""]
-            text = ", ".join(filter(None, parts))
-            self._log("info", clean(f"{event.node} ({event.path}): {text}"))
         elif isinstance(event, Retried):
-            text = (f"retry {event.attempt} failed, {event.failure.resource}, "
-                    f"{reason(event.failure)}")
-            self._log("info", clean(f"{event.node} ({event.path}): {text}"))
+            parts = [f"retry {event.attempt} failed", event.failure.resource, reason(event.failure)]
+        else:
+            return
+        self._log("info", clean(f"{event.node} ({event.path}): {', '.join(filter(None, parts))}"))
 
     def _log_robot(self, at: float, is_end: bool = False) -> None:
         """Write the robot's line when a person has to do something else than before, and at the
@@ -212,6 +214,25 @@ def _make_safe(record: logging.LogRecord) -> bool:
 def reason(failure: Optional[Failure]) -> str:
     """Return cause and message of a ``Failure`` on one line; empty for None."""
     return "" if failure is None else f"{failure.cause.text}: {' '.join(failure.message.split())}"
+
+
+def log_path() -> str:
+    """Return the path of the log file of this node, whose name is known: that of ``__log``, or one
+    in ROS' log folder."""
+    given = rospy.names.get_mappings().get("__log")
+    name = rospy.get_name().strip("/").replace("/", "_") + ".log"
+    return os.path.abspath(given) if given else os.path.join(rospkg.get_log_dir(), name)
+
+
+def open_log(path: str) -> None:
+    """Have rospy write the log file. Raises OSError if that is not possible; may hang with the
+    disk: rospy itself opens it under the lock that every line needs."""
+    makedirs_with_parent_perms(os.path.dirname(path))
+    if os.path.exists(path) and not stat.S_ISREG(os.stat(path).st_mode):
+        raise OSError("it is not a regular file")
+    os.close(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666))
+    # as rospy does, but without a link "latest" beside the folder that __log names
+    configure_logging("rospy", filename=path, env={"ROS_LOG_DIR": os.path.dirname(path)})
 
 
 def is_shortage(error: BaseException) -> bool:

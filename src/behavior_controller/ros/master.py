@@ -1,19 +1,33 @@
-"""The addresses of services and publishers, from the ROS master, also after it stopped answering or
-was replaced.
+"""What the ROS master knows: the addresses of services and publishers, also after it stopped
+answering or was replaced, and this node's name.
 
 A restarted master knows none of the running nodes. For what it has forgotten the last address is
 used, and this node registers again. Every contact is bounded in time. rospy's own registrations are
 not used for it: they wait for a master without a limit, and hold rospy's locks meanwhile.
+
+A master keeps one node for each name: the last that registered anything. It asks the one before to
+end. Several nodes that start at the same moment register in turn, so that the master asks each of
+them to end. So a node that is asked checks who has the name after its own registrations are
+complete: the registered node stays, and a node that gives way registers nothing any more. Thus
+exactly one node stays, whatever the order was.
 """
 import contextlib
+import socket
 import threading
 import time
-from typing import Any, Dict, FrozenSet, Iterator, Mapping, NamedTuple, Set, Tuple
+import urllib.parse
+from typing import Any, Dict, FrozenSet, Iterator, List, Mapping, NamedTuple, Optional, Set, Tuple
 
+import rosgraph
 import rospy
+import rospy.impl.init
+from rospy.impl.masterslave import ROSHandler
+from rospy.impl.paramserver import get_param_server_cache
 
+from behavior_controller.errors import ConfigurationError, NodesMissing
 from behavior_controller.robot.gateway import Cause, NO_ACTION, NOT_OFFERED
 from behavior_controller.ros.tcpros import Trouble, ask, ask_master
+from behavior_controller.ros.timeouts import Stopped
 
 QUERY_LIMIT = 1.5
 """Seconds after which a master that has not answered counts as away.
@@ -24,14 +38,15 @@ It is long enough for a lost first packet at 100 ms each way.
 SLOW = 0.8
 """Seconds that no answer of a master takes, unless a packet is lost."""
 
-SLOW_IN_A_ROW = 4
-"""A master is slow after this number of slow answers in a row: over a poor link a tenth are slow.
-"""
-
 NAME_IS_TAKEN = "new node registered with same name"
 """The master's reason when it asks a node to end because another has registered under its name."""
 
 ROSOUT = "/rosout"
+
+NO_TOPICS_IN_ROSOUT = "/rosout_disable_topics_generation"
+
+PARTING_LIMIT = 2.5
+"""Seconds that the former node of the name may take to end; ours take 2 at most."""
 
 
 class Place(NamedTuple):
@@ -40,13 +55,6 @@ class Place(NamedTuple):
 
     uri: str
     is_listed: bool
-
-
-class _Entry(NamedTuple):
-    """Addresses, and the number of the registration under which the master listed them."""
-
-    registration: int
-    uris: Tuple[str, ...]
 
 
 class Directory:
@@ -58,42 +66,26 @@ class Directory:
         self.registering = threading.Lock()
         """Held while this node registers anything: in between it checks whether another has taken
         its name."""
-        self._services: Dict[str, _Entry] = {}
-        self._topics: Dict[str, _Entry] = {}
+        # addresses by kind and name: those that this master lists, and those of a former one
+        self._known: Dict[Tuple[str, str], Tuple[str, ...]] = {}
+        self._former: Dict[Tuple[str, str], Tuple[str, ...]] = {}
         self._subscriptions: Dict[str, str] = {}  # topic: type
         self._publishing: Mapping[str, Any] = {}  # topic: names of the nodes that publish it
         self._offered: FrozenSet[str] = frozenset()
         self._is_registered = False
-        self._registration = 0  # grows whenever the master has forgotten this node
-        self._unanswered = 0  # rounds with an unanswered question since the last without
+        self.unanswered = 0
+        """Rounds with an unanswered question since the last without."""
         self._has_failed = False  # a question of this round
-        self._slow_answers = 0  # since the last that was not slow
+        self.slow_answers = 0
+        """Slow answers since the last that was not slow."""
         self.fault = ""
         """What is wrong with a master that is away: ``does not answer``, or how it answers."""
-
-    @property
-    def is_away(self) -> bool:
-        """Whether the master did not answer in the last ``round``."""
-        return self._unanswered >= 1
-
-    @property
-    def is_lost(self) -> bool:
-        """Whether it failed in two rounds in a row: over a poor link one question in a hundred is
-        lost."""
-        return self._unanswered >= 2
-
-    @property
-    def is_slow(self) -> bool:
-        """Whether it answers, but has answered slowly several times in a row."""
-        return self._slow_answers >= SLOW_IN_A_ROW
 
     @property
     def forgotten(self) -> Set[str]:
         """The services and topics that a former master knew and this one does not."""
         with self._lock:
-            known = list(self._services.items()) + list(self._topics.items())
-            return {name for name, entry in known
-                    if entry.registration != self._registration and name not in self._offered}
+            return {name for _, name in self._former}.difference(self._offered)
 
     # ------------------------------------------------------------------------------------- services
 
@@ -105,39 +97,34 @@ class Directory:
         that was found before. Raises ``Trouble`` if no node offers it, or if the master does not
         answer and the service was never found.
         """
+        key, uri = ("service", name), None
         with self._lock:
-            known = self._services.get(name, _Entry(0, ())).uris
-        if known and self.is_away:
-            return Place(known[0], False)
+            known = self._known.get(key) or self._former.get(key, ())
         try:
-            limit = min(seconds, seconds_if_known) if known else seconds
-            uri = ask_master("lookupService", name, seconds=limit)
-            # a new master, which ``refresh`` has not seen yet, does not know this node either
-            if uri is None and known and ask_master(
-                    "lookupNode", rospy.get_name(), seconds=QUERY_LIMIT) is None:
-                return Place(known[0], False)
+            if not (known and self.unanswered):
+                limit = min(seconds, seconds_if_known) if known else seconds
+                uri = ask_master("lookupService", name, seconds=limit)
+                # a new master, which ``refresh`` has not seen yet, does not know this node either
+                if uri or not known or ask_master(
+                        "lookupNode", rospy.get_name(), seconds=QUERY_LIMIT):
+                    known = self._settle(key, (uri,) if uri else ())
         except Trouble:
             if not known:
                 raise
-            return Place(known[0], False)
-        uris = self._settle(self._services, name, (uri,) if uri else ())
-        if not uris:
+        if not known:
             raise Trouble(Cause.NOT_ADVERTISED, NOT_OFFERED)
-        return Place(uris[0], uri is not None)
+        return Place(known[0], uri is not None)
 
-    def _settle(self, entries: Dict[str, _Entry], name: str,
-                uris: Tuple[str, ...]) -> Tuple[str, ...]:
+    def _settle(self, key: Tuple[str, str], uris: Tuple[str, ...]) -> Tuple[str, ...]:
         """Return the addresses that the master lists; if there are none and it has forgotten this
         node since, the earlier ones."""
         with self._lock:
-            before = entries.get(name)
             if uris:
-                entries[name] = _Entry(self._registration, uris)
-            elif before is not None and before.registration != self._registration:
-                return before.uris
+                self._known[key] = uris
+                self._former.pop(key, None)
             else:
-                entries.pop(name, None)  # its node has unregistered
-        return uris
+                self._known.pop(key, None)  # its node has unregistered
+            return uris or self._former.get(key, ())
 
     # --------------------------------------------------------------------------------------- topics
 
@@ -153,7 +140,7 @@ class Directory:
         """
         uris = [known.get(node) or self._ask("lookupNode", node)
                 for node in self._publishing.get(topic, ())]
-        return self._settle(self._topics, topic, tuple(uri for uri in uris if uri))
+        return self._settle(("topic", topic), tuple(uri for uri in uris if uri))
 
     @staticmethod
     def server(action: str, seconds: float) -> str:
@@ -177,7 +164,7 @@ class Directory:
         try:
             yield
         finally:
-            self._unanswered = self._unanswered + 1 if self._has_failed else 0
+            self.unanswered = self.unanswered + 1 if self._has_failed else 0
 
     def refresh(self) -> None:
         """Read the master's state, and register what it does not know. Raises ``Trouble`` without
@@ -203,7 +190,7 @@ class Directory:
             raise
         finally:
             is_slow = time.monotonic() - asked_at > SLOW
-            self._slow_answers = self._slow_answers + 1 if is_slow else 0
+            self.slow_answers = self.slow_answers + 1 if is_slow else 0
 
     def _register(self) -> None:
         """Register the subscriptions, and what rospy had registered; end if another node has our
@@ -222,7 +209,8 @@ class Directory:
         if self._is_registered:
             self._is_registered = False
             with self._lock:
-                self._registration += 1
+                self._former.update(self._known)
+                self._known.clear()
         # a node that started at the same moment may have removed them
         for topic, message_type in ask(uri, "getPublications", seconds=QUERY_LIMIT):
             self._ask("registerPublisher", topic, message_type, uri)
@@ -233,17 +221,104 @@ class Directory:
     def sign_off(self) -> None:
         """Unregister the subscriptions, if the master answers; rospy is shutting down, so none is
         registered later."""
-        if self.is_away or not self.registering.acquire(timeout=QUERY_LIMIT):
+        if self.unanswered or not self.registering.acquire(timeout=QUERY_LIMIT):
             return
-        try:
+        with contextlib.suppress(Trouble):
             for topic in self._subscriptions:
                 ask_master("unregisterSubscriber", topic, rospy.core.get_node_uri(),
                            seconds=QUERY_LIMIT)
-        except Trouble:
-            pass
-        finally:
-            self.registering.release()
+        self.registering.release()
 
 
 DIRECTORY = Directory()
 """The directory of this process, as rospy has one node for each process."""
+
+
+# ------------------------------------------------------------------------------- the node's name
+
+
+def adopt(name: str, argv: List[str]) -> None:
+    """Have rospy resolve names as the node ``name`` does, without registering it at the master.
+
+    Raises NodesMissing if no master answers, and ConfigurationError for a ``__name`` that is not
+    allowed.
+    """
+    is_silent = _ask_at_start("getParam", NO_TOPICS_IN_ROSOUT)
+    # rospy would ask the master at each line for /rosout. A master that hangs would hold the lines
+    # back, and that question registers the node: asked by a node whose name was taken, it would
+    # shut down the one that took it.
+    get_param_server_cache().set(NO_TOPICS_IN_ROSOUT, bool(is_silent))
+    rospy.names.reload_mappings(argv)
+    name = rospy.names.get_mappings().get("__name", name)
+    if not rosgraph.names.is_legal_base_name(name):
+        raise ConfigurationError.of(
+            "argument __name:=" + name, "this is not the name of a node",
+            "allowed: a letter, then letters, digits and _; __ns:= sets the namespace")
+    resolved = rosgraph.names.resolve_name(name, rospy.get_name())
+    rospy.names._set_caller_id(resolved)
+    rospy.names.initialize_mappings(resolved)
+    # leaves are set up before the name is taken, and may ask for the time
+    rospy.rostime.set_rostime_initialized(True)
+
+
+def _ask_at_start(method: str, argument: str) -> Any:
+    try:
+        return ask_master(method, argument)
+    except Trouble as trouble:
+        if isinstance(trouble.__cause__, ConnectionRefusedError):
+            raise NodesMissing(f"no ROS master at {rosgraph.get_master_uri()}: start roscore or "
+                               "the robot, or set ROS_MASTER_URI")
+        raise NodesMissing(f"{trouble}; check roscore's computer and ROS_MASTER_URI")
+
+
+def join(name: str, argv: List[str]) -> Optional[str]:
+    """Register the node ``name`` at the master; a running node of that name ends.
+
+    Return the address of the former node if it has not ended in ``PARTING_LIMIT`` seconds. Raises
+    ``Stopped``, ConfigurationError, and NodesMissing without a master.
+    """
+    former = _ask_at_start("lookupNode", rospy.get_name())
+    rospy.impl.init.ROSHandler = _Handler
+    try:
+        with DIRECTORY.registering:
+            rospy.init_node(name, argv=argv, disable_signals=True)
+    except (rospy.ROSException, ValueError) as error:
+        if rospy.is_shutdown():
+            raise Stopped("rospy has ended meanwhile")  # and has reported the reason
+        raise ConfigurationError.of("command line", str(error))
+    is_other = former not in (None, rospy.core.get_node_uri())
+    return former if is_other and not _ends(former) else None
+
+
+class _Handler(ROSHandler):
+    """Answers the master and other nodes in rospy's place."""
+
+    def shutdown(self, caller_id: str, msg: str = "") -> object:
+        """End the node, unless the reason is another node of its name, and that one is not
+        registered."""
+        if NAME_IS_TAKEN in msg and _has_name():
+            return 1, "the name is still taken by this node", 0
+        return super().shutdown(caller_id, msg)
+
+
+def _has_name() -> bool:
+    """Return whether no other node has our name, once our registrations under way are complete."""
+    with DIRECTORY.registering:
+        try:
+            return ask_master("lookupNode", rospy.get_name()) in (None, rospy.core.get_node_uri())
+        except Trouble:
+            return False
+
+
+def _ends(uri: str) -> bool:
+    """Return whether the process of the node at ``uri`` ends in time: its end closes every
+    connection."""
+    address = urllib.parse.urlsplit(uri)
+    try:
+        with socket.create_connection((address.hostname, address.port),
+                                      PARTING_LIMIT) as connection:
+            return not connection.recv(1)
+    except socket.timeout:
+        return False
+    except (OSError, ValueError, TypeError):
+        return True

@@ -18,11 +18,11 @@ import rospkg
 import rospy
 
 from behavior_controller import exit_codes, extensions
-from behavior_controller.ros.timeouts import (
-    Late, Stopped, run_apart, run_together, start_thread)
+from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
-from behavior_controller.errors import ConfigurationError, FaultsFound, NodesMissing
+from behavior_controller.errors import (
+    BehaviorControllerError, ConfigurationError, Fault, FaultsFound, NodesMissing)
 from behavior_controller.execution.events import Events, Noticed
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.gateway import Topics
@@ -30,12 +30,11 @@ from behavior_controller.execution.health import Health
 from behavior_controller.config.config_file import help_lines
 from behavior_controller.leaves import registry
 from behavior_controller.missions.load import Mission
-from behavior_controller.ros import log_writers, ros_interface
+from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
-from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage
-from behavior_controller.ros.master import NAME_IS_TAKEN
+from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, log_path, open_log
+from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
-from behavior_controller.ros.node_name import adopt, join
 from behavior_controller.ros.configuration import read_plan, report_faults
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
@@ -66,6 +65,8 @@ exit codes: 0 the last pass was a SUCCESS, or another node was started under the
             1 nodes of the robot are missing; 2 the configuration or the mission is wrong;
             3 the last pass was a FAILURE;
             4 the node could not go on: no memory, threads or files left, or an internal error"""
+
+ALLOWED = "allowed: _key:=value, /name:=/other_name, --help, --version"
 
 START_LIMIT = 15.0
 """Seconds that each step of the start may take that uses the master or a disk."""
@@ -110,21 +111,15 @@ def run() -> NoReturn:
     """Run the node, and end the process with its exit code."""
     block_signals()
     console = Console()
-    node = _Node(console, Signals(console))
+    node = _Node(console)
     node.end(node.run())
 
 
-def _explain(arguments: List[str]) -> int:
-    """Print the usage or the version; the exit code says whether it was requested."""
-    is_asked = arguments[0] in ("-h", "--help", "--version")
-    if arguments[0] == "--version":
-        print(NAME, version())
-    elif is_asked:
-        print("\n".join([USAGE, "", "keys, their defaults and meanings:"] + help_lines(KEYS)))
-    else:
-        print(f"{NAME}: unknown argument {arguments[0]!r}; allowed: _key:=value, "
-              "/name:=/other_name, --help, --version", file=sys.stderr)
-    return exit_codes.SUCCESS if is_asked else exit_codes.WRONG_INPUT
+def _explain(wish: str) -> int:
+    """Print the version, or the usage and all keys."""
+    usage = [USAGE, "", "keys, their defaults and meanings:", *help_lines(KEYS)]
+    print(f"{NAME} {version()}" if wish == "--version" else "\n".join(usage))
+    return exit_codes.SUCCESS
 
 
 # ---------------------------------------------------------------------------------------------- ROS
@@ -145,20 +140,18 @@ def _part_from_ros() -> None:
 class _Node:
     """The node from its start to its end."""
 
-    def __init__(self, console: Console, signals: Signals):
+    def __init__(self, console: Console):
         self._console = console
-        self._signals = signals
-        self._is_stopped = signals.stop_requested.is_set
         self._wake = WakeUp()
         self._run: Optional[_Run] = None
+        self._signals = Signals(console, self._wake.emit, self._stop_beside)
+        self._is_stopped = self._signals.stop_requested.is_set
 
     def run(self) -> int:
         """Run the node, and return the exit code. Raises nothing."""
         console = self._console
         threading.excepthook = lambda failed: _report_thread(
             console, failed.exc_value or failed.exc_type())
-        self._signals.wake = self._wake.emit
-        self._signals.ignored = self._stop_beside
         try:
             return self._carry_out()
         except Stopped:
@@ -189,11 +182,12 @@ class _Node:
         running node.
         """
         arguments = rospy.myargv(sys.argv)[1:]
-        if arguments:
-            return _explain(arguments)
-        console, wake = self._console, self._wake
-        words = split_arguments(sys.argv)[0]
-        faults = unread(words[1:])
+        if arguments and arguments[0] in ("-h", "--help", "--version"):
+            return _explain(arguments[0])
+        console, words = self._console, split_arguments(sys.argv)[0]
+        faults = unread(words[1:]) + [
+            Fault("command line", 0, 0, f"unknown argument {argument!r}", ALLOWED)
+            for argument in arguments]
         if faults:
             raise ConfigurationError(faults)
         master = f"the ROS master at {rosgraph.get_master_uri()}"
@@ -202,15 +196,15 @@ class _Node:
         self._apart(lambda: adopt(NAME, words), master, silent_master)
         self._open_log()
         plan, folder = self._prepare()
-        StartUpCheck(plan, console.tell, wake, self._is_stopped).run()
-        topics = RosTopics(plan.settings.interface, wake.emit, console.warn)
+        StartUpCheck(plan, console.tell, self._wake, self._is_stopped).run()
+        topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn)
         self._run = run = _Run(plan, topics, folder, console, self._signals)
         self._apart(run.runner.prepare, LEAVES)
         former = self._apart(lambda: join(NAME, words), master, silent_master)
         console.attach()
         if former:
-            console.tell("warning", f"the former node of the name {rospy.get_name()} (at {former}) "
-                                    "does not end: end its process, or two nodes control the robot")
+            console.warn(f"the former node of the name {rospy.get_name()} (at {former}) does not "
+                         "end: end its process, or two nodes control the robot")
         self._apart(topics.subscribe, master, silent_master)
         self._apart(run.open_watchers, ADDRESSES)
         return run.carry_out()
@@ -222,27 +216,26 @@ class _Node:
         if plan.settings.ros_interface:
             ros_interface.types()
         for doubt in extensions.doubts():
-            self._console.tell("warning", str(doubt))
+            self._console.warn(str(doubt))
         self._console.is_verbose = plan.settings.verbose_mode
         return plan, self._apart(lambda: _open_places(plan.settings), ADDRESSES)
 
     def _open_log(self) -> None:
         """Write to rospy's log file from now on, or report why not."""
-        path = log_writers.path()
-        reason = ""
+        path, reason = log_path(), ""
         try:
-            run_apart(lambda: log_writers.open_log(path), self._wake, self._is_stopped, LOG_LIMIT)
-        except Late as late:
-            reason = str(late)
-        except OSError as error:
-            reason = error.strerror or str(error)
+            run_apart(lambda: open_log(path), self._wake, self._is_stopped, LOG_LIMIT)
+        except Stopped:
+            raise
+        except (Late, OSError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
         except Exception as error:  # rospkg parses every package.xml, and one may be half-written
             reason = f"ROS cannot set up its logging: {described(error)}"
-        log_writers.leave_as_it_is()
+        # rospy would open it a second time, or hang
+        rospy.core.configure_logging = lambda *_: None
         self._console.attach()
         if reason:
-            self._console.tell(
-                "warning", f"no log file is written to {path}: {reason}; the node goes on")
+            self._console.warn(f"no log file is written to {path}: {reason}; the node goes on")
 
     def _apart(self, step: Callable[[], Any], what: str, late: Optional[Exception] = None) -> Any:
         """Do a step of the start that may hang on ``what``, or on another package's code, and
@@ -267,8 +260,8 @@ class _Node:
         if NAME_IS_TAKEN in reason:
             # a supervisor must not restart this node: it would end the other
             self._signals.stop_code = exit_codes.SUCCESS
-            self._console.tell("warning", "another node was started under the name "
-                                          f"{rospy.get_name()}: that one stays, this one ends")
+            self._console.warn("another node was started under the name "
+                               f"{rospy.get_name()}: that one stays, this one ends")
         elif not reason.startswith(REQUESTED):
             self._signals.stop_code = exit_codes.BROKEN
             self._console.report_internal_error(RuntimeError(reason))
@@ -448,9 +441,8 @@ class _Run:
 
     def _reload_by_signal(self) -> None:
         if not self._reload():
-            self._console.tell(
-                "warning", "SIGHUP ignored: the files are still being read since the one before; "
-                "if that does not end, a disk or the master hangs")
+            self._console.warn("SIGHUP ignored: the files are still being read since the one "
+                               "before; if that does not end, a disk or the master hangs")
 
     def _reload(self) -> bool:
         """Reload the files on a separate thread: a disk or the master may hang. Return False if it
@@ -465,22 +457,20 @@ class _Run:
 
     def _read_again(self) -> None:
         """Read the files; a valid mission follows the running one after its pass."""
+        tell, refused = self._console.tell, "refused, the running mission stays"
         try:
-            following = read_plan(self._clock, self._wake, self._console.tell)
+            following = read_plan(self._clock, self._wake, tell)
             chosen, now = following.settings.robot_interface, self._plan.settings.robot_interface
             if chosen != now:
-                self._console.tell("error", "refused, the running mission stays: robotInterface "
-                                            f"{chosen} cannot follow {now} while the node runs; "
-                                            "start the node again")
-                return
+                raise BehaviorControllerError(f"robotInterface {chosen} cannot follow {now} while "
+                                              "the node runs; start the node again")
             self._following.append(following)
             self._wake.emit()  # if the node waits for the end of a persistent cause
-            self._console.tell("info",
-                               "reloaded: this mission follows when the visitor's pass is over")
+            tell("info", "reloaded: this mission follows when the visitor's pass is over")
         except FaultsFound as error:
-            report_faults(error, self._console.tell, "refused, the running mission stays")
-        except NodesMissing as missing:
-            self._console.tell("error", f"refused, the running mission stays: {missing}")
+            report_faults(error, tell, refused)
+        except BehaviorControllerError as error:
+            tell("error", f"{refused}: {error}")
         # an internal error in reading a file must not end the running mission
         except BaseException as error:
             self._console.report_internal_error(error)

@@ -6,6 +6,7 @@ the operator wants, at a bounded rate; the tick thread obeys.
 import socket
 import threading
 import time
+from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Optional, Tuple
 
 import msgspec
@@ -45,15 +46,12 @@ Command = Callable[[], Tuple[bool, str]]
 """What a service does; returns whether it is done, and a line for the caller. Must not wait."""
 
 
-MESSAGES = ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
-"""The types of the diagnostics."""
-
-
 def types() -> Tuple[Any, ...]:
-    """Return the generated classes of ``std_srvs/Trigger`` and of ``MESSAGES``. Raises
+    """Return the generated classes of ``std_srvs/Trigger`` and of the diagnostics. Raises
     ConfigurationError if they are not installed."""
     trigger = roslib.message.get_service_class("std_srvs/Trigger")
-    messages = [roslib.message.get_message_class("diagnostic_msgs/" + name) for name in MESSAGES]
+    messages = [roslib.message.get_message_class("diagnostic_msgs/" + name)
+                for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")]
     if None in (trigger, *messages):
         raise ConfigurationError.of(
             "rosInterface", "it needs the ROS packages std_srvs and diagnostic_msgs",
@@ -79,15 +77,12 @@ def bound_handshakes() -> None:
         sock.settimeout(HANDSHAKE)
         start_thread("handshake", shake, sock, address)
 
-    def unlimited(handle: Callable[..., Any]) -> Callable[..., Any]:
-        def go_on(sock: socket.socket, address: Any, header: Any) -> Any:
-            sock.settimeout(None)
-            return handle(sock, address, header)
+    def go_on(handle: Callable[..., Any], sock: socket.socket, address: Any, header: Any) -> Any:
+        sock.settimeout(None)
+        return handle(sock, address, header)
 
-        return go_on
-
-    server.topic_connection_handler = unlimited(server.topic_connection_handler)
-    server.service_connection_handler = unlimited(server.service_connection_handler)
+    server.topic_connection_handler = partial(go_on, server.topic_connection_handler)
+    server.service_connection_handler = partial(go_on, server.service_connection_handler)
     server.tcp_ros_server.inbound_handler = start
 
 
@@ -108,7 +103,7 @@ class RosInterface:
         self._diagnostics = rospy.Publisher("/diagnostics", self._array, queue_size=10)
         bound_handshakes()
         for name, command in commands.items():
-            rospy.Service("~" + name, self._trigger, self._handler(command))
+            rospy.Service("~" + name, self._trigger, partial(self._carry_out, command))
         # the state shows last: then the services can be called
         self._thread = start_thread("ROS interface", self._work)
 
@@ -122,14 +117,11 @@ class RosInterface:
         self._closed.set()
         self._thread.join(CLOSING)
 
-    def _handler(self, command: Command) -> Callable[[Any], Any]:
-        def handle(request: Any) -> Any:
-            with self._rest:
-                time.sleep(REST)
-                outcome = (False, "the node ends") if self._closed.is_set() else command()
-                return self._trigger._response_class(*outcome)
-
-        return handle
+    def _carry_out(self, command: Command, request: Any) -> Any:
+        with self._rest:
+            time.sleep(REST)
+            outcome = (False, "the node ends") if self._closed.is_set() else command()
+            return self._trigger._response_class(*outcome)
 
     def _work(self) -> None:
         is_over = False

@@ -38,8 +38,12 @@ class Signals:
     """SIGINT, SIGTERM and SIGQUIT request a stop; SIGHUP to read the files again, unless the
     terminal is gone."""
 
-    def __init__(self, console: Console):
-        """Handle the signals from now on. Raises RuntimeError if no thread can be started."""
+    def __init__(self, console: Console, wake: Callable[[], None], ignored: Callable[[], None]):
+        """Handle the signals from now on. Raises RuntimeError if no thread can be started.
+
+        ``wake`` is called at the first request to stop, ``ignored`` ``REACTION`` seconds later, on
+        a thread of its own.
+        """
         self.stop_requested = threading.Event()
         self.stop_code: Optional[int] = None
         """The exit code of a stop that has a special one."""
@@ -47,14 +51,12 @@ class Signals:
         self.reload: Callable[[], None] = lambda: console.tell(
             "warning", "SIGHUP ignored: the mission has not begun")
         """Called at each SIGHUP that is not a hang-up. Must not wait for anything."""
-        self.ignored: Callable[[], None] = lambda: None
-        """Called on a thread of its own, ``REACTION`` seconds after the first request to stop."""
-        self.wake: Callable[[], None] = lambda: None
-        """Called at the first request to stop."""
+        self._wake = wake
+        self._ignored = ignored
         self._deadline = math.inf  # when the process ends in any case
         self._console = console
-        self._has_terminal = _terminal_answers()
-        self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
+        uses_nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        self._ends_with_terminal = _terminal_answers() and not uses_nohup
         # an ignored signal would never reach sigwait
         for number in TAKEN:
             signal.signal(number, signal.SIG_DFL)
@@ -72,24 +74,20 @@ class Signals:
 
     def _take(self) -> None:
         """Act on each signal until one of them means stop."""
-        while signal.sigwait(TAKEN) == signal.SIGHUP and not self._is_hang_up():
+        while signal.sigwait(TAKEN) == signal.SIGHUP and (
+                _terminal_answers() or not self._ends_with_terminal):
             self.reload()
         self._stop()
-
-    def _is_hang_up(self) -> bool:
-        """Whether the terminal in which the node was started is gone, and ``nohup`` was not used.
-        """
-        return self._has_terminal and not self._outlives_terminal and not _terminal_answers()
 
     def _stop(self) -> None:
         """Pass the request on, and end the process if it has not ended ``STOP_LIMIT`` seconds
         later."""
         self._deadline = time.monotonic() + STOP_LIMIT
         self.stop_requested.set()
-        self.wake()
+        self._wake()
         time.sleep(REACTION)
         with contextlib.suppress(RuntimeError):  # no threads left: the limit holds
-            start_thread("stop", self.ignored)
+            start_thread("stop", self._ignored)
         time.sleep(max(0.0, self.time_left))
         if not self.is_over:
             self._console.tell("error", NOT_STOPPED)

@@ -5,7 +5,9 @@ each publisher and shakes hands, all at once and each bounded in time; all that 
 reported together.
 """
 import time
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+from concurrent.futures import TimeoutError as FutureTimeout, wait
+from functools import partial
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Sequence, Set, Tuple
 
 import rospy
 
@@ -17,34 +19,18 @@ from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.tcpros import (
-    Connection, Trouble, ask_master, STEP_LIMIT, open_publisher)
+    Connection, ROUND, STEP_LIMIT, Trouble, ask_master, open_publisher)
 from behavior_controller.ros.service_client import open_service
-from behavior_controller.ros.timeouts import Stopped, start_thread
+from behavior_controller.ros.timeouts import begin, run_apart
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 
 PROBE_LIMIT = 3.0
 """Seconds after which a service or topic without an answer counts as missing."""
 
-ROUND = 0.5
-"""Seconds between two checks of what is missing, while the start waits (``startupTimeout``)."""
-
 
 def _keys(offers: Iterable[Offer]) -> Set[Tuple[str, str]]:
     """Return what identifies each of these services and topics on the network: name and type."""
     return {(resolved(offer), TYPES[offer]._md5sum) for offer in offers}
-
-
-class Missing(NamedTuple):
-    """A service or topic that did not pass, and why."""
-
-    offer: Offer
-    trouble: Trouble
-
-    def __str__(self) -> str:
-        """Return a line for an operator."""
-        offer, trouble = self
-        return (f"{offer.kind} {resolved(offer)} (of node /{offer.node}): {trouble.reason}; "
-                f"without it {offer.absence}")
 
 
 # --------------------------------------------------------------------------------------- the probes
@@ -59,26 +45,16 @@ def _probe_service(service: Service) -> None:
     _compare(answer, TYPES[service], "its server")
 
 
-def _probe_topic(topic: Topic) -> None:
-    """Connect to each publisher until one is right. An action may replace the topic."""
-    wanted = [(resolved(topic), TYPES[topic])]
-    if topic.action is not None:
-        wanted.append(_result_of(topic.action))
-    _probe_publishers(wanted, not_published(topic))
-
-
-def _probe_action(action: Action) -> None:
-    """Connect to the topic of its results."""
-    _probe_publishers([_result_of(action)], NO_ACTION)
-
-
-def _result_of(action: Action) -> Tuple[str, Any]:
-    return resolved(action) + "/result", type(TYPES[action]().action_result)
-
-
-def _probe_publishers(wanted: Sequence[Tuple[str, Any]], otherwise: str) -> None:
-    """Connect to publishers of the ``wanted`` topics and types until one is right; else raise what
-    is wrong with the first, or ``otherwise``."""
+def _probe_publishers(offer: Offer) -> None:
+    """Connect to publishers of a topic, or of an action's results, until one is right; else raise
+    what is wrong with the first. An action may replace a topic."""
+    wanted, otherwise = [], NO_ACTION
+    action = offer if isinstance(offer, Action) else None
+    if isinstance(offer, Topic):
+        action, otherwise = offer.action, not_published(offer)
+        wanted.append((resolved(offer), TYPES[offer]))
+    if action is not None:
+        wanted.append((resolved(action) + "/result", type(TYPES[action]().action_result)))
     publishers, _, _ = ask_master("getSystemState", seconds=STEP_LIMIT)
     troubles: List[Trouble] = []
     for topic, kind in wanted:
@@ -115,8 +91,8 @@ def _probe_publisher(topic: str, kind: Any, node: str) -> None:
 
 
 PROBES: Dict[type, Callable[[Any], None]] = {
-    Service: _probe_service, Action: _probe_action, Publication: _probe_subscribers,
-    Topic: _probe_topic}
+    Service: _probe_service, Action: _probe_publishers, Publication: _probe_subscribers,
+    Topic: _probe_publishers}
 """What raises ``Trouble`` if it cannot be used, in bounded time, by the kind of declaration."""
 
 
@@ -131,92 +107,78 @@ def _compare(answer: Dict[str, str], wanted: Any, peer: str) -> None:
 
 
 def find_missing(offers: Sequence[Offer], wake: WakeUp,
-                 is_stopped: Callable[[], bool]) -> List[Missing]:
-    """Examine ``offers`` in parallel and return those that cannot be used, in their order.
+                 is_stopped: Callable[[], bool]) -> Dict[Offer, Trouble]:
+    """Examine ``offers`` in parallel and return those that cannot be used, in their order, each
+    with the reason.
 
-    Ends within ``PROBE_LIMIT``, or when ``wake`` signals that the operator has stopped the node.
+    Ends within ``PROBE_LIMIT``. Raises ``Stopped`` when ``wake`` signals that the operator has
+    stopped the node.
     """
-    silence = Trouble(Cause.NO_ANSWER, f"not in {PROBE_LIMIT:g} s")
-    troubles: Dict[Offer, Optional[Trouble]] = {}
-
-    def probe(offer: Offer) -> None:
+    probes = [begin("probe " + offer.name, partial(PROBES[type(offer)], offer))[1]
+              for offer in offers]
+    run_apart(lambda: wait(probes, PROBE_LIMIT), wake, is_stopped, 2 * PROBE_LIMIT)
+    missing: Dict[Offer, Trouble] = {}
+    for offer, probe in zip(offers, probes):
         try:
-            PROBES[type(offer)](offer)
-            troubles[offer] = None
+            probe.result(0)
         except Trouble as trouble:
-            troubles[offer] = trouble
-        wake.emit()
-
-    for offer in offers:
-        start_thread("probe " + offer.name, probe, offer)
-    deadline = time.monotonic() + PROBE_LIMIT
-    while len(troubles) < len(offers) and time.monotonic() < deadline and not is_stopped():
-        wake.wait(max(0.0, deadline - time.monotonic()))
-        wake.test_and_clear()
-    verdicts = ((offer, troubles.get(offer, silence)) for offer in offers)
-    return [Missing(offer, trouble) for offer, trouble in verdicts if trouble is not None]
+            missing[offer] = trouble
+        except FutureTimeout:
+            missing[offer] = Trouble(Cause.NO_ANSWER, f"not in {PROBE_LIMIT:g} s")
+    return missing
 
 
-class StartUpCheck:
+class StartUpCheck(NamedTuple):
     """Waits for the robot's nodes as long as the configuration allows."""
 
-    def __init__(self, plan: Mission, tell: Callable[[str, str], None], wake: WakeUp,
-                 is_stopped: Callable[[], bool]):
-        """``tell`` takes a severity and a line for the operator; ``wake`` and ``is_stopped`` are as
-        in ``find_missing``."""
-        self._settings = plan.settings
-        self._interface = plan.settings.interface
-        self._offers = plan.offers
-        self._tell = tell
-        self._wake = wake
-        self._is_stopped = is_stopped
+    plan: Mission
+    tell: Callable[[str, str], None]
+    """Takes a severity and a line for the operator."""
+    wake: WakeUp
+    is_stopped: Callable[[], bool]
 
     def run(self) -> None:
         """Return when the mission has all that it needs.
 
         Raises ``Stopped``, and ``NodesMissing``, which lists all that is missing.
         """
-        deadline = time.monotonic() + self._settings.startup_timeout
-        missing = self._missing(self._offers)
+        deadline = time.monotonic() + self.plan.settings.startup_timeout
+        missing = self._missing(self.plan.offers)
         self._look_for_another_robot(missing)
         awaited: List[str] = []
         while self._needed(missing) and time.monotonic() < deadline:
-            names = [resolved(absent.offer) for absent in self._needed(missing)]
+            names = [resolved(offer) for offer in self._needed(missing)]
             if names != awaited:
                 left = deadline - time.monotonic()
-                self._tell("info", f"waiting up to {left:.0f} s for {', '.join(names)}")
+                self.tell("info", f"waiting up to {left:.0f} s for {', '.join(names)}")
                 awaited = names
-            self._wake.wait(min(ROUND, max(0.0, deadline - time.monotonic())))
-            self._wake.test_and_clear()
-            missing = self._missing([absent.offer for absent in missing])
-        if awaited:
+            self.wake.wait(min(ROUND, max(0.0, deadline - time.monotonic())))
+            self.wake.test_and_clear()
+            missing = self._missing(list(missing))
             self._look_for_another_robot(missing)
         self._report(missing)
 
-    def _missing(self, offers: Sequence[Offer]) -> List[Missing]:
-        """Return what is missing of ``offers``. Raises ``Stopped``."""
-        missing = find_missing(offers, self._wake, self._is_stopped)
-        if self._is_stopped():
-            raise Stopped("stopped")
-        return missing
+    def _missing(self, offers: Sequence[Offer]) -> Dict[Offer, Trouble]:
+        return find_missing(offers, self.wake, self.is_stopped)
 
-    def _needed(self, missing: List[Missing]) -> List[Missing]:
+    def _needed(self, missing: Dict[Offer, Trouble]) -> List[Offer]:
         """Return what is missing and without which the mission does not start."""
-        return [absent for absent in missing if not self._reason_to_go_on(absent)]
+        return [offer for offer, trouble in missing.items()
+                if not self._reason_to_go_on(offer, trouble)]
 
-    def _reason_to_go_on(self, missing: Missing) -> str:
+    def _reason_to_go_on(self, offer: Offer, trouble: Trouble) -> str:
         """Return why the mission can start without it; empty if it cannot."""
-        offer, asr_enabled = missing.offer, self._settings.asr_enabled
-        if offer is self._interface.evidence(Sense.UTTERANCE).topic:
+        asr_enabled = self.plan.settings.asr_enabled
+        if offer is self.plan.settings.interface.evidence(Sense.UTTERANCE).topic:
             return "" if asr_enabled else "asrEnabled is false: going on"
-        has_another_type = missing.trouble.cause is Cause.TYPE_MISMATCH
+        has_another_type = trouble.cause is Cause.TYPE_MISMATCH
         if isinstance(offer, Topic) or not offer.is_optional or has_another_type:
             return ""
         if not offer.fails_without:
             return "going on: a step that asks for it is passed over while no node offers it"
         return "going on: a step that asks for it fails" if asr_enabled else ""
 
-    def _look_for_another_robot(self, missing: List[Missing]) -> None:
+    def _look_for_another_robot(self, missing: Dict[Offer, Trouble]) -> None:
         """Raise ``NodesMissing`` if the robot is not the configured one.
 
         That is so if nothing exists that only the configured robot has, but something that only
@@ -224,31 +186,36 @@ class StartUpCheck:
         """
         if not self._needed(missing):
             return
-        ours = _keys(self._interface.offers)
-        there = _keys(self._offers) - _keys(
-            absent.offer for absent in missing
-            if absent.trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED))
+        ours = _keys(self.plan.settings.interface.offers)
+        there = _keys(self.plan.offers) - _keys(
+            offer for offer, trouble in missing.items()
+            if trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED))
         for name, interface in INTERFACES.items():
             if not there <= _keys(interface.offers):
                 continue
             own = [offer for offer in interface.offers if not _keys([offer]) <= ours]
-            lacking = [absent.offer for absent in self._missing(own)]
+            lacking = self._missing(own)
             names = sorted(f"{resolved(offer)} as {offer.type}" for offer in own
                            if offer not in lacking)
             if names:
                 raise NodesMissing(
                     f"the robot speaks {name}, and the configuration says robotInterface "
-                    f"{self._interface.name}: set robotInterface {name} (found: "
+                    f"{self.plan.settings.interface.name}: set robotInterface {name} (found: "
                     f"{', '.join(names)})")
 
-    def _report(self, missing: List[Missing]) -> None:
+    def _report(self, missing: Dict[Offer, Trouble]) -> None:
         """Warn of what is missing and not needed, and raise for the rest."""
-        needed = self._needed(missing)
-        for absent in missing:
-            if absent not in needed:
-                self._tell("warning", f"{absent} ({self._reason_to_go_on(absent)})")
+        needed = []
+        for offer, trouble in missing.items():
+            line = (f"{offer.kind} {resolved(offer)} (of node /{offer.node}): {trouble.reason}; "
+                    f"without it {offer.absence}")
+            reason = self._reason_to_go_on(offer, trouble)
+            if reason:
+                self.tell("warning", f"{line} ({reason})")
+            else:
+                needed.append("  " + line)
         if needed:
-            lines = [f"{len(needed)} of the {len(self._offers)} services and topics that the "
-                     "mission needs are missing:", *(f"  {absent}" for absent in needed),
-                     "start what is missing and start again, or set startupTimeout to wait for it"]
-            raise NodesMissing("\n".join(lines))
+            raise NodesMissing("\n".join([
+                f"{len(needed)} of the {len(self.plan.offers)} services and topics that the "
+                "mission needs are missing:", *needed,
+                "start what is missing and start again, or set startupTimeout to wait for it"]))

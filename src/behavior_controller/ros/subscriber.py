@@ -19,21 +19,13 @@ import rospy
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.gateway import Cause, Sample, Topics, since
 from behavior_controller.robot.declarations import Interface, Topic
-from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
+from behavior_controller.ros.tcpros import (
+    AGAIN, Connection, MOST_BYTES, ROUND, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
-from behavior_controller.ros.speech_action_client import SpeechActionClient
+from behavior_controller.ros.action_client import SpeechActionClient
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 from behavior_controller.text import clean
-
-ROUND = 0.5
-"""Seconds between two reads of the master's state."""
-
-RETRY = 0.5
-"""Seconds between an attempt to connect to a publisher and the next one."""
-
-AGAIN = 0.05
-"""Seconds between a broken connection and the next attempt: a publisher may end each at once."""
 
 BUFFER_BYTES = 65536
 """The most bytes of one read; far more than arrive during a pause."""
@@ -77,14 +69,10 @@ class Link:
         self._latch = latch
         self._connection = Connection()
         self._ended = threading.Event()
-        self.header: Optional[Dict[str, str]] = None
-        """The publisher's handshake, while connected."""
-        self.is_right = False
-        """Whether there is a connection whose messages are used."""
-        self.is_garbled = False
-        """Whether its newest message could not be used."""
-        self.has_tried = False
-        """Whether an attempt to connect has ended."""
+        self.header: Dict[str, str] = {}
+        """The publisher's handshake; empty while not connected."""
+        self.fault: Optional[str] = None
+        """Why its messages are not used; empty: they are; None: it was not tried yet."""
         start_thread("topic " + latch.name, self._work)
 
     def end(self) -> None:
@@ -94,36 +82,32 @@ class Link:
 
     def reconnect(self) -> None:
         """End the current connection, and make a new one."""
-        if self.header is not None:
+        if self.header:
             self._connection.close()
 
     def _work(self) -> None:
         while not self._ended.is_set():
             self._connection = Connection()
-            has_stood = False
             try:
-                self._open()
-                has_stood = True
-                self._listen()
-            except Trouble:
-                pass  # the monitor reports it if it lasts
+                with contextlib.suppress(Trouble):  # the monitor reports it if it lasts
+                    self._open()
+                    self._listen()
             finally:
-                self.is_right, self.is_garbled, self.header = False, False, None
-                self.has_tried = True
+                pause = AGAIN if self.header else ROUND
+                self.fault = f"its publisher at {self._uri} cannot be reached"
+                self.header = {}
                 self._connection.hang_up()
-            self._ended.wait(AGAIN if has_stood else RETRY)
+            self._ended.wait(pause)
 
     def _open(self) -> None:
         """Connect and shake hands."""
         message_type = self._latch.message_type
-        header = open_publisher(self._connection, self._uri, self._latch.name,
-                                type=message_type._type, tcp_nodelay="1",
-                                message_definition=message_type._full_text)
+        self.header = open_publisher(self._connection, self._uri, self._latch.name,
+                                     type=message_type._type, tcp_nodelay="1",
+                                     message_definition=message_type._full_text)
         self._connection.notice_a_dead_host()
         self._connection.wait_without_limit()
-        self.header = header
-        self.is_right = self._latch.accepts(header)
-        self.has_tried = True
+        self.fault = self._latch.fault_of(self.header)
 
     def _listen(self) -> None:
         """Read messages until the connection ends.
@@ -131,21 +115,23 @@ class Link:
         The first message of a latching publisher may be as old as the publisher: it is not used as
         evidence.
         """
-        header = self.header or {}
-        is_old = header.get("latching") == "1"
+        is_wrong = bool(self.fault)
+        is_old = self.header.get("latching") == "1"
         buffer = bytearray()
         while not self._ended.is_set():
             buffer += self._connection.receive_some(BUFFER_BYTES)
             messages = split(buffer)
-            if not self.is_right:
+            if is_wrong:
                 # read all the same: a publisher that is not read from would block
-                time.sleep(RETRY)
+                time.sleep(ROUND)
                 continue
             if messages and is_old:
                 is_old = False
-                self._latch.pass_over(header, messages.pop(0))
+                self._latch.pass_over(self.header, messages.pop(0))
             if messages:
-                self.is_garbled = not self._latch.receive(messages)
+                self.fault = "" if self._latch.receive(messages) else (
+                    f"no message of {_sender(self.header)} can be decoded: build both from the "
+                    "same msg files")
 
 
 class Latch:
@@ -167,7 +153,7 @@ class Latch:
         self._is_met = False
         self.count = 0  # messages since there is a connection
         self.last_arrival = self._since = time.monotonic()  # of the last of them, and of the first
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._bytes: Optional[bytes] = None
         self._alarms: Dict[Any, Callable[[Any], bool]] = {}
         self._recent: Tuple[Sample, ...] = ()
@@ -190,40 +176,27 @@ class Latch:
     @property
     def is_searched(self) -> bool:
         """Whether the topic's publishers were looked up, and each was tried."""
-        return self._is_met and all(link.has_tried for link in self._links.values())
+        return self._is_met and all(link.fault is not None for link in self._links.values())
 
     @property
     def _is_published(self) -> bool:
-        return any(link.is_right and not link.is_garbled for link in self._links.values())
+        return any(link.fault == "" for link in self._links.values())
 
     @property
     def absence(self) -> str:
         """Why the topic is not connected, as far as that is known."""
-        links = [(uri, link.header or {}, link) for uri, link in self._links.items()]
-        wrong = [f"{_sender(header)} as {header.get('type')}" for _, header, link in links
-                 if header and not link.is_right]
-        garbled = [_sender(header) for _, header, link in links if link.is_garbled]
-        unreachable = [uri for uri, header, _ in links if not header]
-        if wrong:
-            return f"published by {', '.join(wrong)}; expected is {self._topic.type}"
-        if garbled:
-            return (f"no message of {', '.join(garbled)} can be decoded: build both from the same "
-                    "msg files")
-        if unreachable:
-            return f"its publisher at {', '.join(unreachable)} cannot be reached"
-        return not_published(self._topic)
+        faults = [link.fault for link in self._links.values() if link.fault]
+        return "; ".join(faults) or not_published(self._topic)
 
     @property
     def connected_nodes(self) -> Dict[str, str]:
         """The addresses of the nodes that are connected, by their names."""
-        headers = [(uri, link.header) for uri, link in self._links.items()]
-        return {_sender(header): uri for uri, header in headers if header}
+        return {_sender(link.header): uri for uri, link in self._links.items() if link.header}
 
     def meet(self, uris: Sequence[str]) -> None:
         """Connect to the publishers at ``uris``, and stop trying to reach others. Only one thread
         calls this."""
-        links = {uri: link for uri, link in self._links.items()
-                 if uri in uris or link.header is not None}
+        links = {uri: link for uri, link in self._links.items() if uri in uris or link.header}
         for uri in set(self._links).difference(links):
             self._links[uri].end()
         for uri in set(uris).difference(links):
@@ -236,19 +209,19 @@ class Latch:
         for link in self._links.values():
             link.reconnect()
 
-    def accepts(self, header: Dict[str, str]) -> bool:
-        """Return whether the publisher behind a handshake sends the expected type; only then are
-        its messages used."""
+    def fault_of(self, header: Dict[str, str]) -> str:
+        """Return why the messages of the publisher behind a handshake are not used; empty: they
+        are, as they have the expected type."""
         wanted = self.message_type
         if header.get("md5sum") == wanted._md5sum:
             if not self._is_published:
                 # the rate of the topic is measured again, without the silence before
                 self.count = 0
-            return True
+            return ""
         sender = _sender(header)
         self._warn_once(sender, f"ignoring what {sender} publishes on {self.name}: it is "
                                 f"{type_mismatch(header, wanted)}")
-        return False
+        return f"published by {sender} as {header.get('type')}; expected is {self._topic.type}"
 
     def _warn_once(self, subject: str, text: str) -> None:
         if subject not in self._warned:
@@ -288,34 +261,28 @@ class Latch:
             value = self._decode(data) if is_news else self._recent[-1].value
             if value is None:
                 return None
-            self._bytes = data
-            self._take(value)
+            self.hear(value, data)
         reason, is_missed = self.ignoring
         if reason and is_missed(value):
-            self._warn_ignored(reason, value, reason)
+            self._warn_once(reason, f"ignoring {value!r} on {self.name}: {reason}")
         return is_news
 
-    def _take(self, value: Any) -> None:
-        self._recent = self._topic.kept(self._recent, Sample(value, time.monotonic()))
-        self._ring(value)
-
-    def hear(self, value: Any) -> None:
-        """Use the action's result as the newest message. Any thread may call this."""
+    def hear(self, value: Any, data: Optional[bytes] = None) -> None:
+        """Use ``value`` as the newest message, whose bytes were ``data``: none, if an action
+        brought it. Any thread may call this."""
         with self._lock:
-            self._bytes = None
-            self._take(value)
+            self._bytes = data
+            self._recent = self._topic.kept(self._recent, Sample(value, time.monotonic()))
+            self._ring(value)
 
     def pass_over(self, header: Dict[str, str], data: bytes) -> None:
         """Report that the first message of a latching publisher is not used; a state is sent again.
         """
         value = None if self._topic.is_continuous else self._decode(data)
         if value:
-            text = (f"{_sender(header)} publishes it latched, so it may be old; publish it without "
-                    f"latching: rostopic pub -r 1 {self.name} …")
-            self._warn_ignored("latching", value, text)
-
-    def _warn_ignored(self, cause: str, value: Any, text: str) -> None:
-        self._warn_once(cause, f"ignoring {value!r} on {self.name}: {text}")
+            self._warn_once("latching", (
+                f"ignoring {value!r} on {self.name}: {_sender(header)} publishes it latched, so it "
+                f"may be old; publish it without latching: rostopic pub -r 1 {self.name} …"))
 
     def _decode(self, data: bytes) -> Any:
         """Return the plain data of a message, or None if the bytes are not one of its type."""
@@ -329,7 +296,11 @@ class Latch:
     def _ring(self, value: Any) -> None:
         """Wake the tree for each alarm that waited for ``value``."""
         for key, wanted in list(self._alarms.items()):
-            if _is_wanted(wanted, value):
+            try:
+                is_wanted = wanted(value)
+            except BaseException:  # SystemExit would end the thread; the tick reports whose it is
+                is_wanted = True
+            if is_wanted:
                 del self._alarms[key]
                 self._wake()
 
@@ -352,15 +323,6 @@ class Latch:
         """Forget the alarm ``key``, if there is one."""
         with self._lock:
             self._alarms.pop(key, None)
-
-
-def _is_wanted(wanted: Callable[[Any], bool], value: Any) -> bool:
-    """Return whether the tree is to look at ``value``; if the check fails, the tick reports whose
-    it is."""
-    try:
-        return wanted(value)
-    except BaseException:  # SystemExit would end the thread of the messages
-        return True
 
 
 def _sender(header: Dict[str, str]) -> str:
@@ -390,15 +352,9 @@ class RosTopics(Topics):
             with contextlib.suppress(Trouble, RuntimeError), DIRECTORY.round():
                 DIRECTORY.refresh()
                 for latch in self.latches.values():
-                    self._follow(latch)
+                    with contextlib.suppress(Trouble):  # the others are met all the same
+                        latch.meet(DIRECTORY.publishers(latch.name, latch.connected_nodes))
             time.sleep(ROUND)
-
-    @staticmethod
-    def _follow(latch: Latch) -> None:
-        """Meet the listed publishers; without an answer about one topic the others are met all the
-        same."""
-        with contextlib.suppress(Trouble):  # the directory has noted it
-            latch.meet(DIRECTORY.publishers(latch.name, latch.connected_nodes))
 
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """See ``Topics``."""

@@ -38,6 +38,12 @@ STEP_LIMIT = 2.0
 """Seconds that a publisher has for each step: to answer with its address, to accept the connection,
 to shake hands."""
 
+ROUND = 0.5
+"""Seconds between two attempts to reach what is not there."""
+
+AGAIN = 0.05
+"""Seconds between a broken connection and the next one: a peer may end each at once."""
+
 MOST_BYTES = 64 * 1024 * 1024
 """The most bytes of a header or answer; a longer one counts as a broken stream. The longest real
 one lists the places."""

@@ -111,12 +111,7 @@ def filled(message: Any, service: Service, request: Request) -> Any:
     return message
 
 
-def _offers() -> Dict[Offer, None]:
-    robots = INTERFACES.values()
-    actions = [topic.action for robot in robots for topic in robot.topics]
-    return dict.fromkeys([offer for robot in robots for offer in robot.offers] +
-                         [action for action in actions if action is not None])
-
-
-TYPES: Dict[Offer, Any] = {offer: message_class(offer) for offer in _offers()}
+TYPES: Dict[Offer, Any] = {
+    offer: message_class(offer) for robot in INTERFACES.values()
+    for offer in (*robot.offers, *(topic.action for topic in robot.topics if topic.action))}
 """Declaration -> its class."""

@@ -8,7 +8,7 @@ no judgement waits for a master. Changes go to ``Health``.
 import contextlib
 import threading
 import time
-from typing import Callable, Dict, FrozenSet, Iterable, Set, Tuple
+from typing import Callable, Dict, Iterable, Set, Tuple
 
 import rosgraph
 
@@ -17,7 +17,8 @@ from behavior_controller.execution.health import (
     GONE, Health, NEW, SILENT, SLOW, available_again, gone)
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Topic)
-from behavior_controller.ros.tcpros import CHUNK, Connection, Trouble, STEP_LIMIT, open_publisher
+from behavior_controller.ros.tcpros import (
+    AGAIN, CHUNK, Connection, ROUND, STEP_LIMIT, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.subscriber import Latch, RosTopics
@@ -27,9 +28,6 @@ from behavior_controller.ros.types import resolved
 CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
 seconds."""
-
-ROUND = 0.5
-"""Seconds between two attempts to reach a server that is gone."""
 
 SILENCE = 1.25
 """Seconds without a message after which a continuous topic is silent, unless its messages are rare.
@@ -62,8 +60,13 @@ It is long enough for one lost packet. The connection to an unreachable host bre
 a half seconds, so that is reported within five.
 """
 
-RETRY = 0.05
-"""Seconds between a broken connection and the next one: a server may end each at once."""
+LOST = 2
+"""A master is lost after this number of unanswered rounds: over a poor link one question in a
+hundred is lost."""
+
+SLOW_IN_A_ROW = 4
+"""A master is slow after this number of slow answers in a row: over a poor link a tenth are slow.
+"""
 
 NO_MASTER = (
     "the mission goes on with the nodes where they were last, but finds none that is started now")
@@ -86,12 +89,10 @@ class Monitor:
         self._speech = interface.evidence(Sense.UTTERANCE).topic
         self._health = health
         self._is_asr_enabled = is_asr_enabled
-        self._connections: Dict[Offer, Connection] = {}
         # whether it was all right, by name and respect
         self._reported: Dict[Tuple[str, str], bool] = {}
         self._closed = threading.Event()
-        self._was_there: Set[Offer] = set()  # the services that the robot has
-        self._may_lack: FrozenSet[Offer] = frozenset()
+        self._needed: Set[Offer] = set()
         self._lonely: Dict[Topic, float] = {}  # since when a topic has had no connection
         # of a silent topic: time of its last message, and the silence after which to reconnect
         self._silent: Dict[Topic, Tuple[float, float]] = {}
@@ -101,10 +102,8 @@ class Monitor:
         reported."""
         added = [offer for offer in offers if offer not in self._offers]
         self._offers += tuple(added)
-        if may_lack:
-            self._may_lack = self._may_lack.union(added)
-        else:
-            self._may_lack = self._may_lack.difference(offers)
+        if not may_lack:
+            self._needed.update(offers)
         for offer in added:
             # a subscriber has no address to connect to
             if not isinstance(offer, (Topic, Publication)):
@@ -115,10 +114,8 @@ class Monitor:
         start_thread("monitor topics and master", self._check_all)
 
     def close(self) -> None:
-        """Let the threads end; does not wait for them."""
+        """Let the threads end, each at its next event; does not wait for them."""
         self._closed.set()
-        for connection in list(self._connections.values()):
-            connection.close()
 
     # ------------------------------------------------------------------------------------- services
 
@@ -128,7 +125,8 @@ class Monitor:
             try:
                 self._hold(offer)
             except Trouble as trouble:
-                if offer in self._was_there or not (offer.is_optional or offer in self._may_lack):
+                is_needed = offer in self._needed and not offer.is_optional
+                if is_needed or (resolved(offer), GONE) in self._reported:
                     self._tell_gone(offer, trouble.reason)
                 self._closed.wait(ROUND)
 
@@ -137,28 +135,24 @@ class Monitor:
         after a break."""
         connect, limit = _connect_to(offer), STEP_LIMIT
         while not self._closed.is_set():
-            connection = self._connections[offer] = Connection()
+            connection = Connection()
             connect(connection, limit)
-            self._was_there.add(offer)
             self._tell_back(offer)
-            self._wait_for_end(connection)
-            self._closed.wait(RETRY)
+            connection.notice_a_dead_host()
+            connection.wait_without_limit()
+            with contextlib.suppress(Trouble):
+                while not self._closed.is_set():
+                    connection.receive_some(CHUNK)
+            connection.hang_up()
+            self._closed.wait(AGAIN)
             limit = RETURN_LIMIT
-
-    def _wait_for_end(self, connection: Connection) -> None:
-        """Return when the connection has ended."""
-        connection.notice_a_dead_host()
-        connection.wait_without_limit()
-        with contextlib.suppress(Trouble):
-            while not self._closed.is_set():
-                connection.receive_some(CHUNK)
-        connection.hang_up()
 
     def _report(self, respect: str, change: HealthChanged) -> None:
         """Report a changed state to the health; only changes, since each wakes the tree. Each
         thread reports on its own."""
-        if self._reported.get((change.name, respect), True) is not change.is_well:
-            self._reported[change.name, respect] = change.is_well
+        was_well = self._reported.get((change.name, respect), True)
+        self._reported[change.name, respect] = change.is_well
+        if was_well is not change.is_well:
             self._health.report(respect, change)
 
     def _tell_gone(self, offer: Offer, reason: str) -> None:
@@ -184,10 +178,10 @@ class Monitor:
                 "master", rosgraph.get_master_uri(), "", not consequence, status, consequence))
 
         forgotten = DIRECTORY.forgotten
-        if DIRECTORY.is_lost:
+        if DIRECTORY.unanswered >= LOST:
             report(GONE, DIRECTORY.fault, NO_MASTER)
             return
-        if DIRECTORY.is_slow:
+        if DIRECTORY.slow_answers >= SLOW_IN_A_ROW:
             report(SLOW, "answers slowly", SLOW_MASTER)
         else:
             report(SLOW, "answers in time again")
@@ -223,26 +217,22 @@ class Monitor:
                 latch.reconnect()
             return
         has_rate = latch.count >= ENOUGH
-        is_well = silence <= (max(SILENCE, GAPS * latch.usual_gap) if has_rate else FIRST_SILENCE)
-        if is_well:
-            self._silent.pop(topic, None)
-        else:
-            self._silent[topic] = latch.last_arrival, silence + RECONNECT
         status, consequence = "heard again", ""
-        if not is_well:
+        if silence > (max(SILENCE, GAPS * latch.usual_gap) if has_rate else FIRST_SILENCE):
+            self._silent[topic] = latch.last_arrival, silence + RECONNECT
             status = f"silent for {silence:.1f} s"
             consequence = "until it is heard again, " + topic.absence
         self._report(SILENT, HealthChanged(
-            topic.kind, latch.name, topic.node, is_well, status, consequence))
+            topic.kind, latch.name, topic.node, not consequence, status, consequence))
 
 
 def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
     """Return what connects to a server, which is looked up now: of an action, to its status. Raises
     ``Trouble``."""
     name = resolved(offer)
-    if not isinstance(offer, Action):
-        place = DIRECTORY.service(name, STEP_LIMIT)
-        return lambda connection, limit: open_service(place, connection, name, "*", limit,
-                                                      persistent="1")
-    uri = DIRECTORY.server(name, STEP_LIMIT)
-    return lambda connection, limit: open_publisher(connection, uri, name + "/status", "_monitor")
+    if isinstance(offer, Action):
+        uri = DIRECTORY.server(name, STEP_LIMIT)
+        return lambda connection, _: open_publisher(connection, uri, name + "/status", "_monitor")
+    place = DIRECTORY.service(name, STEP_LIMIT)
+    return lambda connection, limit: open_service(place, connection, name, "*", limit,
+                                                  persistent="1")
