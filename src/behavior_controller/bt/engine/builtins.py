@@ -1,6 +1,5 @@
 """The built-in leaves of BehaviorTree.CPP v4, and the list of every built-in node type with its
 ports."""
-from functools import partial
 from typing import Any, Dict, List, Optional
 
 from behavior_controller.bt import possible_results as possible
@@ -134,17 +133,11 @@ class WasEntryUpdated(decorators.Watching, SyncActionLeaf):
         return SUCCESS if self.is_updated() else FAILURE
 
 
-_KINDS = ((controls.Control, Kind.CONTROL), (decorators.Decorator, Kind.DECORATOR),
-          (ConditionLeaf, Kind.CONDITION), (SyncActionLeaf, Kind.ACTION),
-          (TimedAction, Kind.ACTION))
-
-
 def _spec(factory: Any, outcome: Optional[possible.Outcome] = None, node_id: str = "",
           is_instant: bool = True, **facts: Any) -> NodeSpec:
     """Return the node type of a class, with the first line of what it does."""
-    kind = next(kind for base, kind in _KINDS if issubclass(factory, base))
     description = factory.__doc__.split("\n")[0]
-    return NodeSpec(node_id or factory.__name__, kind, factory, factory.PORTS, description,
+    return NodeSpec(node_id or factory.__name__, factory.KIND, factory, factory.PORTS, description,
                     outcome=outcome, is_instant=is_instant, **facts)
 
 
@@ -154,8 +147,7 @@ def _loop(node_id: str, item_type: str, over: str, literal: str = "") -> NodeSpe
     at_end = "the result when nothing is left"
     if_empty = Port("if_empty", "NodeStatus", default="SUCCESS", description=at_end)
     value = Port("value", item_type, Direction.OUT, None, "the item of this round")
-    factory = partial(decorators.Loop, item_type=item_type)
-    return NodeSpec(node_id, Kind.DECORATOR, factory, (queue, if_empty, value),
+    return NodeSpec(node_id, Kind.DECORATOR, decorators.Loop, (queue, if_empty, value),
                     f"Loop over {over}.", outcome=possible.for_each_item)
 
 
@@ -164,8 +156,7 @@ def _switch(cases: int) -> NodeSpec:
     value = "value that chooses this child"
     case_ports = [Port(f"case_{number}", TEXT, description=value, role=Role.CASE)
                   for number in range(1, cases + 1)]
-    factory = partial(controls.Switch, cases=cases)
-    return NodeSpec(f"Switch{cases}", Kind.CONTROL, factory, (variable, *case_ports),
+    return NodeSpec(f"Switch{cases}", Kind.CONTROL, controls.Switch, (variable, *case_ports),
                     outcome=possible.of_any_child, is_instant=True, child_counts=(cases + 1,),
                     children="one for each case and the default")
 

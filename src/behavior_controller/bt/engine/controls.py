@@ -11,18 +11,14 @@ from py_trees.common import ParallelPolicy
 
 from behavior_controller.bt.engine.node import NodeError, Parent, Result, halt_child
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.registry import Port, Role
+from behavior_controller.bt.registry import Kind, Port, Role
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
 class Control(Parent, composites.Composite):
     """A node with one or more children."""
 
-    def others_halted(self, kept: int) -> None:
-        """Halt every child but number ``kept``."""
-        for index, child in enumerate(self.children):
-            if index != kept and child.status is not IDLE:
-                halt_child(child)
+    KIND = Kind.CONTROL
 
     def input_or(self, port: str, otherwise: Any) -> Any:
         """Return the value of an input port, or ``otherwise`` if it cannot be read."""
@@ -44,6 +40,8 @@ class _InOrder(Control):
     ends_at = FAILURE
     goes_on_at = SUCCESS
     memory = True
+    yields = False
+    """Whether to yield (RUNNING and a wake-up) after a child that completed at once."""
     index = skipped = 0
 
     def update(self) -> Result:
@@ -60,7 +58,8 @@ class _InOrder(Control):
             result = child.execute()
             if result is self.goes_on_at:
                 self.index += 1
-                if was_idle and self.index < count and self.yields():
+                if self.yields and was_idle and self.index < count:
+                    self.wake()
                     return RUNNING
             elif result is RUNNING:
                 return RUNNING
@@ -69,24 +68,16 @@ class _InOrder(Control):
                 self.skipped += 1
             else:
                 return self.ended()
-        return self.exhausted()
-
-    def yields(self) -> bool:
-        """Return whether to yield after a child that completed at once."""
-        return False
+        all_skipped = self.skipped == count
+        self.halt_children()
+        self.index = self.skipped = 0
+        return SKIPPED if all_skipped else self.goes_on_at
 
     def ended(self) -> Result:
         """End early. The count of skipped children is not cleared, as in the library."""
         self.halt_children()
         self.index = 0
         return self.ends_at
-
-    def exhausted(self) -> Result:
-        """End after the last child."""
-        all_skipped = self.skipped == len(self.children)
-        self.halt_children()
-        self.index = self.skipped = 0
-        return SKIPPED if all_skipped else self.goes_on_at
 
     def halt(self) -> None:
         """Reset the position in the round."""
@@ -99,12 +90,9 @@ class Sequence(_InOrder, composites.Sequence):
 
 
 class AsyncSequence(Sequence):
-    """A Sequence that yields (RUNNING and a wake-up) after each child that succeeded at once."""
+    """A Sequence that yields after each child that succeeded at once."""
 
-    def yields(self) -> bool:
-        """Give way."""
-        self.wake()
-        return True
+    yields = True
 
 
 class SequenceWithMemory(AsyncSequence):
@@ -131,9 +119,9 @@ class Fallback(_InOrder, composites.Selector):
 
 
 class AsyncFallback(Fallback):
-    """A Fallback that yields (RUNNING and a wake-up) after each child that failed at once."""
+    """A Fallback that yields after each child that failed at once."""
 
-    yields = AsyncSequence.yields
+    yields = True
 
 
 class _Reactive(Control):
@@ -147,10 +135,12 @@ class _Reactive(Control):
         """Tick the children from the first; a RUNNING one halts all others."""
         self.begin()
         skipped = 0
-        for index, child in enumerate(self.children):
+        for child in self.children:
             result = child.execute()
             if result is RUNNING:
-                self.others_halted(index)
+                for other in self.children:
+                    if other is not child and other.status is not IDLE:
+                        halt_child(other)
                 return RUNNING
             if result is self.ends_at:
                 self.halt_children()
@@ -273,15 +263,11 @@ class ParallelAll(_Side):
 class _Branches(Control):
     """The base of IfThenElse and WhileDoElse."""
 
-    def require_two_or_three(self) -> None:
-        """Raise NodeError unless there are two or three children."""
+    def begin(self) -> None:
+        """Store RUNNING. Raises NodeError unless there are two or three children."""
         if len(self.children) not in (2, 3):
             raise NodeError(f"{type(self).__name__}Node must have either 2 or 3 children")
-
-    def finished(self, result: Result) -> Result:
-        """Reset the children after a branch has ended."""
-        self.halt_children()
-        return result
+        super().begin()
 
 
 class IfThenElse(_Branches):
@@ -292,7 +278,6 @@ class IfThenElse(_Branches):
 
     def update(self) -> Result:
         """Tick the condition once, then the branch that it chose."""
-        self.require_two_or_three()
         self.begin()
         if self.branch == 0:
             result = self.children[0].execute()
@@ -304,10 +289,10 @@ class IfThenElse(_Branches):
                 return FAILURE
             self.branch = 1 if result is SUCCESS else 2
         result = self.children[self.branch].execute()
-        if result is RUNNING:
-            return RUNNING
-        self.branch = 0
-        return self.finished(result)
+        if result is not RUNNING:
+            self.branch = 0
+            self.halt_children()
+        return result
 
     def halt(self) -> None:
         """Tick the condition again next time."""
@@ -321,32 +306,28 @@ class WhileDoElse(_Branches):
 
     def update(self) -> Result:
         """Tick the condition, halt the other branch, tick the chosen one."""
-        self.require_two_or_three()
         self.begin()
-        condition = self.children[0].execute()
-        if condition is RUNNING:
-            return RUNNING
-        if condition is SKIPPED:
-            return self.finished(IDLE)  # which is refused, as in the library
-        if len(self.children) == 3:
-            halt_child(self.children[2 if condition is SUCCESS else 1])
-        elif condition is FAILURE:
-            return self.finished(FAILURE)
-        result = self.children[1 if condition is SUCCESS else 2].execute()
-        return RUNNING if result is RUNNING else self.finished(result)
+        result = self.children[0].execute()
+        if result is SKIPPED:
+            result = IDLE  # which is refused, as in the library
+        elif result is SUCCESS or (result is FAILURE and len(self.children) == 3):
+            chosen = 1 if result is SUCCESS else 2
+            if len(self.children) == 3:
+                halt_child(self.children[3 - chosen])
+            result = self.children[chosen].execute()
+        if result is not RUNNING:
+            self.halt_children()
+        return result
 
 
 class Switch(Control):
     """The child whose ``case_i`` equals ``variable``, else the last one."""
 
-    def __init__(self, name: str, cases: int):
-        super().__init__(name)
-        self.cases = cases
-        self.running: Optional[int] = None
+    running: Optional[int] = None
 
     def update(self) -> Result:
         """Choose again at every tick; a RUNNING child that is no longer chosen is halted."""
-        if len(self.children) != self.cases + 1:
+        if len(self.children) not in self.spec.child_counts:
             raise NodeError("Wrong number of children in SwitchNode; must be (num_cases + default)")
         chosen = self._choose()
         if self.running is not None and self.running != chosen:
@@ -360,12 +341,13 @@ class Switch(Control):
         return result
 
     def _choose(self) -> int:
+        default = len(self.children) - 1
         variable, enums = self.input_or("variable", None), self.services.enums
-        for index in range(self.cases if variable is not None else 0):
+        for index in range(default if variable is not None else 0):
             case = self.input_or(f"case_{index + 1}", None)
             if case is not None and ports.same_text_or_number(variable, case, enums):
                 return index
-        return self.cases
+        return default
 
     def halt(self) -> None:
         """Reset the running child."""

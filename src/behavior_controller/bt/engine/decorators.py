@@ -8,7 +8,7 @@ from py_trees.common import BlackBoxLevel
 from behavior_controller.bt.engine.node import (
     ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child, run_script)
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.registry import Port, Role
+from behavior_controller.bt.registry import Kind, Port, Role
 from behavior_controller.bt.script.parser import Script, compile_script, to_bool
 from behavior_controller.bt.script.values import TEXT
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
@@ -18,6 +18,7 @@ class Decorator(Parent, decorators.Decorator):
     """A node with exactly one child. A completed child is reset after every tick, also if a hook
     decided the result."""
 
+    KIND = Kind.DECORATOR
     decorated: Any = None
 
     def adopt(self, child: Node) -> None:
@@ -281,17 +282,13 @@ class Loop(Decorator):
     queue: Optional[Deque[Any]] = None
     child_runs = False  # by its last result: a SKIPPED child keeps the status RUNNING
 
-    def __init__(self, name: str, item_type: str):
-        super().__init__(name)
-        self.item_type = item_type
-
     def configure(self) -> None:
         """Convert a literal queue."""
         text = self.attributes.get("queue")
         if text is None:
             raise ConfigureError("[queue] not found")
         if ports.reference(text, "queue") is None:
-            self.literal = deque(ports.loop_items(text, self.item_type))
+            self.literal = self._items(text)
 
     def update(self) -> Result:
         """Take the next item unless the child is under way, then tick the child."""
@@ -318,11 +315,14 @@ class Loop(Decorator):
         if isinstance(value, deque):
             return value
         if isinstance(value, str):
-            return deque(ports.loop_items(value, self.item_type))
+            return self._items(value)
         if isinstance(value, list):
             return deque(value)
         raise NodeError("LoopNode: port 'queue' must contain either SharedQueue<T>, "
                         "std::vector<T>, or a string")
+
+    def _items(self, text: str) -> Deque[Any]:
+        return deque(ports.loop_items(text, self.spec.port_named["value"].type))
 
 
 class Watching:

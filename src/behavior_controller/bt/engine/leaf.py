@@ -5,6 +5,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.engine.node import Node, NodeError, Result, Timed
+from behavior_controller.bt.registry import Kind
 from behavior_controller.bt.status import IDLE, RUNNING, SUCCESS
 
 POLLING = 10
@@ -85,6 +86,8 @@ class SyncActionLeaf(Node):
 
 class ConditionLeaf(Node):
     """A condition that is evaluated at every tick (BT.CPP ``ConditionNode``)."""
+
+    KIND = Kind.CONDITION
 
 
 class BehaviourLeaf(Timed, Node):

@@ -21,7 +21,7 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.script.parser import Script, ScriptError, to_bool
-from behavior_controller.bt.registry import NodeSpec, Port
+from behavior_controller.bt.registry import Kind, NodeSpec, Port
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.text import clean
@@ -171,6 +171,7 @@ class Node(Behaviour):
     the tree, ``uid`` the number in depth-first order from 1 (BT.CPP section "UIDs and paths").
     """
 
+    KIND = Kind.ACTION
     PORTS: Tuple[Port, ...] = ()
     status: Status
     element: Any = None
@@ -209,22 +210,12 @@ class Node(Behaviour):
         return logging.getLogger(__name__)
 
     @property
-    def qualified_name(self) -> str:
-        """Type and name, for py_trees' tools."""
-        return f"{self.registration_id}/{self.name}"
-
-    @property
     def blackboards(self) -> List[Any]:
         """The py_trees clients of the node: its own ones, and one for the entries that it uses."""
         clients = self.__dict__.setdefault("_blackboards", [])
         if self.services is not None and self.services.clients is not None:
             self.services.clients.show(self, clients)
         return clients
-
-    @property
-    def iterator(self) -> Iterator[Behaviour]:
-        """A fresh tick generator, for py_trees' tools."""
-        return self.tick()
 
     # ----------------------------------------------------------------------------------- life cycle
 
