@@ -16,7 +16,7 @@ RULES = (
     Rule('a halted Sequence starts anew', 'engine/controls.py', '_InOrder.halt',
          'self.index = self.skipped = 0', ''),
     Rule('AsyncSequence gives way only after a child that was idle', 'engine/controls.py',
-         '_InOrder.update', 'self.yields and was_idle', 'self.yields'),
+         '_InOrder.update', 'was_idle', ''),
     Rule('giving way signals a wake-up', 'engine/controls.py', '_InOrder.update',
          'self.wake()', ''),
     Rule('SequenceWithMemory gives way', 'engine/controls.py', 'SequenceWithMemory',

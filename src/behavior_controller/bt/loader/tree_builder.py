@@ -280,7 +280,7 @@ class _Compiler:
         for name, text in given(element, model).items():
             entry = None if text is None else ports.subtree_reference(text, name)
             if entry is not None:
-                inner.add_remapping(name, entry)
+                inner.remapping[name] = entry
             elif text is not None:
                 value_type, value = ports.subtree_literal(text)
                 inner.set(name, value, value_type)
