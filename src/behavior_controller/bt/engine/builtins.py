@@ -107,11 +107,7 @@ class UnsetBlackboard(SyncActionLeaf):
 
     def update(self) -> Result:
         """Remove it."""
-        try:
-            key = self.get_input("key")
-        except ports.PortError as error:
-            raise NodeError(f"missing input port [key]: {error}") from error
-        self.blackboard.unset(key)
+        self.blackboard.unset(self.required("key"))
         return SUCCESS
 
 
