@@ -146,8 +146,8 @@ class _EntryFile:
             if first is line and is_known:
                 self.take(line, entry)
             elif first is line and self.meant(line.key):
-                self.warn(line.place(), f"unknown key {line.key}: it is not used",
-                          self.meant(line.key))
+                self.fault(line.place(), f"unknown key {line.key}: it is not used",
+                           self.meant(line.key), is_warning=True)
             elif first is not None and is_known:
                 self.fault(line.place(), f"{entry} is in line {first.number} already",
                            "keep one of them")
@@ -156,7 +156,7 @@ class _EntryFile:
         """Return faults and warnings in the order of the file, then those about missing entries."""
         if len(self.warnings) > MOST_FAULTS:
             del self.warnings[MOST_FAULTS:]
-            self.warn((0, 0), f"more than {MOST_FAULTS} warnings; the rest is not shown", "")
+            self.fault((0, 0), f"more than {MOST_FAULTS} warnings; the rest is not shown", "", True)
         return sorted(self.faults + self.warnings,
                       key=lambda fault: (not fault.line, fault.line, fault.column))
 
@@ -173,17 +173,14 @@ class _EntryFile:
 
     def finish(self) -> None:
         """Check what needs several entries, and report missing ones."""
-        raise NotImplementedError
 
-    def fault(self, place: Tuple[int, int], text: str, hint: str) -> None:
-        self.faults.append(Fault(self.source.file, *place, text, hint))
+    def fault(self, place: Tuple[int, int], text: str, hint: str, is_warning: bool = False) -> None:
+        kind = self.warnings if is_warning else self.faults
+        kind.append(Fault(self.source.file, *place, text, hint, is_warning))
 
     def require(self, key: str, form: str) -> None:
         if key not in self.lines:
             self.fault((0, 0), f"the required key {key} is missing", f"add a line: {key} {form}")
-
-    def warn(self, place: Tuple[int, int], text: str, hint: str) -> None:
-        self.warnings.append(Fault(self.source.file, *place, text, hint, True))
 
     def value(self, line: _Line, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
         """Return the value of the word at ``index``, or None, with a fault."""
@@ -202,11 +199,9 @@ class _Culture(_EntryFile):
 
     def take(self, line: _Line, entry: str) -> None:
         if entry == _LANGUAGE:
-            text, place = line.rest(1), (self.source.file, *line.place(1))
-            self.language = parsed(_LANGUAGE_READER, text, _LANGUAGE, place, self.faults)
-            near = did_you_mean(text, LANGUAGES)
-            if self.language is None and near:
-                self.faults[-1] = self.faults[-1]._replace(hint=near)
+            place = self.source.file, *line.place(1)
+            self.language = parsed(
+                _LANGUAGE_READER, line.rest(1), _LANGUAGE, place, self.faults)
 
     def finish(self) -> None:
         """Report the missing phrases of the chosen language."""
@@ -298,16 +293,14 @@ class _Environment(_EntryFile):
         lacking = f"location {location} of the tour has no"
         for key in (_POSE, _NAME):
             if f"{key} {location}" not in self.lines:
-                self.fault(place, f"{lacking} {key}",
-                           f"add a line: {key} {_FORMS[key].replace('<id>', str(location))}")
-        for key in [_TARGET] + messages:
-            entry = f"{key} {location}"
-            effect, on_purpose = "says nothing", " without a text"
-            if key == _TARGET:
-                effect, on_purpose = "points at nothing", " 0 0 0"
-            if entry not in self.lines:
-                self.warn(place, f"{lacking} {key}: the robot {effect} there",
-                          f"if that is meant, add a line: {entry}{on_purpose}")
+                form = _FORMS[key].replace("<id>", str(location))
+                self.fault(place, f"{lacking} {key}", f"add a line: {key} {form}")
+        effects = {_TARGET: ("points at nothing", "0 0 0")}
+        effects.update(dict.fromkeys(messages, ("says nothing", "without a text")))
+        for key, (effect, on_purpose) in effects.items():
+            if f"{key} {location}" not in self.lines:
+                hint = f"if that is meant, add a line: {key} {location} {on_purpose}"
+                self.fault(place, f"{lacking} {key}: the robot {effect} there", hint, True)
 
     def exhibits(self, language: str) -> Tuple[Exhibit, ...]:
         """Return the tour, if there are no faults."""
@@ -329,11 +322,9 @@ def load(mission: str = "") -> Knowledge:
     """Return the knowledge of the files named in ``config``, or of those that the mission has of
     its own in their place. Raises ConfigurationError with every fault of all four files."""
     faults: List[Fault] = []
-    sources: Dict[str, Optional[Source]] = dict.fromkeys(_CONFIGURATIONS)
-    for kind, name in _CONFIGURATIONS.items():
-        sources[kind] = attempt(lambda: _source(
-            read_source(folders.config(name), "the configuration"), kind, mission), faults)
-    return read(sources[_ENVIRONMENT], sources[_CULTURE], faults=faults)
+    paths = map(folders.config, _CONFIGURATIONS.values())
+    environment, culture = [attempt(lambda: _named_source(path, mission), faults) for path in paths]
+    return read(environment, culture, faults=faults)
 
 
 def read(environment: Optional[Source], culture: Optional[Source], *,
@@ -364,9 +355,8 @@ def check(path: str) -> Optional[List[Fault]]:
         return None
     kind = None if source.text.lstrip().startswith("<") else _kind(source.text)
     if kind == _CONFIGURATION:
-        by_name = {name: kind for kind, name in _CONFIGURATIONS.items()}
         try:
-            source = _source(source, by_name.get(os.path.basename(path), ""))
+            source = _source(source)
         except ConfigurationError as error:
             return list(error.faults)
         kind = _kind(source.text)
@@ -378,10 +368,14 @@ def check(path: str) -> Optional[List[Fault]]:
     return file.findings()
 
 
-def _source(configuration: Source, kind: str, mission: str = "") -> Source:
+def _named_source(configuration: str, mission: str) -> Source:
+    return _source(read_source(configuration, "the configuration"), mission)
+
+
+def _source(configuration: Source, mission: str = "") -> Source:
     """Return the knowledge file that a configuration names. Raises ConfigurationError.
 
-    Without a ``kind`` it may name a file of either.
+    A configuration of another name than the two may name a file of either kind.
     """
     name = configured(configuration, _CONFIGURATION_KEYS)[_KNOWLEDGE_BASE]
     path = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(configuration.file))),
@@ -391,21 +385,21 @@ def _source(configuration: Source, kind: str, mission: str = "") -> Source:
         source = read_source(folders.of_mission(path, mission), "the knowledge file")
     except ConfigurationError as error:
         raise ConfigurationError([fault._replace(hint=hint) for fault in error.faults]) from error
-    actual = _kind(source.text)
-    if actual not in ((kind, None) if kind else _CONFIGURATIONS):
-        text = "this is not a knowledge file of release 1.0"
-        if actual:
-            text = f"this is the {actual} file"
+    own_name = os.path.basename(configuration.file)
+    allowed = [kind for kind, file in _CONFIGURATIONS.items() if file == own_name]
+    kind = _kind(source.text)
+    if kind not in (allowed or _CONFIGURATIONS):
+        text = f"this is the {kind} file" if kind else "this is not a knowledge file of release 1.0"
         raise ConfigurationError.of(path, text, hint)
     return source
 
 
 def _kind(text: str) -> Optional[str]:
     """Return the kind of a file by its keys, None for another kind of file."""
-    lines = list(_lines(text))
-    if lines and all(line.rest(1) in _TYPE_NAMES for line in lines):
+    values = {line.rest(1) for line in _lines(text)}
+    if values and values.issubset(_TYPE_NAMES):
         return _VALUE_TYPES
-    keys = {line.key for line in lines}
+    keys = {line.key for line in _lines(text)}
     kinds = {_ENVIRONMENT: _ENVIRONMENT_KEYS, _CULTURE: _CULTURE_KEYS,
              _CONFIGURATION: (_KNOWLEDGE_BASE,)}
     return next((kind for kind, known in kinds.items() if not keys.isdisjoint(known)), None)
