@@ -36,8 +36,7 @@ class RunScript(decorators.Scripted, SyncActionLeaf):
 
     def update(self) -> Result:
         """Run it."""
-        if self.get_input("code"):
-            self.parse()
+        if self.parse():
             self.run()
         return SUCCESS
 

@@ -175,11 +175,12 @@ class Scripted:
                                  f"{self.registration_id}: {error}", self.script_port) from error
         self.script = compile_script(text, allow_empty=True)
 
-    def parse(self: Any) -> None:
-        """Read the script again if its text has changed."""
+    def parse(self: Any) -> str:
+        """Read the script again if its text has changed, and return the text."""
         text = self.get_input(self.script_port)
         if text != self.script.text:
             self.script = compile_script(text, allow_empty=True)
+        return text
 
     def run(self: Any) -> Any:
         """Run the script as it was read."""

@@ -16,7 +16,7 @@ from behavior_controller.bt.engine.failure import broken
 from behavior_controller.bt.engine.leaf import BehaviourLeaf
 from behavior_controller.bt.engine.node import (
     POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services)
-from behavior_controller.bt.engine.substitution import Substitutions, TestNode, substitutions
+from behavior_controller.bt.engine.substitution import Substitutions, TestNode
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
@@ -61,7 +61,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     """
     trees = checked or check(documents, registry, main_tree, strict)
     services = Services(clock or Clock(), wake or WakeUp(), enums or {})
-    compiler = _Compiler(trees, services, substitutions(substitutes or {}))
+    compiler = _Compiler(trees, services, Substitutions(substitutes or {}))
     services.clients = Clients(trees.main, registry)
     if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
         compiler.unfold(blackboard if blackboard is not None else Blackboard())

@@ -111,10 +111,8 @@ def real_from_text(text: str, _enums: Optional[Enums] = None) -> float:
 
 def whole_real(text: str) -> Optional[float]:
     """Return the number that ``text`` is as a whole, or None."""
-    if _REAL.fullmatch(text) is None:
-        return None
     try:
-        return real_from_text(text)
+        return real_from_text(text) if _REAL.fullmatch(text) else None
     except ValueFault:
         return None
 
