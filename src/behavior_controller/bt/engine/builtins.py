@@ -128,12 +128,18 @@ class WasEntryUpdated(decorators.Watching, SyncActionLeaf):
         return SUCCESS if self.is_updated() else FAILURE
 
 
+_NEXT_AFTER: Dict[Any, int] = {
+    possible.in_sequence: possible.SUCCEEDS, possible.in_fallback: possible.FAILS,
+    possible.in_sequence_before_the_last: possible.SUCCEEDS}
+"""The end of a child after which the next child is ticked, by how the node can end."""
+
+
 def _spec(factory: Any, outcome: Optional[possible.Outcome] = None, node_id: str = "",
           is_instant: bool = True, **facts: Any) -> NodeSpec:
     """Return the node type of a class, with the first line of what it does."""
-    description = factory.__doc__.split("\n")[0]
-    return NodeSpec(node_id or factory.__name__, factory.KIND, factory, factory.PORTS, description,
-                    outcome=outcome, is_instant=is_instant, **facts)
+    return NodeSpec(node_id or factory.__name__, factory.KIND, factory, factory.PORTS,
+                    factory.__doc__.split("\n")[0], outcome=outcome, is_instant=is_instant,
+                    next_after=_NEXT_AFTER.get(outcome, 0), **facts)
 
 
 def _loop(node_id: str, item_type: str, over: str, literal: str = "") -> NodeSpec:
@@ -156,25 +162,23 @@ def _switch(cases: int) -> NodeSpec:
                     children="one for each case and the default")
 
 
-_IF_SUCCEEDED: Dict[str, Any] = {"outcome": possible.in_sequence, "next_after": possible.SUCCEEDS}
-_IF_FAILED: Dict[str, Any] = {"outcome": possible.in_fallback, "next_after": possible.FAILS}
 _BRANCHES: Dict[str, Any] = {"outcome": possible.chosen, "child_counts": (2, 3),
                              "children": "condition, then, else"}
 _SPECS = (
-    _spec(controls.Sequence, **_IF_SUCCEEDED),
-    _spec(controls.AsyncSequence, **_IF_SUCCEEDED),
-    _spec(controls.SequenceWithMemory, **_IF_SUCCEEDED),
-    _spec(controls.ReactiveSequence, is_reactive=True, refuses_explicit=True,
-          at_most_one=controls.AsyncSequence.__name__, **_IF_SUCCEEDED),
-    _spec(controls.Fallback, **_IF_FAILED),
-    _spec(controls.AsyncFallback, **_IF_FAILED),
-    _spec(controls.ReactiveFallback, is_reactive=True, **_IF_FAILED),
+    _spec(controls.Sequence, possible.in_sequence),
+    _spec(controls.AsyncSequence, possible.in_sequence),
+    _spec(controls.SequenceWithMemory, possible.in_sequence),
+    _spec(controls.ReactiveSequence, possible.in_sequence, is_reactive=True,
+          refuses_explicit=True, at_most_one=controls.AsyncSequence.__name__),
+    _spec(controls.Fallback, possible.in_fallback),
+    _spec(controls.AsyncFallback, possible.in_fallback),
+    _spec(controls.ReactiveFallback, possible.in_fallback, is_reactive=True),
     _spec(controls.IfThenElse, **_BRANCHES),
     _spec(controls.WhileDoElse, is_reactive=True, **_BRANCHES),
     _spec(controls.Parallel, possible.in_parallel),
     _spec(controls.ParallelAll, possible.ANY),
-    _spec(controls.TryCatch, possible.in_sequence_before_the_last, next_after=possible.SUCCEEDS,
-          last_is_apart=True, fewest_children=2, children="the last is the one that catches"),
+    _spec(controls.TryCatch, possible.in_sequence_before_the_last, last_is_apart=True,
+          fewest_children=2, children="the last is the one that catches"),
     *map(_switch, range(2, 7)),
     _spec(decorators.Inverter, possible.swapped),
     _spec(decorators.ForceSuccess, possible.forced(possible.SUCCEEDS)),
