@@ -61,11 +61,8 @@ class SetBlackboard(SyncActionLeaf):
 
     def update(self) -> Result:
         """Write it."""
-        try:
-            # a number is the name that its text is
-            key = str(convert(self.get_input("output_key"), TEXT, {}))
-        except ValueFault as error:
-            raise NodeError(f"missing port [output_key]: {error}") from error
+        # a number is the name that its text is
+        key = convert(self.get_input("output_key"), TEXT, {})
         if "value" not in self.attributes:
             raise NodeError("unordered_map::at: port [value] is missing")
         board = self.blackboard
