@@ -322,8 +322,9 @@ def load(mission: str = "") -> Knowledge:
     """Return the knowledge of the files named in ``config``, or of those that the mission has of
     its own in their place. Raises ConfigurationError with every fault of all four files."""
     faults: List[Fault] = []
-    paths = map(folders.config, _CONFIGURATIONS.values())
-    environment, culture = [attempt(lambda: _named_source(path, mission), faults) for path in paths]
+    environment, culture = [
+        attempt(lambda: _source(read_source(path, "the configuration"), mission), faults)
+        for path in map(folders.config, _CONFIGURATIONS.values())]
     return read(environment, culture, faults=faults)
 
 
@@ -366,10 +367,6 @@ def check(path: str) -> Optional[List[Fault]]:
         return []
     file = _Culture(source) if kind == _CULTURE else _Environment(source)
     return file.findings()
-
-
-def _named_source(configuration: str, mission: str) -> Source:
-    return _source(read_source(configuration, "the configuration"), mission)
 
 
 def _source(configuration: Source, mission: str = "") -> Source:

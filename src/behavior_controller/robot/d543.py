@@ -1,21 +1,11 @@
 """The robot of D5.4.3 (tables 2 and 3): the interface that missions run against by default."""
 import math
-from typing import Tuple
 
 from behavior_controller.robot.declarations import (
     Evidence, Interface, Message, Sense, Service, Success, Topic, Unusable)
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, Prompt,
     QueryKnowledge, Say, SetAnimation, SetAttention)
-
-
-def _gesture(request: PerformGesture) -> Tuple[object, ...]:
-    return (request.type, request.id, request.duration_ms, request.bow_nod_angle_deg,
-            *request.target)
-
-
-def _places(response: Message) -> Answer:
-    return Answer(exhibits=tuple(_exhibit(place) for place in response.exhibits))
 
 
 def _exhibit(place: Message) -> Exhibit:
@@ -33,12 +23,14 @@ SERVICES = (
             Success("success", "1", "0"), 5.0,
             "lifelike movement can be neither started nor stopped"),
     Service(PerformGesture, "/gestureExecution/perform_gesture", "gestureExecution",
-            "cssr_system/gestureExecutionService", _gesture,
+            "cssr_system/gestureExecutionService",
+            lambda request: (request.type, request.id, request.duration_ms,
+                             request.bow_nod_angle_deg, *request.target),
             Success("gesture_success", 1, 0), 15.0, "the robot makes no gestures"),
     Service(QueryKnowledge, "/knowledgeBase/query", "knowledgeBase",
             "cssr_system/knowledgeBaseService", lambda request: (request.what,),
             Success("success", True, False), 5.0, "there are no places to go to and no way home",
-            _places),
+            lambda response: Answer(exhibits=tuple(map(_exhibit, response.exhibits)))),
     Service(SetAttention, "/overtAttention/set_mode", "overtAttention",
             "cssr_system/overtAttentionService",
             lambda request: (request.state,) + tuple(request.target),

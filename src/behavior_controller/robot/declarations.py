@@ -6,7 +6,7 @@ robot use only these declarations for their knowledge of a service or topic.
 import enum
 import itertools
 import reprlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import (Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional,
                     Sequence, Tuple, Type, TypeVar, Union)
 
@@ -313,11 +313,6 @@ class Interface:
                   for sense in senses if self.tells(sense)]
         services = (service for service in self.services if service.request in requests)
         return (*services, *(topic for topic in self.topics if topic in topics))
-
-    def with_more(self, services: Tuple[Service, ...], topics: Tuple[Topic, ...]) -> "Interface":
-        """Return the interface of the same robot with these services and topics too. Raises
-        ValueError."""
-        return replace(self, services=self.services + services, topics=self.topics + topics)
 
     def topic(self, name: str) -> Topic:
         """Return the topic of that canonical name. Raises LookupError if none is declared."""
