@@ -4,7 +4,7 @@ A control node stores RUNNING at the start of its tick. When it returns SKIPPED 
 therefore stays RUNNING, and its parent will halt it: that is the library's behaviour, recorded in
 its traces.
 """
-from typing import Any, Optional, Set
+from typing import Any, Optional, Set, Tuple
 
 from py_trees import composites
 from py_trees.common import ParallelPolicy
@@ -42,6 +42,7 @@ class _InOrder(Control):
     memory = True
     yields = False
     """Whether to yield (RUNNING and a wake-up) after a child that completed at once."""
+    ROUND: Tuple[str, ...] = ("index", "skipped")
     index = skipped = 0
 
     def update(self) -> Result:
@@ -79,11 +80,6 @@ class _InOrder(Control):
         self.index = 0
         return self.ends_at
 
-    def halt(self) -> None:
-        """Reset the position in the round."""
-        self.index = self.skipped = 0
-        super().halt()
-
 
 class Sequence(_InOrder, composites.Sequence):
     """Children in order, each must succeed."""
@@ -99,16 +95,14 @@ class SequenceWithMemory(AsyncSequence):
     """A Sequence that resumes at the child that failed or was halted. It yields like AsyncSequence.
     """
 
+    ROUND = ()
+
     def ended(self) -> Result:
         """Halt only the children from here on; keep the place."""
         for child in self.children[self.index:]:
             if child.status is not IDLE:
                 halt_child(child)
         return FAILURE
-
-    def halt(self) -> None:
-        """Halt the children; keep the place."""
-        Control.halt(self)
 
 
 class Fallback(_InOrder, composites.Selector):
@@ -274,7 +268,8 @@ class IfThenElse(_Branches):
     """The second child if the first succeeds, else the third (or FAILURE); the first is not ticked
     again meanwhile."""
 
-    branch = 0
+    ROUND = ("branch",)
+    branch = 0  # 0: the condition
 
     def update(self) -> Result:
         """Tick the condition once, then the branch that it chose."""
@@ -293,11 +288,6 @@ class IfThenElse(_Branches):
             self.branch = 0
             self.halt_children()
         return result
-
-    def halt(self) -> None:
-        """Tick the condition again next time."""
-        self.branch = 0
-        super().halt()
 
 
 class WhileDoElse(_Branches):
@@ -323,6 +313,7 @@ class WhileDoElse(_Branches):
 class Switch(Control):
     """The child whose ``case_i`` equals ``variable``, else the last one."""
 
+    ROUND = ("running",)
     running: Optional[int] = None
 
     def update(self) -> Result:
@@ -349,17 +340,13 @@ class Switch(Control):
                 return index
         return default
 
-    def halt(self) -> None:
-        """Reset the running child."""
-        self.running = None
-        super().halt()
-
 
 class TryCatch(Control):
     """All children but the last in order; if one fails, the last one runs and the node fails."""
 
     PORTS = (Port("catch_on_halt", "bool", default="false",
                   description="tick the last child on a halt too"),)
+    ROUND = ("index", "skipped", "catching")
     index = skipped = 0
     catching = False
 
@@ -386,12 +373,9 @@ class TryCatch(Control):
                 return RUNNING
             result = FAILURE
         self.halt_children()
-        self._start_anew()
-        return result
-
-    def _start_anew(self) -> None:
         self.index = self.skipped = 0
         self.catching = False
+        return result
 
     def halt(self) -> None:
         """With ``catch_on_halt``, give the catch child one tick first."""
@@ -402,5 +386,4 @@ class TryCatch(Control):
                 halt_child(child)
             if catch.execute() is RUNNING:
                 halt_child(catch)
-        self._start_anew()
         super().halt()

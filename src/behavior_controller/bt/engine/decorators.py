@@ -88,6 +88,7 @@ class Repeat(Decorator):
     PORTS = (Port("num_cycles", "int", description="rounds; -1: no limit"),)
     goes_on_at = SUCCESS
     ends_at = FAILURE
+    ROUND = ("count",)
     count = 0
 
     def _limit(self) -> int:
@@ -123,11 +124,6 @@ class Repeat(Decorator):
 
     def _limit_after_round(self, limit: int) -> int:
         return limit
-
-    def halt(self) -> None:
-        """Count from the start next time."""
-        self.count = 0
-        super().halt()
 
 
 class RetryUntilSuccessful(Repeat):
@@ -354,6 +350,7 @@ class Watching:
 class SkipUnlessUpdated(Watching, Decorator):
     """The child if ``entry`` was written since this node's last tick, else SKIPPED."""
 
+    ROUND = ("child_runs",)  # and not the counter
     otherwise: Result = SKIPPED
     child_runs = False
 
@@ -364,11 +361,6 @@ class SkipUnlessUpdated(Watching, Decorator):
         result = self.decorated.execute()
         self.child_runs = result is RUNNING
         return result
-
-    def halt(self) -> None:
-        """Reset the running child, but not the counter."""
-        self.child_runs = False
-        super().halt()
 
 
 class WaitValueUpdate(SkipUnlessUpdated):

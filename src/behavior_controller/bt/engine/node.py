@@ -396,6 +396,9 @@ class Node(Behaviour):
 class Parent(Node):
     """A node with children. It stores RUNNING at the start of its tick."""
 
+    ROUND: Tuple[str, ...] = ()
+    """The attributes that a halt resets to those of the class."""
+
     def begin(self) -> None:
         """Store RUNNING."""
         if self.status is not RUNNING:
@@ -403,6 +406,8 @@ class Parent(Node):
 
     def halt(self) -> None:
         """Halt the children in order, then the node itself."""
+        for name in self.ROUND:
+            self.__dict__.pop(name, None)
         self.halt_children()
         self.reset()
 
