@@ -225,17 +225,13 @@ class Delay(Timed, Decorator):
             self.timer = None
         return result
 
-    def halt(self) -> None:
-        """Wait again next time."""
-        self.stop_timer()
-        super().halt()
-
 
 class Timeout(Timed, Decorator):
     """The child for at most ``msec``, then it is halted and the node fails. 0: no limit."""
 
     PORTS = (Port("msec", "uint",
                   description="the longest time of the child, in ms; 0: no limit"),)
+    ROUND = ("active",)
     active = False
 
     def update(self) -> Result:
@@ -252,7 +248,8 @@ class Timeout(Timed, Decorator):
             return FAILURE
         result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
-            self._stop()
+            self.active = False
+            self.stop_timer()
         return result
 
     def due(self) -> None:
@@ -260,15 +257,6 @@ class Timeout(Timed, Decorator):
         if self.decorated.status is RUNNING:
             super().due()
             halt_child(self.decorated)
-
-    def _stop(self) -> None:
-        self.active = False
-        self.stop_timer()
-
-    def halt(self) -> None:
-        """Cancel the timer."""
-        self._stop()
-        super().halt()
 
 
 class Loop(Decorator):

@@ -72,10 +72,6 @@ class TimedAction(Timed, ActionLeaf):
         """Wait for the timer."""
         return self.completed() if self.over else RUNNING
 
-    def on_halted(self) -> None:
-        """Cancel the timer."""
-        self.stop_timer()
-
 
 class SyncActionLeaf(Node):
     """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error,
@@ -90,7 +86,7 @@ class ConditionLeaf(Node):
     KIND = Kind.CONDITION
 
 
-class BehaviourLeaf(Timed, Node):
+class BehaviourLeaf(Timed):
     """An ordinary py_trees behaviour as a leaf, with all that is below it. py_trees' rules apply to
     it.
 
@@ -142,11 +138,11 @@ class BehaviourLeaf(Timed, Node):
 
     def halt(self) -> None:
         """Stop the behaviour if it is RUNNING, which calls its ``terminate(INVALID)``."""
-        self.stop_timer()
         try:
             if self.behaviour.status is RUNNING:
                 self.behaviour.stop(IDLE)
         except BaseException:
             self.behaviour.status = IDLE  # it is not stopped again
             raise
-        self.reset()
+        finally:
+            super().halt()

@@ -412,18 +412,18 @@ class Parent(Node):
         self.reset()
 
 
-class Timed:
-    """The timer of a node that waits for a time."""
+class Timed(Node):
+    """A node that waits for a time, and no longer once it is halted."""
 
     timer: Optional[Timer] = None
     over = False
 
-    def start_timer(self: Any, msec: int) -> None:
+    def start_timer(self, msec: int) -> None:
         """Let ``over`` become true, and wake the tree, in ``msec`` milliseconds."""
         self.over = False
         self.timer = self.clock.call_after(msec / 1000.0, self.due)
 
-    def due(self: Any) -> None:
+    def due(self) -> None:
         """Note that the time is over."""
         self.over = True
         self.wake()
@@ -433,6 +433,11 @@ class Timed:
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
+
+    def halt(self) -> None:
+        """Cancel the timer."""
+        self.stop_timer()
+        super().halt()
 
 
 def label(node: Any) -> Tuple[str, str]:
