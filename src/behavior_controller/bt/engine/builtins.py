@@ -103,7 +103,7 @@ class UnsetBlackboard(SyncActionLeaf):
 
     def update(self) -> Result:
         """Remove it."""
-        self.blackboard.unset(self.required("key"))
+        self.blackboard.unset(self.get_input("key"))
         return SUCCESS
 
 
@@ -114,7 +114,7 @@ class Sleep(TimedAction):
 
     def on_start(self) -> Result:
         """Start the timer."""
-        return self.begin(self.required("msec"))
+        return self.begin(self.get_input("msec"))
 
 
 class WasEntryUpdated(decorators.Watching, SyncActionLeaf):

@@ -92,7 +92,7 @@ class Repeat(Decorator):
     count = 0
 
     def _limit(self) -> int:
-        return self.required(self.PORTS[0].name)
+        return self.get_input(self.PORTS[0].name)
 
     def update(self) -> Result:
         """Tick the child; yield after a round that was done at once, go on within the tick after a
@@ -159,17 +159,15 @@ class RunOnce(Decorator):
 class Scripted:
     """The script of a port: read when the tree is made, and again when the text changes."""
 
-    script_port, missing = "code", "port"
+    script_port = "code"
     script: Script
 
     def configure(self: Any) -> None:
         """Parse the script; a reference must be readable already."""
         try:
-            text = self.get_input(self.script_port)
+            self.script = compile_script(self.get_input(self.script_port), allow_empty=True)
         except ports.PortError as error:
-            raise ConfigureError(f"Missing {self.missing} [{self.script_port}] in "
-                                 f"{self.registration_id}: {error}", self.script_port) from error
-        self.script = compile_script(text, allow_empty=True)
+            raise ConfigureError(str(error), self.script_port) from error
 
     def parse(self: Any) -> str:
         """Read the script again if its text has changed, and return the text."""
@@ -189,14 +187,14 @@ class Precondition(Scripted, Decorator):
 
     PORTS = (Port("if", TEXT, description="script that must be true", role=Role.SCRIPT),
              Port("else", "NodeStatus", default="FAILURE", description="the result if it is not"))
-    script_port, missing = "if", "parameter"
+    script_port = "if"
     latched = False
 
     def update(self) -> Result:
         """Evaluate the script unless the child is under way, then tick the child or return
         ``else``."""
         self.parse()
-        otherwise = self.required("else")
+        otherwise = self.get_input("else")
         if not self.latched:
             self.latched = to_bool(self.run())
         if not self.latched:
@@ -214,7 +212,7 @@ class Delay(Timed, Decorator):
 
     def update(self) -> Result:
         """Start the timer, wait for it, then tick the child."""
-        delay = self.required("delay_msec")
+        delay = self.get_input("delay_msec")
         if self.timer is None:
             self.begin()
             self.start_timer(delay)
@@ -236,7 +234,7 @@ class Timeout(Timed, Decorator):
 
     def update(self) -> Result:
         """Start the timer; tick the child unless the timer has halted it."""
-        msec = self.required("msec")
+        msec = self.get_input("msec")
         if not self.active:
             self.active = True
             self.over = False

@@ -326,16 +326,8 @@ class Node(Behaviour):
         port = self._port(name)
         text = self.attributes.get(name, port.default)
         if text is None:
-            raise ports.PortError(f"missing required port [{name}]")
+            raise ports.PortError(f"Missing parameter [{name}] in {self.registration_id}")
         return ports.read(text, port, self.blackboard, self.services.enums)
-
-    def required(self, name: str) -> Any:
-        """Return the value of a port that has no default. Raises NodeError, in BT.CPP's words."""
-        try:
-            return self.get_input(name)
-        except ports.PortError as error:
-            raise NodeError(
-                f"Missing parameter [{name}] in {self.registration_id}: {error}") from error
 
     def set_output(self, name: str, value: Any) -> None:
         """Write to an output port. Raises PortError if it is not connected."""
