@@ -8,7 +8,7 @@ from behavior_controller.bt.engine.leaf import ConditionLeaf, SyncActionLeaf, Ti
 from behavior_controller.bt.engine.node import NodeError, Result
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.script.parser import to_bool
-from behavior_controller.bt.script.values import BT_ANY, TEXT, ValueFault, convert
+from behavior_controller.bt.script.values import BT_ANY, TEXT, convert
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
 from behavior_controller.bt.status import FAILURE, SUCCESS
 
@@ -88,11 +88,7 @@ class SetBlackboard(SyncActionLeaf):
         # it a BT::Any, which no text can be, the next one raises
         if entry.type == BT_ANY:
             raise NodeError(f"Can't convert string [{text}] to type [BT::Any]")
-        try:
-            return entry.from_text(text)
-        except ValueFault as fault:
-            wrong = f"Can't convert string [{text}] to type [{entry.type}]: {fault}"
-            raise NodeError(wrong) from fault
+        return entry.from_text(text)
 
 
 class UnsetBlackboard(SyncActionLeaf):

@@ -122,15 +122,13 @@ class Interception:
         """Return the status that a pre-condition decides, or None (BT.CPP ``checkPreConditions``).
         """
         status = node.status
-        if status is IDLE:
-            for attribute, script in self.conditions:
-                if to_bool(run_script(script, node, attribute)) is not (attribute == "_while"):
+        for attribute, script in self.conditions:
+            is_while = attribute == "_while"
+            if status is IDLE or (status is RUNNING and is_while):
+                if to_bool(run_script(script, node, attribute)) is not is_while:
+                    if status is RUNNING:
+                        node.halt_node()
                     return DECISIONS[attribute]
-        elif status is RUNNING:
-            for attribute, script in self.conditions:
-                if attribute == "_while" and not to_bool(run_script(script, node, attribute)):
-                    node.halt_node()
-                    return SKIPPED
         return None
 
     def run(self, node: "Node", *attributes: str) -> None:
@@ -297,7 +295,6 @@ class Node(Behaviour):
         try:
             if self.hook is None or self.hook.halt(self):
                 self.halt()
-                return
         except ScriptError:
             raise  # of a child's script
         except BaseException as error:  # a leaf may raise anything
