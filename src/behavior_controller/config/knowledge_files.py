@@ -8,7 +8,7 @@ import os
 import re
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
 
 from behavior_controller import folders
 from behavior_controller.errors import ConfigurationError, Fault, attempt
@@ -132,6 +132,7 @@ class _EntryFile:
         self.faults: List[Fault] = []
         self.warnings: List[Fault] = []
         self.lines: Dict[str, _Line] = {}  # of each entry, valid or not
+        self.values: Dict[str, Any] = {}  # of each entry of a known key
         try:
             read_lines(source, self.faults, self._line)
             self.finish()
@@ -144,7 +145,7 @@ class _EntryFile:
             entry = self.entry(line) if is_known else line.key
             first = self.lines.setdefault(entry, line) if entry else None
             if first is line and is_known:
-                self.take(line, entry)
+                self.values[entry] = self.taken(line, entry)
             elif first is line and self.meant(line.key):
                 self.fault(line.place(), f"unknown key {line.key}: it is not used",
                            self.meant(line.key), is_warning=True)
@@ -168,8 +169,9 @@ class _EntryFile:
         """Return a hint about an unknown key; without one it is no mistake."""
         return did_you_mean(key, self.keys, _NEAR)
 
-    def take(self, line: _Line, entry: str) -> None:
-        """Check the values of an entry."""
+    def taken(self, line: _Line, entry: str) -> Any:
+        """Return what an entry holds; its faults are added."""
+        raise NotImplementedError
 
     def finish(self) -> None:
         """Check what needs several entries, and report missing ones."""
@@ -197,11 +199,11 @@ class _Culture(_EntryFile):
     def meant(self, key: str) -> str:
         return "" if _ANY_PHRASE.fullmatch(key) else super().meant(key)
 
-    def take(self, line: _Line, entry: str) -> None:
+    def taken(self, line: _Line, entry: str) -> Any:
+        text, place = line.rest(1), (self.source.file, *line.place(1))
         if entry == _LANGUAGE:
-            place = self.source.file, *line.place(1)
-            self.language = parsed(
-                _LANGUAGE_READER, line.rest(1), _LANGUAGE, place, self.faults)
+            self.language = parsed(_LANGUAGE_READER, text, _LANGUAGE, place, self.faults)
+        return text
 
     def finish(self) -> None:
         """Report the missing phrases of the chosen language."""
@@ -209,14 +211,15 @@ class _Culture(_EntryFile):
         for number, key in _PHRASES[self.language].items() if self.language else ():
             if number <= LAST_REQUIRED:
                 self.require(key, "<text>")
-            if key in self.lines and not self.lines[key].rest(1):
+            if self.values.get(key) == "":
                 self.fault((self.lines[key].number, 1), f"{key} cannot be empty",
                            "allowed: the text to say")
 
     def phrases(self, language: str) -> Mapping[int, str]:
         """Return the utility phrases, if there are no faults."""
-        return MappingProxyType({number: self.lines[key].rest(1) for number, key
-                                 in _PHRASES[language].items() if key in self.lines})
+        keys = _PHRASES[language]
+        return MappingProxyType(
+            {number: self.values[key] for number, key in keys.items() if key in self.values})
 
 
 class _Environment(_EntryFile):
@@ -226,9 +229,7 @@ class _Environment(_EntryFile):
 
     def __init__(self, source: Source, languages: Optional[Sequence[str]] = None):
         self.languages = languages
-        self.tour: List[Tuple[int, Tuple[int, int]]] = []  # each id, and its place
         self.ids: Set[int] = set()
-        self.numbers: Dict[str, List[float]] = {}  # of poses and gesture targets
         super().__init__(source)
 
     def meant(self, key: str) -> str:
@@ -243,29 +244,28 @@ class _Environment(_EntryFile):
         self.ids.add(location)
         return f"{line.key} {location}"
 
-    def take(self, line: _Line, entry: str) -> None:
+    def taken(self, line: _Line, entry: str) -> Any:
         form = f"the form: {line.key} {_FORMS[line.key]}"
         if line.key == _TOUR:
-            self._take_tour(line, form)
+            return self._tour(line, form)
+        if line.key in (_POSE, _TARGET):
+            if len(line.words) == 5:
+                return [self.value(line, index, f"a value of {entry}", _COORDINATE)
+                        for index in range(2, 5)]
+            self.fault(line.place(), f"{entry} has {len(line.words) - 2} values, not 3", form)
         elif line.key == _NAME and not line.rest(2):
             self.fault(line.place(), f"{entry} cannot be empty", form)
-        elif line.key in (_POSE, _TARGET) and len(line.words) != 5:
-            self.fault(line.place(), f"{entry} has {len(line.words) - 2} values, not 3", form)
-        elif line.key in (_POSE, _TARGET):
-            values = [self.value(line, index, f"a value of {entry}", _COORDINATE)
-                      for index in range(2, 5)]
-            self.numbers[entry] = [value for value in values if value is not None]
+        return line.rest(2)
 
-    def _take_tour(self, line: _Line, form: str) -> None:
+    def _tour(self, line: _Line, form: str) -> List[Tuple[Optional[int], Tuple[int, int]]]:
+        """Return each id, and its place."""
         count = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
         listed = range(2, len(line.words))
         if count is not None and count != len(listed):
             locations = f"{count} location{'' if count == 1 else 's'}"
             self.fault(line.place(1), f"{_TOUR} says {locations} and lists {len(listed)}", form)
-        for index in listed:
-            location = self.value(line, index, f"an id of {_TOUR}", _ID)
-            if location is not None:
-                self.tour.append((location, line.place(index)))
+        return [(self.value(line, index, f"an id of {_TOUR}", _ID), line.place(index))
+                for index in listed]
 
     def finish(self) -> None:
         """Report what the tour needs and the file lacks."""
@@ -280,11 +280,11 @@ class _Environment(_EntryFile):
                 f"{', '.join(spoken) or 'no language'}")
         messages = [key for language in spoken if language in languages
                     for key in _MESSAGES[language]]
-        places = dict(reversed(self.tour))  # of each location the first
+        places = dict(reversed(self.values.get(_TOUR, [])))  # of each location the first
         for location, place in places.items():
             if location in self.ids:
                 self._check_location(location, place, messages)
-            else:
+            elif location is not None:
                 known = ", ".join(map(str, sorted(self.ids))) or "no locations"
                 self.fault(place, f"the tour goes to location {location}, which has no entries",
                            f"there are: {known}")
@@ -305,14 +305,14 @@ class _Environment(_EntryFile):
     def exhibits(self, language: str) -> Tuple[Exhibit, ...]:
         """Return the tour, if there are no faults."""
         before, after = _MESSAGES[language]
-        return tuple(Exhibit(self._text(_NAME, place), self._text(before, place),
-                             self._text(after, place), Location(*self.numbers[f"{_POSE} {place}"]),
-                             Point(*self.numbers.get(f"{_TARGET} {place}", (0.0, 0.0, 0.0))))
-                     for place, _ in self.tour)
-
-    def _text(self, key: str, location: int) -> str:
-        line = self.lines.get(f"{key} {location}")
-        return line.rest(2) if line is not None else ""
+        exhibits = []
+        for location, _ in self.values[_TOUR]:
+            name, pose, target, first, last = [
+                self.values.get(f"{key} {location}", "")
+                for key in (_NAME, _POSE, _TARGET, before, after)]
+            exhibits.append(Exhibit(
+                name, first, last, Location(*pose), Point(*target or (0.0, 0.0, 0.0))))
+        return tuple(exhibits)
 
 
 # --------------------------------------------------------------------------------------- both files
