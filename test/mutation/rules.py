@@ -75,7 +75,7 @@ RULES = (
          'self.count = 0\nhalt_child(self.decorated)\nreturn result',
          'halt_child(self.decorated)\nreturn result'),
     Rule('Retry reads its port again after a failure', 'engine/decorators.py',
-         'RetryUntilSuccessful._limit_after_round', 'self._limit()', 'limit'),
+         'RetryUntilSuccessful', 'reads_again = True', 'reads_again = False'),
     Rule('RunOnce remembers completions only', 'engine/decorators.py', 'RunOnce.update',
          'if result is SUCCESS or result is FAILURE:\n    self.result = result',
          'self.result = result'),

@@ -88,16 +88,15 @@ class Repeat(Decorator):
     PORTS = (Port("num_cycles", "int", description="rounds; -1: no limit"),)
     goes_on_at = SUCCESS
     ends_at = FAILURE
+    reads_again = False  # the port, after each round
     ROUND = ("count",)
     count = 0
-
-    def _limit(self) -> int:
-        return self.get_input(self.PORTS[0].name)
 
     def update(self) -> Result:
         """Tick the child; yield after a round that was done at once, go on within the tick after a
         longer round."""
-        limit = self._limit()
+        port = self.PORTS[0].name
+        limit = self.get_input(port)
         go = self.count < limit or limit == -1
         self.begin()
         while go:
@@ -105,7 +104,8 @@ class Repeat(Decorator):
             result = self.decorated.execute()
             if result is self.goes_on_at:
                 self.count += 1
-                limit = self._limit_after_round(limit)
+                if self.reads_again:
+                    limit = self.get_input(port)
                 go = self.count < limit or limit == -1
                 halt_child(self.decorated)
                 if was_idle and go:
@@ -122,9 +122,6 @@ class Repeat(Decorator):
         self.count = 0
         return self.goes_on_at
 
-    def _limit_after_round(self, limit: int) -> int:
-        return limit
-
 
 class RetryUntilSuccessful(Repeat):
     """The child up to ``num_attempts`` times until it succeeds; -1: no limit. A failure reads the
@@ -133,9 +130,7 @@ class RetryUntilSuccessful(Repeat):
     PORTS = (Port("num_attempts", "int", description="attempts; -1: no limit"),)
     goes_on_at = FAILURE
     ends_at = SUCCESS
-
-    def _limit_after_round(self, limit: int) -> int:
-        return self._limit()
+    reads_again = True
 
 
 class RunOnce(Decorator):

@@ -57,8 +57,7 @@ _REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]
 _BLANKS = re.compile(r"[ \t\r\n]+")
 # of an integer of 64 bits: with more it is out of range, and Python refuses to read 4,300
 _MOST_DIGITS = 20
-_BOOLEANS = {"1": True, "true": True, "TRUE": True, "True": True,
-             "0": False, "false": False, "FALSE": False, "False": False}
+_TRUE, _FALSE = ("1", "true", "TRUE", "True"), ("0", "false", "FALSE", "False")
 
 
 def shown(text: str, longest: int = 80) -> str:
@@ -118,10 +117,10 @@ def whole_real(text: str) -> Optional[float]:
 
 
 def _boolean(text: str, _enums: Enums) -> bool:
-    if text not in _BOOLEANS:
+    if text not in _TRUE + _FALSE:
         wrong = f"convertFromString(): invalid bool conversion of [{shown(text)}]"
         raise ValueFault(f"{wrong}; allowed: 0 1 true false")
-    return _BOOLEANS[text]
+    return text in _TRUE
 
 
 def _status(text: str, _enums: Enums) -> Any:
