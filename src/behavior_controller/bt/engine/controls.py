@@ -4,7 +4,7 @@ A control node stores RUNNING at the start of its tick. When it returns SKIPPED 
 therefore stays RUNNING, and its parent will halt it: that is the library's behaviour, recorded in
 its traces.
 """
-from typing import Any, Optional, Set, Tuple
+from typing import Any, Optional, Tuple
 
 from py_trees import composites
 from py_trees.common import ParallelPolicy
@@ -158,19 +158,10 @@ class ReactiveFallback(_Reactive, composites.Selector):
 
 
 class _Side(Control, composites.Parallel):
-    """The base of Parallel and ParallelAll: which children have completed, and how."""
+    """The base of Parallel and ParallelAll. A child that has completed keeps its status until all
+    are reset, and is not ticked before."""
 
     policy = ParallelPolicy.SuccessOnAll(synchronise=False)
-
-    def __init__(self, name: str):
-        Control.__init__(self, name)
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget which children have completed."""
-        self.completed: Set[int] = set()
-        self.successes = 0
-        self.failures = 0
 
     def threshold(self, port: str, verb: str) -> int:
         """Return the count of a port: negative values count from the end, -1 is all."""
@@ -179,27 +170,15 @@ class _Side(Control, composites.Parallel):
             raise NodeError(f"Number of children is less than threshold. Can never {verb}.")
         return value if value >= 0 else max(count + value + 1, 0)
 
-    def execute_child(self, index: int) -> Result:
-        """Tick a child that has not completed and count its result."""
-        result = self.children[index].execute()
-        if result is SUCCESS:
-            self.successes += 1
-        elif result is FAILURE:
-            self.failures += 1
-        if result is SUCCESS or result is FAILURE:
-            self.completed.add(index)
-        return result
-
     def complete(self, result: Result) -> Result:
         """Complete with ``result``."""
-        self.clear()
         self.halt_children()
         return result
 
-    def halt(self) -> None:
-        """Reset the position in the round."""
-        self.clear()
-        Control.halt(self)
+
+def is_completed(node: Any) -> bool:
+    """Return whether the node has completed and was not reset."""
+    return node.status is SUCCESS or node.status is FAILURE
 
 
 def _count(name: str, default: str, description: str, if_zero: str) -> Port:
@@ -223,13 +202,19 @@ class Parallel(_Side):
         count = len(self.children)
         skips_count = self.get_input("success_count") < 0
         self.begin()
-        skipped = 0
-        for index in range(count):
-            if index not in self.completed and self.execute_child(index) is SKIPPED:
+        statuses = [child.status for child in self.children]
+        successes, failures, skipped = statuses.count(SUCCESS), statuses.count(FAILURE), 0
+        for child in self.children:
+            result = IDLE if is_completed(child) else child.execute()
+            if result is SUCCESS:
+                successes += 1
+            elif result is FAILURE:
+                failures += 1
+            elif result is SKIPPED:
                 skipped += 1
-            if self.successes >= needed or (skips_count and self.successes + skipped >= needed):
+            if successes >= needed or (skips_count and successes + skipped >= needed):
                 return self.complete(SUCCESS)
-            if count - self.failures < needed or self.failures == allowed:
+            if count - failures < needed or failures == allowed:
                 return self.complete(FAILURE)
         return SKIPPED if skipped == count else RUNNING
 
@@ -245,12 +230,13 @@ class ParallelAll(_Side):
         allowed = self.threshold("max_failures", "fail")
         count = len(self.children)
         self.begin()
-        waiting = [index for index in range(count) if index not in self.completed]
-        skipped = sum(self.execute_child(index) is SKIPPED for index in waiting)
+        waiting = [child for child in self.children if not is_completed(child)]
+        skipped = sum(child.execute() is SKIPPED for child in waiting)
         if skipped == count:
             return SKIPPED
-        if skipped + len(self.completed) >= count:
-            return self.complete(FAILURE if self.failures >= allowed else SUCCESS)
+        if skipped + sum(map(is_completed, self.children)) >= count:
+            failures = sum(child.status is FAILURE for child in self.children)
+            return self.complete(FAILURE if failures >= allowed else SUCCESS)
         return RUNNING
 
 
