@@ -78,17 +78,13 @@ class SetBlackboard(SyncActionLeaf):
                 return FAILURE
             value, origin = entry.value, entry.origin
         if target is not None and target.type != TEXT and isinstance(value, str):
-            value, origin = self._converted(value, target), target.type
+            # an entry that a script has made becomes empty, as in the library; since this write
+            # makes it a BT::Any, which no text can be, the next one raises
+            if target.type == BT_ANY:
+                raise NodeError(f"Can't convert string [{value}] to type [BT::Any]")
+            value, origin = target.from_text(value), target.type
         board.set_any(key, value, origin)
         return SUCCESS
-
-    @staticmethod
-    def _converted(text: str, entry: Any) -> Any:
-        # an entry that a script has made becomes empty, as in the library; since this write makes
-        # it a BT::Any, which no text can be, the next one raises
-        if entry.type == BT_ANY:
-            raise NodeError(f"Can't convert string [{text}] to type [BT::Any]")
-        return entry.from_text(text)
 
 
 class UnsetBlackboard(SyncActionLeaf):

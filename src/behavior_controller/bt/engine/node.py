@@ -109,11 +109,8 @@ class Interception:
         completion."""
         if self._asks_hook:
             result = self.hook.after(node, result)  # type: ignore[union-attr]
-        if self.scripts:
-            if result is SUCCESS:
-                self.run(node, "_onSuccess", "_post")
-            elif result is FAILURE:
-                self.run(node, "_onFailure", "_post")
+        if self.scripts and (result is SUCCESS or result is FAILURE):
+            self.run(node, "_onSuccess" if result is SUCCESS else "_onFailure", "_post")
         if self.ticked is not None:
             self.ticked[node] = result
         return result

@@ -63,8 +63,10 @@ class TestNode(TimedAction):
     def completed(self) -> Result:
         """Run the scripts and return the status."""
         result = self._status()
-        self._run({SUCCESS: "success_script", FAILURE: "failure_script"}.get(result, ""))
-        self._run("post_script")
+        own = {SUCCESS: "success_script", FAILURE: "failure_script"}.get(result, "")
+        for key in (own, "post_script"):
+            if key in self.scripts:
+                self.scripts[key].run(self.blackboard, self.services.enums)
         return result
 
     def _status(self) -> Any:
@@ -77,7 +79,3 @@ class TestNode(TimedAction):
             wrong = f"TestNode {INVALID_STATUS} (integer value: {number})"
             raise NodeError(f"{wrong}; allowed: {' '.join(allowed)}")
         return BY_NAME[allowed[number - 1]]
-
-    def _run(self, key: str) -> None:
-        if key in self.scripts:
-            self.scripts[key].run(self.blackboard, self.services.enums)
