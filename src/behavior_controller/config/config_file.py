@@ -211,19 +211,12 @@ def values_of(record: object) -> Dict[str, Any]:
 # ------------------------------------------------------------------------------------------ reading
 
 
-def configured(source: Source, keys: Sequence[Key]) -> Dict[str, Any]:
-    """Return a value for each of ``keys`` from a file.
-
-    Raises ConfigurationError with every fault: unknown or duplicate key, bad value, missing key.
-    """
-    return collected(source, keys).result()
-
-
 def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
               arguments: Optional[Mapping[str, str]] = None,
               unused: Collection[str] = ()) -> "Collector":
     """Return what is collected from a file, from overriding ROS parameters, and from ``arguments``,
-    which override both; ``unused`` are keys of other programs."""
+    which override both; ``unused`` are keys of other programs. Its ``result`` has a value for each
+    of ``keys``."""
     reader = Collector(source.file, {key.name: key for key in keys}, unused)
     read_lines(source, reader.faults, reader.line)
     for name, value in (overrides or {}).items():
@@ -330,7 +323,8 @@ class Collector:
         self.faults.append(Fault(*place, text, hint))
 
     def result(self) -> Dict[str, Any]:
-        """Return all values, or raise ConfigurationError."""
+        """Return all values. Raises ConfigurationError with every fault: unknown or duplicate key,
+        bad value, missing key."""
         for key in self.keys.values():
             if key.default is REQUIRED and key.name not in self.given:
                 self._fault((self.path, 0, 0), f"the required key {key.name} is missing",

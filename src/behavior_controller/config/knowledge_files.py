@@ -14,7 +14,7 @@ from behavior_controller import folders
 from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.config.config_file import (
-    Key, MOST_FAULTS, REQUIRED, Reader, boolean, configured, integer, number, one_of, parsed,
+    Key, MOST_FAULTS, REQUIRED, Reader, boolean, collected, integer, number, one_of, parsed,
     read_lines, read_source, some_text)
 from behavior_controller.text import Source, Unreadable, did_you_mean, read_text
 
@@ -374,7 +374,7 @@ def _source(configuration: Source, mission: str = "") -> Source:
 
     A configuration of another name than the two may name a file of either kind.
     """
-    name = configured(configuration, _CONFIGURATION_KEYS)[_KNOWLEDGE_BASE]
+    name = collected(configuration, _CONFIGURATION_KEYS).result()[_KNOWLEDGE_BASE]
     path = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(configuration.file))),
                         "data", name)
     hint = f"the key {_KNOWLEDGE_BASE} of {configuration.file} names it"

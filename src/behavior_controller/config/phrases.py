@@ -13,7 +13,7 @@ from typing import Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional
 from behavior_controller import extensions, folders
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.config.config_file import (
-    Key, REQUIRED, Reader, configured, read_source, some_text)
+    Key, REQUIRED, Reader, collected, read_source, some_text)
 from behavior_controller.text import Source, did_you_mean
 
 
@@ -201,7 +201,7 @@ def _phrases(source: Source, keys: Tuple[Key, ...],
              others: Iterable[Tuple[Source, Tuple[Key, ...]]] = ()) -> Phrases:
     """Return the phrases of a file with these keys, and of ``others``. Raises ConfigurationError
     with every fault of the first file that has any."""
-    values, text = configured(source, keys), source.text
+    values, text = collected(source, keys).result(), source.text
     faults = []
     for one, other in itertools.combinations((YES, NO, UNCLEAR), 2):
         for phrase in sorted(set(values[one]).intersection(values[other])):
@@ -210,7 +210,7 @@ def _phrases(source: Source, keys: Tuple[Key, ...],
     if faults:
         raise ConfigurationError(faults)
     for added, its_keys in others:
-        values.update(configured(added, its_keys))
+        values.update(collected(added, its_keys).result())
         text += "\n" + added.text
     return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS},
                    (values["tabletYes"], values["tabletNo"]),
