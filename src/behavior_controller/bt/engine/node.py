@@ -393,7 +393,7 @@ class Parent(Node):
     def halt(self) -> None:
         """Halt the children in order, then the node itself."""
         for name in self.ROUND:
-            self.__dict__.pop(name, None)
+            setattr(self, name, getattr(type(self), name))
         self.halt_children()
         self.reset()
 
