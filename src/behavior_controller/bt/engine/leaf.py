@@ -100,7 +100,16 @@ class BehaviourLeaf(Timed):
             raise ValueError("its factory returned the same behaviour twice")
         behaviour.parent = self
         self.behaviour = behaviour
-        self._id, self._blackboards = behaviour.id, behaviour.blackboards
+
+    @property
+    def id(self) -> Any:
+        """The behaviour's identifier."""
+        return self.behaviour.id
+
+    @property
+    def blackboards(self) -> Any:
+        """The behaviour's blackboard clients."""
+        return self.behaviour.blackboards
 
     def setup(self, **kwargs: Any) -> None:
         """Set up the behaviour and what is below it."""
