@@ -40,7 +40,7 @@ RULES = (
     Rule('skipped children count as successes if success_count is negative', 'engine/controls.py',
          'Parallel.update', 'skips_count and successes + skipped >= needed', 'False'),
     Rule('Parallel does not tick a completed child again', 'engine/controls.py', 'Parallel.update',
-         'IDLE if is_completed(child) else child.execute()', 'child.execute()'),
+         'status is not SUCCESS and status is not FAILURE', 'True'),
     Rule('ParallelAll fails at max_failures', 'engine/controls.py', 'ParallelAll.update',
          'failures >= allowed', 'failures > allowed'),
     Rule('Parallel resets its children at the end', 'engine/controls.py', '_Side.complete',

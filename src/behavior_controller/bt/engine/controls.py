@@ -176,11 +176,6 @@ class _Side(Control, composites.Parallel):
         return result
 
 
-def is_completed(node: Any) -> bool:
-    """Return whether the node has completed and was not reset."""
-    return node.status is SUCCESS or node.status is FAILURE
-
-
 def _count(name: str, default: str, description: str, if_zero: str) -> Port:
     return Port(name, "int", default=default, description=description, role=Role.CHILDREN,
                 if_zero=if_zero)
@@ -204,14 +199,15 @@ class Parallel(_Side):
         self.begin()
         statuses = [child.status for child in self.children]
         successes, failures, skipped = statuses.count(SUCCESS), statuses.count(FAILURE), 0
-        for child in self.children:
-            result = IDLE if is_completed(child) else child.execute()
-            if result is SUCCESS:
-                successes += 1
-            elif result is FAILURE:
-                failures += 1
-            elif result is SKIPPED:
-                skipped += 1
+        for child, status in zip(self.children, statuses):
+            if status is not SUCCESS and status is not FAILURE:
+                result = child.execute()
+                if result is SUCCESS:
+                    successes += 1
+                elif result is FAILURE:
+                    failures += 1
+                elif result is SKIPPED:
+                    skipped += 1
             if successes >= needed or (skips_count and successes + skipped >= needed):
                 return self.complete(SUCCESS)
             if count - failures < needed or failures == allowed:
@@ -230,12 +226,19 @@ class ParallelAll(_Side):
         allowed = self.threshold("max_failures", "fail")
         count = len(self.children)
         self.begin()
-        waiting = [child for child in self.children if not is_completed(child)]
-        skipped = sum(child.execute() is SKIPPED for child in waiting)
+        skipped = completed = failures = 0
+        for child in self.children:
+            result = child.status
+            if result is not SUCCESS and result is not FAILURE:
+                result = child.execute()
+            if result is SKIPPED:
+                skipped += 1
+            elif result is not RUNNING:
+                completed += 1
+                failures += 1 if result is FAILURE else 0
         if skipped == count:
             return SKIPPED
-        if skipped + sum(map(is_completed, self.children)) >= count:
-            failures = sum(child.status is FAILURE for child in self.children)
+        if skipped + completed == count:
             return self.complete(FAILURE if failures >= allowed else SUCCESS)
         return RUNNING
 
@@ -247,7 +250,7 @@ class _Branches(Control):
         """Store RUNNING. Raises NodeError unless there are two or three children."""
         if len(self.children) not in (2, 3):
             raise NodeError(f"{type(self).__name__}Node must have either 2 or 3 children")
-        super().begin()
+        Parent.begin(self)
 
 
 class IfThenElse(_Branches):
