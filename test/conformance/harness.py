@@ -173,8 +173,9 @@ def _documents(case: Dict[str, Any]) -> List[Document]:
 def build_case(case: Dict[str, Any], events: List[Any]) -> Tree:
     blackboard = Blackboard()
     if "global_blackboard" in case:
-        blackboard.parent = Blackboard()
-        _written(case["global_blackboard"], blackboard.parent)
+        outside = Blackboard()
+        _written(case["global_blackboard"], outside)
+        blackboard = Blackboard(outside)
     _written(case.get("blackboard", {}), blackboard)
     clock = Clock() if case.get("tick_mode") == "while_running" else ManualClock()
     enums = dict(case.get("enums", {}))

@@ -2,7 +2,7 @@
 section 9)."""
 import pytest
 
-from behavior_controller.bt.engine.blackboard import Blackboard, Entry, WriteCount
+from behavior_controller.bt.engine.blackboard import Blackboard, Entry
 from behavior_controller.bt.script.values import ValueFault
 from behavior_controller.bt.status import RUNNING
 
@@ -17,7 +17,7 @@ def chain(*levels):
             board.autoremap = True
         else:
             for inner, outer in remappings.items():
-                board.add_remapping(inner, outer)
+                board.remapping[inner] = outer
         boards.append(board)
     return boards
 
@@ -57,8 +57,8 @@ def test_where_an_entry_is_made_and_found(levels, key, leads_to):
 def test_a_root_has_nowhere_to_lead_to():
     root = Blackboard()
     root.autoremap = True
-    root.add_remapping("x", "y")
-    assert root.find("x") is None and root.root() is root
+    root.remapping["x"] = "y"
+    assert root.find("x") is None and root.root is root
     root.set("x", 1)
     assert contents(root) == {"x": 1}
 
@@ -66,7 +66,7 @@ def test_a_root_has_nowhere_to_lead_to():
 def test_what_is_stored_here_hides_what_is_remapped():
     root, board = chain({"x": "y"})
     root.set("y", 1)
-    board.local["x"] = Entry("any", WriteCount())
+    board.local["x"] = Entry("any", board)
     board.local["x"].replace(2)
     assert board.get("x") == 2 and root.get("y") == 1
 

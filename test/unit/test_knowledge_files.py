@@ -281,7 +281,8 @@ def test_a_mistake_in_the_environment_file(old, new, expected):
 
 @pytest.mark.parametrize("old, new, expected", [
     ("Language              English", "Language  Englich ", [
-        'c:2:17: phraseLanguage cannot be "Englich" ' "(did you mean English?)"]),
+        'c:2:17: phraseLanguage cannot be "Englich" '
+        "(allowed: one of English, IsiZulu, Kinyarwanda)"]),
     ("Language              English", "Language  French ", [
         'c:2:17: phraseLanguage cannot be "French" '
         "(allowed: one of English, IsiZulu, Kinyarwanda)"]),

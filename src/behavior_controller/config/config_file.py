@@ -44,30 +44,23 @@ class Reader(Generic[Value]):
     """
 
     allowed: str
-    read: Callable[[str], Value]
+    value: Callable[[str], Value]
+    is_allowed: Callable[[str], object] = lambda text: True
 
     def __call__(self, text: str) -> Value:
         """Return the value of ``text``."""
-        return self.read(text)
-
-
-def reader(allowed: str, is_allowed: Callable[[str], object],
-           value: Callable[[str], Value]) -> Reader[Value]:
-    """Return a reader of the texts that are allowed, each with its ``value``."""
-    def read(text: str) -> Value:
-        if not is_allowed(text):
+        if not self.is_allowed(text):
             raise ValueError(text)
-        return value(text)
-    return Reader(allowed, read)
+        return self.value(text)
 
 
 def some_text(allowed: str, without: str = "") -> Reader[str]:
     """Return a reader of texts that are not empty, and have no character of ``without``."""
-    return reader(allowed, lambda text: text and set(text).isdisjoint(without), str)
+    return Reader(allowed, str, lambda text: text and set(text).isdisjoint(without))
 
 
-boolean = reader("true or false", lambda text: text.lower() in ("true", "false"),
-                 lambda text: text.lower() == "true")
+boolean = Reader("true or false", lambda text: text.lower() == "true",
+                 lambda text: text.lower() in ("true", "false"))
 """Accepts both words in any case."""
 
 
@@ -80,8 +73,8 @@ def number(
                 and (infinite or not math.isinf(float(text))))
 
     limits = f", {low:.10g} or more" if math.isinf(high) else f" from {low:.10g} to {high:.10g}"
-    return reader(f"a number{' of ' + of if of else ''}{limits}{', or inf' if infinite else ''}",
-                  is_allowed, float)
+    return Reader(f"a number{' of ' + of if of else ''}{limits}{', or inf' if infinite else ''}",
+                  float, is_allowed)
 
 
 def seconds(low: float = 0.0) -> Reader[float]:
@@ -92,18 +85,18 @@ def seconds(low: float = 0.0) -> Reader[float]:
 def integer(low: int, high: int, of: str = "") -> Reader[int]:
     """Return a reader of integers from ``low`` to ``high``. ``of``: the unit."""
     allowed = f"a whole number{' of ' + of if of else ''} from {low} to {high}"
-    return reader(f"{low} or {high}" if high == low + 1 else allowed,
-                  lambda text: _INTEGER.fullmatch(text) and low <= int(text) <= high, int)
+    return Reader(f"{low} or {high}" if high == low + 1 else allowed, int,
+                  lambda text: _INTEGER.fullmatch(text) and low <= int(text) <= high)
 
 
 def port(high: int) -> Reader[int]:
     """Return a reader of a port up to ``high``, or 0."""
-    return Reader(f"a port from 1 to {high}, or 0", integer(0, high).read)
+    return Reader(f"a port from 1 to {high}, or 0", integer(0, high))
 
 
 def one_of(*allowed: str) -> Reader[str]:
     """Return a reader of exactly these words."""
-    return reader(f"one of {', '.join(allowed)}", allowed.__contains__, str)
+    return Reader(f"one of {', '.join(allowed)}", str, allowed.__contains__)
 
 
 def _is_file_name(text: str) -> bool:
@@ -132,9 +125,9 @@ def _folder(text: str) -> str:
     return path
 
 
-language_name = reader("the name of a language, such as English", _is_file_name, str)
-mission_name = reader("the name of a mission in the data folder, without .xml", _is_file_name,
-                      lambda text: text[:-4] if text.endswith(".xml") else text)
+language_name = Reader("the name of a language, such as English", str, _is_file_name)
+mission_name = Reader("the name of a mission in the data folder, without .xml",
+                      lambda text: text[:-4] if text.endswith(".xml") else text, _is_file_name)
 bind_address = Reader("an address or a host name of this computer, 127.0.0.1 for itself alone, "
                       "0.0.0.0 for all networks", _address)
 folder = Reader("a folder, nothing, or none", _folder)
@@ -218,23 +211,18 @@ def values_of(record: object) -> Dict[str, Any]:
 # ------------------------------------------------------------------------------------------ reading
 
 
-def configured(source: Source, keys: Sequence[Key]) -> Dict[str, Any]:
-    """Return a value for each of ``keys`` from a file.
-
-    Raises ConfigurationError with every fault: unknown or duplicate key, bad value, missing key.
-    """
-    return collected(source, keys).result()
-
-
 def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
               arguments: Optional[Mapping[str, str]] = None,
               unused: Collection[str] = ()) -> "Collector":
     """Return what is collected from a file, from overriding ROS parameters, and from ``arguments``,
-    which override both; ``unused`` are keys of other programs."""
+    which override both; ``unused`` are keys of other programs. Its ``result`` has a value for each
+    of ``keys``."""
     reader = Collector(source.file, {key.name: key for key in keys}, unused)
     read_lines(source, reader.faults, reader.line)
     for name, value in (overrides or {}).items():
-        reader.override(name, value)
+        # other parameters below our name belong to other programs
+        if name in reader.keys or did_you_mean(name, reader.keys):
+            reader.given_value(name, value, f"parameter ~{name}")
     for name, text in (arguments or {}).items():
         reader.given_value(name, text, f"argument {name}")
     return reader
@@ -300,12 +288,6 @@ class Collector:
             begin = column + len(content) - len(rest) if text else column
             self._value(name, text, (self.path, line_number, begin))
 
-    def override(self, name: str, value: object) -> None:
-        """Process one private ROS parameter."""
-        # other parameters below our name belong to other programs
-        if name in self.keys or did_you_mean(name, self.keys):
-            self.given_value(name, value, f"parameter ~{name}")
-
     def given_value(self, name: str, value: Any, where: str) -> None:
         """Process a value from a parameter, an argument or a record."""
         place = where, 0, 0
@@ -341,7 +323,8 @@ class Collector:
         self.faults.append(Fault(*place, text, hint))
 
     def result(self) -> Dict[str, Any]:
-        """Return all values, or raise ConfigurationError."""
+        """Return all values. Raises ConfigurationError with every fault: unknown or duplicate key,
+        bad value, missing key."""
         for key in self.keys.values():
             if key.default is REQUIRED and key.name not in self.given:
                 self._fault((self.path, 0, 0), f"the required key {key.name} is missing",

@@ -8,13 +8,13 @@ import os
 import re
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
 
 from behavior_controller import folders
 from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.config.config_file import (
-    Key, MOST_FAULTS, REQUIRED, Reader, boolean, configured, integer, number, one_of, parsed,
+    Key, MOST_FAULTS, REQUIRED, Reader, boolean, collected, integer, number, one_of, parsed,
     read_lines, read_source, some_text)
 from behavior_controller.text import Source, Unreadable, did_you_mean, read_text
 
@@ -132,6 +132,7 @@ class _EntryFile:
         self.faults: List[Fault] = []
         self.warnings: List[Fault] = []
         self.lines: Dict[str, _Line] = {}  # of each entry, valid or not
+        self.values: Dict[str, Any] = {}  # of each entry of a known key
         try:
             read_lines(source, self.faults, self._line)
             self.finish()
@@ -144,10 +145,10 @@ class _EntryFile:
             entry = self.entry(line) if is_known else line.key
             first = self.lines.setdefault(entry, line) if entry else None
             if first is line and is_known:
-                self.take(line, entry)
+                self.values[entry] = self.taken(line, entry)
             elif first is line and self.meant(line.key):
-                self.warn(line.place(), f"unknown key {line.key}: it is not used",
-                          self.meant(line.key))
+                self.fault(line.place(), f"unknown key {line.key}: it is not used",
+                           self.meant(line.key), is_warning=True)
             elif first is not None and is_known:
                 self.fault(line.place(), f"{entry} is in line {first.number} already",
                            "keep one of them")
@@ -156,7 +157,7 @@ class _EntryFile:
         """Return faults and warnings in the order of the file, then those about missing entries."""
         if len(self.warnings) > MOST_FAULTS:
             del self.warnings[MOST_FAULTS:]
-            self.warn((0, 0), f"more than {MOST_FAULTS} warnings; the rest is not shown", "")
+            self.fault((0, 0), f"more than {MOST_FAULTS} warnings; the rest is not shown", "", True)
         return sorted(self.faults + self.warnings,
                       key=lambda fault: (not fault.line, fault.line, fault.column))
 
@@ -168,22 +169,20 @@ class _EntryFile:
         """Return a hint about an unknown key; without one it is no mistake."""
         return did_you_mean(key, self.keys, _NEAR)
 
-    def take(self, line: _Line, entry: str) -> None:
-        """Check the values of an entry."""
+    def taken(self, line: _Line, entry: str) -> Any:
+        """Return what an entry holds; its faults are added."""
+        raise NotImplementedError
 
     def finish(self) -> None:
         """Check what needs several entries, and report missing ones."""
-        raise NotImplementedError
 
-    def fault(self, place: Tuple[int, int], text: str, hint: str) -> None:
-        self.faults.append(Fault(self.source.file, *place, text, hint))
+    def fault(self, place: Tuple[int, int], text: str, hint: str, is_warning: bool = False) -> None:
+        kind = self.warnings if is_warning else self.faults
+        kind.append(Fault(self.source.file, *place, text, hint, is_warning))
 
     def require(self, key: str, form: str) -> None:
         if key not in self.lines:
             self.fault((0, 0), f"the required key {key} is missing", f"add a line: {key} {form}")
-
-    def warn(self, place: Tuple[int, int], text: str, hint: str) -> None:
-        self.warnings.append(Fault(self.source.file, *place, text, hint, True))
 
     def value(self, line: _Line, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
         """Return the value of the word at ``index``, or None, with a fault."""
@@ -200,13 +199,11 @@ class _Culture(_EntryFile):
     def meant(self, key: str) -> str:
         return "" if _ANY_PHRASE.fullmatch(key) else super().meant(key)
 
-    def take(self, line: _Line, entry: str) -> None:
+    def taken(self, line: _Line, entry: str) -> Any:
+        text, place = line.rest(1), (self.source.file, *line.place(1))
         if entry == _LANGUAGE:
-            text, place = line.rest(1), (self.source.file, *line.place(1))
             self.language = parsed(_LANGUAGE_READER, text, _LANGUAGE, place, self.faults)
-            near = did_you_mean(text, LANGUAGES)
-            if self.language is None and near:
-                self.faults[-1] = self.faults[-1]._replace(hint=near)
+        return text
 
     def finish(self) -> None:
         """Report the missing phrases of the chosen language."""
@@ -214,14 +211,15 @@ class _Culture(_EntryFile):
         for number, key in _PHRASES[self.language].items() if self.language else ():
             if number <= LAST_REQUIRED:
                 self.require(key, "<text>")
-            if key in self.lines and not self.lines[key].rest(1):
+            if self.values.get(key) == "":
                 self.fault((self.lines[key].number, 1), f"{key} cannot be empty",
                            "allowed: the text to say")
 
     def phrases(self, language: str) -> Mapping[int, str]:
         """Return the utility phrases, if there are no faults."""
-        return MappingProxyType({number: self.lines[key].rest(1) for number, key
-                                 in _PHRASES[language].items() if key in self.lines})
+        keys = _PHRASES[language]
+        return MappingProxyType(
+            {number: self.values[key] for number, key in keys.items() if key in self.values})
 
 
 class _Environment(_EntryFile):
@@ -231,9 +229,7 @@ class _Environment(_EntryFile):
 
     def __init__(self, source: Source, languages: Optional[Sequence[str]] = None):
         self.languages = languages
-        self.tour: List[Tuple[int, Tuple[int, int]]] = []  # each id, and its place
         self.ids: Set[int] = set()
-        self.numbers: Dict[str, List[float]] = {}  # of poses and gesture targets
         super().__init__(source)
 
     def meant(self, key: str) -> str:
@@ -248,29 +244,28 @@ class _Environment(_EntryFile):
         self.ids.add(location)
         return f"{line.key} {location}"
 
-    def take(self, line: _Line, entry: str) -> None:
+    def taken(self, line: _Line, entry: str) -> Any:
         form = f"the form: {line.key} {_FORMS[line.key]}"
         if line.key == _TOUR:
-            self._take_tour(line, form)
+            return self._tour(line, form)
+        if line.key in (_POSE, _TARGET):
+            if len(line.words) == 5:
+                return [self.value(line, index, f"a value of {entry}", _COORDINATE)
+                        for index in range(2, 5)]
+            self.fault(line.place(), f"{entry} has {len(line.words) - 2} values, not 3", form)
         elif line.key == _NAME and not line.rest(2):
             self.fault(line.place(), f"{entry} cannot be empty", form)
-        elif line.key in (_POSE, _TARGET) and len(line.words) != 5:
-            self.fault(line.place(), f"{entry} has {len(line.words) - 2} values, not 3", form)
-        elif line.key in (_POSE, _TARGET):
-            values = [self.value(line, index, f"a value of {entry}", _COORDINATE)
-                      for index in range(2, 5)]
-            self.numbers[entry] = [value for value in values if value is not None]
+        return line.rest(2)
 
-    def _take_tour(self, line: _Line, form: str) -> None:
+    def _tour(self, line: _Line, form: str) -> List[Tuple[Optional[int], Tuple[int, int]]]:
+        """Return each id, and its place."""
         count = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
         listed = range(2, len(line.words))
         if count is not None and count != len(listed):
             locations = f"{count} location{'' if count == 1 else 's'}"
             self.fault(line.place(1), f"{_TOUR} says {locations} and lists {len(listed)}", form)
-        for index in listed:
-            location = self.value(line, index, f"an id of {_TOUR}", _ID)
-            if location is not None:
-                self.tour.append((location, line.place(index)))
+        return [(self.value(line, index, f"an id of {_TOUR}", _ID), line.place(index))
+                for index in listed]
 
     def finish(self) -> None:
         """Report what the tour needs and the file lacks."""
@@ -285,11 +280,11 @@ class _Environment(_EntryFile):
                 f"{', '.join(spoken) or 'no language'}")
         messages = [key for language in spoken if language in languages
                     for key in _MESSAGES[language]]
-        places = dict(reversed(self.tour))  # of each location the first
+        places = dict(reversed(self.values.get(_TOUR, [])))  # of each location the first
         for location, place in places.items():
             if location in self.ids:
                 self._check_location(location, place, messages)
-            else:
+            elif location is not None:
                 known = ", ".join(map(str, sorted(self.ids))) or "no locations"
                 self.fault(place, f"the tour goes to location {location}, which has no entries",
                            f"there are: {known}")
@@ -298,28 +293,26 @@ class _Environment(_EntryFile):
         lacking = f"location {location} of the tour has no"
         for key in (_POSE, _NAME):
             if f"{key} {location}" not in self.lines:
-                self.fault(place, f"{lacking} {key}",
-                           f"add a line: {key} {_FORMS[key].replace('<id>', str(location))}")
-        for key in [_TARGET] + messages:
-            entry = f"{key} {location}"
-            effect, on_purpose = "says nothing", " without a text"
-            if key == _TARGET:
-                effect, on_purpose = "points at nothing", " 0 0 0"
-            if entry not in self.lines:
-                self.warn(place, f"{lacking} {key}: the robot {effect} there",
-                          f"if that is meant, add a line: {entry}{on_purpose}")
+                form = _FORMS[key].replace("<id>", str(location))
+                self.fault(place, f"{lacking} {key}", f"add a line: {key} {form}")
+        effects = {_TARGET: ("points at nothing", "0 0 0")}
+        effects.update(dict.fromkeys(messages, ("says nothing", "without a text")))
+        for key, (effect, on_purpose) in effects.items():
+            if f"{key} {location}" not in self.lines:
+                hint = f"if that is meant, add a line: {key} {location} {on_purpose}"
+                self.fault(place, f"{lacking} {key}: the robot {effect} there", hint, True)
 
     def exhibits(self, language: str) -> Tuple[Exhibit, ...]:
         """Return the tour, if there are no faults."""
         before, after = _MESSAGES[language]
-        return tuple(Exhibit(self._text(_NAME, place), self._text(before, place),
-                             self._text(after, place), Location(*self.numbers[f"{_POSE} {place}"]),
-                             Point(*self.numbers.get(f"{_TARGET} {place}", (0.0, 0.0, 0.0))))
-                     for place, _ in self.tour)
-
-    def _text(self, key: str, location: int) -> str:
-        line = self.lines.get(f"{key} {location}")
-        return line.rest(2) if line is not None else ""
+        exhibits = []
+        for location, _ in self.values[_TOUR]:
+            name, pose, target, first, last = [
+                self.values.get(f"{key} {location}", "")
+                for key in (_NAME, _POSE, _TARGET, before, after)]
+            exhibits.append(Exhibit(
+                name, first, last, Location(*pose), Point(*target or (0.0, 0.0, 0.0))))
+        return tuple(exhibits)
 
 
 # --------------------------------------------------------------------------------------- both files
@@ -329,11 +322,10 @@ def load(mission: str = "") -> Knowledge:
     """Return the knowledge of the files named in ``config``, or of those that the mission has of
     its own in their place. Raises ConfigurationError with every fault of all four files."""
     faults: List[Fault] = []
-    sources: Dict[str, Optional[Source]] = dict.fromkeys(_CONFIGURATIONS)
-    for kind, name in _CONFIGURATIONS.items():
-        sources[kind] = attempt(lambda: _source(
-            read_source(folders.config(name), "the configuration"), kind, mission), faults)
-    return read(sources[_ENVIRONMENT], sources[_CULTURE], faults=faults)
+    environment, culture = [
+        attempt(lambda: _source(read_source(path, "the configuration"), mission), faults)
+        for path in map(folders.config, _CONFIGURATIONS.values())]
+    return read(environment, culture, faults=faults)
 
 
 def read(environment: Optional[Source], culture: Optional[Source], *,
@@ -364,9 +356,8 @@ def check(path: str) -> Optional[List[Fault]]:
         return None
     kind = None if source.text.lstrip().startswith("<") else _kind(source.text)
     if kind == _CONFIGURATION:
-        by_name = {name: kind for kind, name in _CONFIGURATIONS.items()}
         try:
-            source = _source(source, by_name.get(os.path.basename(path), ""))
+            source = _source(source)
         except ConfigurationError as error:
             return list(error.faults)
         kind = _kind(source.text)
@@ -378,12 +369,12 @@ def check(path: str) -> Optional[List[Fault]]:
     return file.findings()
 
 
-def _source(configuration: Source, kind: str, mission: str = "") -> Source:
+def _source(configuration: Source, mission: str = "") -> Source:
     """Return the knowledge file that a configuration names. Raises ConfigurationError.
 
-    Without a ``kind`` it may name a file of either.
+    A configuration of another name than the two may name a file of either kind.
     """
-    name = configured(configuration, _CONFIGURATION_KEYS)[_KNOWLEDGE_BASE]
+    name = collected(configuration, _CONFIGURATION_KEYS).result()[_KNOWLEDGE_BASE]
     path = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(configuration.file))),
                         "data", name)
     hint = f"the key {_KNOWLEDGE_BASE} of {configuration.file} names it"
@@ -391,21 +382,21 @@ def _source(configuration: Source, kind: str, mission: str = "") -> Source:
         source = read_source(folders.of_mission(path, mission), "the knowledge file")
     except ConfigurationError as error:
         raise ConfigurationError([fault._replace(hint=hint) for fault in error.faults]) from error
-    actual = _kind(source.text)
-    if actual not in ((kind, None) if kind else _CONFIGURATIONS):
-        text = "this is not a knowledge file of release 1.0"
-        if actual:
-            text = f"this is the {actual} file"
+    own_name = os.path.basename(configuration.file)
+    allowed = [kind for kind, file in _CONFIGURATIONS.items() if file == own_name]
+    kind = _kind(source.text)
+    if kind not in (allowed or _CONFIGURATIONS):
+        text = f"this is the {kind} file" if kind else "this is not a knowledge file of release 1.0"
         raise ConfigurationError.of(path, text, hint)
     return source
 
 
 def _kind(text: str) -> Optional[str]:
     """Return the kind of a file by its keys, None for another kind of file."""
-    lines = list(_lines(text))
-    if lines and all(line.rest(1) in _TYPE_NAMES for line in lines):
+    values = {line.rest(1) for line in _lines(text)}
+    if values and values.issubset(_TYPE_NAMES):
         return _VALUE_TYPES
-    keys = {line.key for line in lines}
+    keys = {line.key for line in _lines(text)}
     kinds = {_ENVIRONMENT: _ENVIRONMENT_KEYS, _CULTURE: _CULTURE_KEYS,
              _CONFIGURATION: (_KNOWLEDGE_BASE,)}
     return next((kind for kind, known in kinds.items() if not keys.isdisjoint(known)), None)

@@ -6,13 +6,14 @@ import glob
 import itertools
 import os
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 from behavior_controller import extensions, folders
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.config.config_file import (
-    Key, REQUIRED, configured, read_source, reader, some_text)
+    Key, REQUIRED, Reader, collected, read_source, some_text)
 from behavior_controller.text import Source, did_you_mean
 
 
@@ -58,8 +59,8 @@ def _phrase_list(text: str) -> Tuple[Words, ...]:
 
 _TEXT = some_text("the text to say")
 _LABEL = some_text("a label without |", "|")
-_PHRASES = reader("words with commas between them", lambda text: () not in _phrase_list(text),
-                  _phrase_list)
+_PHRASES = Reader("words with commas between them", _phrase_list,
+                  lambda text: () not in _phrase_list(text))
 
 
 def _keys_of(speeches: Iterable[Speech]) -> Tuple[Key, ...]:
@@ -88,10 +89,10 @@ class Phrases:
     tablet_options: Tuple[str, str]
     meanings: Mapping[str, Tuple[Words, ...]]
     source: Source = Source("", "")
-    _by_first: Mapping[str, List[Tuple[Words, str]]] = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        """Sort the phrases by their first word, since utterances may be long.
+    @cached_property
+    def _by_first(self) -> Mapping[str, List[Tuple[Words, str]]]:
+        """The phrases by their first word, since utterances may be long.
 
         The longest phrase comes first, so that "why not" is not taken for its "not".
         """
@@ -100,7 +101,7 @@ class Phrases:
         by_first: Dict[str, List[Tuple[Words, str]]] = {}
         for phrase, meaning in sorted(pairs, key=lambda pair: -len(pair[0])):
             by_first.setdefault(phrase[0], []).append((phrase, meaning))
-        object.__setattr__(self, "_by_first", by_first)
+        return by_first
 
     def speech(self, node: str) -> str:
         """Return the text that a mission node says."""
@@ -200,7 +201,7 @@ def _phrases(source: Source, keys: Tuple[Key, ...],
              others: Iterable[Tuple[Source, Tuple[Key, ...]]] = ()) -> Phrases:
     """Return the phrases of a file with these keys, and of ``others``. Raises ConfigurationError
     with every fault of the first file that has any."""
-    values, text = configured(source, keys), source.text
+    values, text = collected(source, keys).result(), source.text
     faults = []
     for one, other in itertools.combinations((YES, NO, UNCLEAR), 2):
         for phrase in sorted(set(values[one]).intersection(values[other])):
@@ -209,7 +210,7 @@ def _phrases(source: Source, keys: Tuple[Key, ...],
     if faults:
         raise ConfigurationError(faults)
     for added, its_keys in others:
-        values.update(configured(added, its_keys))
+        values.update(collected(added, its_keys).result())
         text += "\n" + added.text
     return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS},
                    (values["tabletYes"], values["tabletNo"]),

@@ -10,7 +10,7 @@ from behavior_controller.leaves.base import InstantAction, InstantCondition, Mis
 def begin_pass(leaf: MissionLeaf) -> None:
     """Announce that a pass begins, and clear the last visitor's data."""
     leaf.mission.events.emit(Noticed("info", "a pass begins"))
-    leaf.mission.begin_visit(leaf.blackboard.root(), leaf.mission.clock.now())
+    leaf.mission.begin_visit(leaf.blackboard.root, leaf.mission.clock.now())
 
 
 class StartOfTree(InstantAction):

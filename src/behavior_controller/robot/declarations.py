@@ -4,8 +4,9 @@ The ROS edge, the start-up check, the monitoring, the configuration's deadlines 
 robot use only these declarations for their knowledge of a service or topic.
 """
 import enum
+import itertools
 import reprlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import (Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional,
                     Sequence, Tuple, Type, TypeVar, Union)
@@ -254,23 +255,18 @@ class Interface:
     tells_pressed: bool = True
 
     def __post_init__(self) -> None:
-        self._by_request: Dict[type, Service] = {}
-        by_name: Dict[str, type] = {}
-        deadlines: Dict[str, Service] = {}
-        for service in self.services:
-            other = self._by_request.setdefault(service.request, service)
-            if other is not service:
-                raise ValueError(f"{other.name} and {service.name} are both declared for "
-                                 f"{service.request.__name__}")
-            namesake = by_name.setdefault(service.request.__name__, service.request)
-            if namesake is not service.request:
-                raise ValueError(f"{namesake.__module__} has a request {namesake.__name__} "
-                                 "already, and records have its name alone: rename that of "
-                                 f"{service.name}")
-            other = deadlines.setdefault(service.deadline_key, service)
-            if other.deadline != service.deadline:
-                raise ValueError(f"{other.name} and {service.name} of the node {service.node} "
-                                 "share one deadline, and declare different ones")
+        self._by_request: Dict[type, Service] = {
+            service.request: service for service in self.services}
+        for one, other in itertools.combinations(self.services, 2):
+            kind, name = one.request, one.request.__name__
+            if other.request is kind:
+                raise ValueError(f"{one.name} and {other.name} are both declared for {name}")
+            if other.request.__name__ == name:
+                raise ValueError(f"{kind.__module__} has a request {name} already, and records "
+                                 f"have its name alone: rename that of {other.name}")
+            if one.deadline_key == other.deadline_key and one.deadline != other.deadline:
+                raise ValueError(f"{one.name} and {other.name} of the node {one.node} share one "
+                                 "deadline, and declare different ones")
         for request in self.safe_state:
             self.service(type(request))
 
@@ -318,11 +314,6 @@ class Interface:
                   for sense in senses if self.tells(sense)]
         services = (service for service in self.services if service.request in requests)
         return (*services, *(topic for topic in self.topics if topic in topics))
-
-    def with_more(self, services: Tuple[Service, ...], topics: Tuple[Topic, ...]) -> "Interface":
-        """Return the interface of the same robot with these services and topics too. Raises
-        ValueError."""
-        return replace(self, services=self.services + services, topics=self.topics + topics)
 
     def topic(self, name: str) -> Topic:
         """Return the topic of that canonical name. Raises LookupError if none is declared."""

@@ -1,6 +1,7 @@
 """The robots that a configuration can choose from, by the name of their interface."""
 import math
 import re
+from dataclasses import replace
 from typing import Dict
 
 import msgspec
@@ -28,7 +29,8 @@ def _extended(robot: Interface) -> Interface:
                                        *extensions.quoted(offer.name))
             DECLARED_BY[offer] = extension
         try:
-            robot = robot.with_more(services, topics)
+            robot = replace(
+                robot, services=robot.services + services, topics=robot.topics + topics)
         except (AttributeError, TypeError, ValueError) as error:
             raise extension.broken(f"its SERVICES and TOPICS cannot be used: {error}",
                                    "SERVICES =", "TOPICS =") from error

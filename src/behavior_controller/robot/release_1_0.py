@@ -2,14 +2,10 @@
 """
 import math
 from dataclasses import replace
-from typing import Callable
 
 from behavior_controller.robot.declarations import (
     Action, Evidence, Interface, Sense, Service, Success)
-from behavior_controller.robot import d543
-from behavior_controller.robot.requests import (
-    Answer, AttentionStatus, GoTo, Listen, PerformGesture, Prompt, Say, SetAnimation, SetAttention,
-    SetPose, SetRecognition, SetRecognitionLanguage)
+from behavior_controller.robot import d543, requests
 
 FOUND = 2
 """The value of /overtAttention/mode that means that a mode has found what it looks for."""
@@ -26,28 +22,28 @@ utterance, the rest for its recognition."""
 
 
 SERVICES = (
-    replace(d543.INTERFACE.service(SetAnimation), name="/animateBehaviour/setActivation"),
-    d543.INTERFACE.service(PerformGesture),
-    d543.INTERFACE.service(SetAttention),
-    d543.INTERFACE.service(GoTo),
-    Service(SetPose, "/robotLocalization/set_pose", "robotLocalization",
+    replace(d543.INTERFACE.service(requests.SetAnimation), name="/animateBehaviour/setActivation"),
+    d543.INTERFACE.service(requests.PerformGesture),
+    d543.INTERFACE.service(requests.SetAttention),
+    d543.INTERFACE.service(requests.GoTo),
+    Service(requests.SetPose, "/robotLocalization/set_pose", "robotLocalization",
             "cssr_system/robotPoseService", lambda request: tuple(request.pose),
             Success("success", True, False), 5.0, "the localization does not get the robot's pose",
             is_optional=True),
-    Service(SetRecognition, "/speechEvent/set_enabled", "speechEvent",
+    Service(requests.SetRecognition, "/speechEvent/set_enabled", "speechEvent",
             "cssr_system/speechEnabledService",
             lambda request: ("true" if request.is_enabled else "false",),
             Success("response", 1, 0), 5.0, "speech recognition is neither switched on nor off",
             is_optional=True),
-    Service(SetRecognitionLanguage, "/speechEvent/set_language", "speechEvent",
+    Service(requests.SetRecognitionLanguage, "/speechEvent/set_language", "speechEvent",
             "cssr_system/speechLanguageService", lambda request: (request.language,),
             Success("response", 1, 0), 5.0, "speech is recognised in the node's default language",
             is_optional=True),
     # its answer does not say which button was pressed
-    replace(d543.INTERFACE.service(Prompt), type="cssr_system/tabletPromptService",
+    replace(d543.INTERFACE.service(requests.Prompt), type="cssr_system/tabletPromptService",
             fields=lambda request: ("|".join(map("'{}'".format, request.options)),),
-            answer=lambda response: Answer(), is_optional=True, fails_without=True),
-    replace(d543.INTERFACE.service(Say), type="cssr_system/sayTextService",
+            answer=lambda response: requests.Answer(), is_optional=True, fails_without=True),
+    replace(d543.INTERFACE.service(requests.Say), type="cssr_system/sayTextService",
             fields=lambda request: (request.text, request.language),
             answers_early=lambda request: request.language == "English"),
 )
@@ -55,22 +51,22 @@ SERVICES = (
 ATTENTION = replace(d543.ATTENTION, absence="visitors are not noticed",
                     is_event=lambda status: status == ("scanning", FOUND))
 RECOGNITION = Action(
-    Listen, "/speechEvent/recognise_speech_action", "speechEvent", "cssr_system/recogniseSpeech",
-    lambda request: (request.seconds,), None, RESULT_WAIT, d543.SPEECH.absence,
-    lambda result: Answer(response=result.transcription.strip()))
+    requests.Listen, "/speechEvent/recognise_speech_action", "speechEvent",
+    "cssr_system/recogniseSpeech", lambda request: (request.seconds,), None, RESULT_WAIT,
+    d543.SPEECH.absence, lambda result: requests.Answer(response=result.transcription.strip()))
 SPEECH = replace(d543.SPEECH, action=RECOGNITION)
 
 
-def _status(state: str, wait: float,
-            is_given_up: Callable[[AttentionStatus], bool] = lambda status: False) -> Evidence:
+def _status(state: str, wait: float) -> Evidence:
     """Return the evidence that attention is in that mode and has found what it looks for."""
-    return Evidence(ATTENTION, lambda status, _: status == (state, FOUND), wait, is_given_up, state)
+    return Evidence(ATTENTION, lambda status, _: status == (state, FOUND), wait, mode=state)
 
 
 INTERFACE = Interface(
     "release-1.0", SERVICES, (ATTENTION, SPEECH),
-    (SetAttention("disabled"), SetAnimation("disabled")),
+    (requests.SetAttention("disabled"), requests.SetAnimation("disabled")),
     {Sense.VISITOR: _status("scanning", math.inf), Sense.PRESENCE: _status("social", WAIT),
-     Sense.GAZE: _status("seeking", math.inf, lambda status: status == ("seeking", GIVEN_UP)),
+     Sense.GAZE: replace(_status("seeking", math.inf),
+                         is_given_up=lambda status: status == ("seeking", GIVEN_UP)),
      Sense.UTTERANCE: Evidence(SPEECH, wait=WAIT)},
     gaze_value=FOUND, has_knowledge_files=True, tells_pressed=False)

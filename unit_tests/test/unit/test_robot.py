@@ -1,5 +1,6 @@
 """Tests of the answers and messages of the simulated nodes."""
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -83,8 +84,10 @@ def test_each_field_of_a_response_has_the_name_of_what_it_brings(interface):
 
 
 def test_what_another_package_declares_is_not_simulated():
-    more = INTERFACE.with_more((LAMP, ), (Topic("/lamp/text", "lamp", "std_msgs/String", str, str,
-                                                "no light", is_continuous=False), ))
+    topic = Topic("/lamp/text", "lamp", "std_msgs/String", str, str, "no light",
+                  is_continuous=False)
+    more = replace(INTERFACE, services=INTERFACE.services + (LAMP,),
+                   topics=INTERFACE.topics + (topic,))
     assert len(more.offers) == len(INTERFACE.offers) + 2 and nodes(more) == nodes(INTERFACE)
 
 

@@ -6,28 +6,18 @@ from behavior_controller.bt.script import values
 from behavior_controller.bt.script.values import ANY, BT_ANY, GENERIC, TEXT, ValueFault
 
 
-class WriteCount:
-    """The number of writes to entries of one tree: a tick that writes may change the effect of
-    another tick."""
-
-    __slots__ = ("number",)
-
-    def __init__(self) -> None:
-        self.number = 0
-
-
 class Entry:
     """One entry. ``value`` None is empty; ``origin`` is the type the value had when it was first
-    stored."""
+    stored; ``root`` is the blackboard that counts the writes."""
 
-    __slots__ = ("type", "value", "origin", "sequence", "_count")
+    __slots__ = ("type", "value", "origin", "sequence", "_root")
 
-    def __init__(self, entry_type: str, count: WriteCount):
+    def __init__(self, entry_type: str, root: "Blackboard"):
         self.type = entry_type
         self.value: Any = None
         self.origin = ""
         self.sequence = 0  # grows by 1 with every write, same value or not
-        self._count = count
+        self._root = root
 
     @property
     def is_generic(self) -> bool:
@@ -57,7 +47,7 @@ class Entry:
 
     def _written(self) -> None:
         self.sequence += 1
-        self._count.number += 1
+        self._root.write_count += 1
 
     def from_text(self, text: str) -> Any:
         """Return ``text`` in the entry's type, or None if the type has no conversion. Raises
@@ -74,26 +64,17 @@ class Blackboard:
         self.parent = parent
         self.path = path
         self.prefix = path and path + "/"  # of the paths of what is inside
-        self._count: WriteCount = parent._count if parent is not None else WriteCount()
+        self.root: Blackboard = self if parent is None else parent.root
+        self.write_count = 0  # of the whole tree, at its root
         self.local: Dict[str, Entry] = {}
-        self.remapping: Dict[str, str] = {}
+        self.remapping: Dict[str, str] = {}  # names here -> names in the parent
         self.autoremap = False
 
     @property
     def writes(self) -> int:
-        """How often entries of this tree were written or removed so far."""
-        return self._count.number
-
-    def root(self) -> "Blackboard":
-        """Return the topmost parent."""
-        board = self
-        while board.parent is not None:
-            board = board.parent
-        return board
-
-    def add_remapping(self, inner: str, outer: str) -> None:
-        """Let ``inner`` mean ``outer`` of the parent."""
-        self.remapping[inner] = outer
+        """How often entries of this tree were written or removed so far: a tick that writes may
+        change the effect of another tick."""
+        return self.root.write_count
 
     def find(self, key: str) -> Optional[Entry]:
         """Return the entry that ``key`` means here, or None."""
@@ -108,7 +89,7 @@ class Blackboard:
         its name there."""
         board = self
         if key[:1] == "@":
-            board, key = self.root(), key.lstrip("@")
+            board, key = self.root, key.lstrip("@")
         while board.parent is not None and key not in board.local:
             outer = board.remapping.get(key)
             if outer is None:
@@ -117,7 +98,7 @@ class Blackboard:
                 outer = key
             board = board.parent
             if outer[:1] == "@":
-                board, outer = board.root(), outer.lstrip("@")
+                board, outer = board.root, outer.lstrip("@")
             key = outer
         return board, key
 
@@ -127,7 +108,7 @@ class Blackboard:
         board, key = self.home(key)
         entry = board.local.get(key)
         if entry is None:
-            entry = board.local[key] = Entry(entry_type, self._count)
+            entry = board.local[key] = Entry(entry_type, self.root)
         elif entry.type != entry_type and not entry.is_generic and entry_type not in GENERIC:
             raise _changed_type(f"Blackboard entry [{key}]", entry, entry_type)
         return entry
@@ -144,7 +125,7 @@ class Blackboard:
         ``value_type`` is the type of the writer; without one it follows from the value.
         """
         if key[:1] == "@":
-            self.root().set(key[1:], value, value_type)
+            self.root.set(key[1:], value, value_type)
             return
         if value_type is None:
             value_type = _natural_type(value)
@@ -161,7 +142,7 @@ class Blackboard:
         """Write a value whose type is known only now (BT.CPP ``Blackboard::set<Any>``). Raises
         ValueFault."""
         if key[:1] == "@":
-            self.root().set_any(key[1:], value, origin)
+            self.root.set_any(key[1:], value, origin)
             return
         entry = self.local.get(key)
         if entry is None:
@@ -176,7 +157,7 @@ class Blackboard:
     def unset(self, key: str) -> None:
         """Remove ``key`` from the storage here only; nothing happens if it does not exist."""
         if self.local.pop(key, None) is not None:
-            self._count.number += 1
+            self.root.write_count += 1
 
 
 def _natural_type(value: Any) -> str:

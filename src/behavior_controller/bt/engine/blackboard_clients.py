@@ -38,8 +38,12 @@ class Clients:
             if uses:
                 clients.append(Client(name=node.full_path))
             for name, access in uses:
-                entries.append(self._entry(node.blackboard, name))
-                clients[-1].register_key(entries[-1][2], access)
+                home, key = node.blackboard.home(name)
+                # in the dot language a colon would end the name
+                path = "/".join(filter(None, [self._main, home.path, key]))
+                shown = "/" + path.replace("::", " #").replace(":", "#")
+                entries.append((home, key, shown))
+                clients[-1].register_key(shown, access)
         for blackboard, key, shown in self._entries[node]:
             value = blackboard.get(key)
             if value is None:
@@ -56,9 +60,3 @@ class Clients:
         uses = sorted((use.tree + use.name, use) for use in flow.all())
         return ([(name, Access.READ) for name, use in uses if use.read]
                 + [(name, Access.WRITE) for name, use in uses if use.write])
-
-    def _entry(self, blackboard: Blackboard, name: str) -> _ShownEntry:
-        home, key = blackboard.home(name)
-        shown = "/".join(filter(None, [self._main, home.path, key]))
-        # in the dot language a colon would end the name
-        return home, key, "/" + shown.replace("::", " #").replace(":", "#")

@@ -1,6 +1,5 @@
 """The built-in leaves of BehaviorTree.CPP v4, and the list of every built-in node type with its
 ports."""
-from functools import partial
 from typing import Any, Dict, List, Optional
 
 from behavior_controller.bt import possible_results as possible
@@ -9,7 +8,7 @@ from behavior_controller.bt.engine.leaf import ConditionLeaf, SyncActionLeaf, Ti
 from behavior_controller.bt.engine.node import NodeError, Result
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.script.parser import to_bool
-from behavior_controller.bt.script.values import BT_ANY, TEXT, ValueFault, convert
+from behavior_controller.bt.script.values import BT_ANY, TEXT, convert
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
 from behavior_controller.bt.status import FAILURE, SUCCESS
 
@@ -37,8 +36,7 @@ class RunScript(decorators.Scripted, SyncActionLeaf):
 
     def update(self) -> Result:
         """Run it."""
-        if self.get_input("code"):
-            self.parse()
+        if self.parse():
             self.run()
         return SUCCESS
 
@@ -63,11 +61,8 @@ class SetBlackboard(SyncActionLeaf):
 
     def update(self) -> Result:
         """Write it."""
-        try:
-            # a number is the name that its text is
-            key = str(convert(self.get_input("output_key"), TEXT, {}))
-        except ValueFault as error:
-            raise NodeError(f"missing port [output_key]: {error}") from error
+        # a number is the name that its text is
+        key = convert(self.get_input("output_key"), TEXT, {})
         if "value" not in self.attributes:
             raise NodeError("unordered_map::at: port [value] is missing")
         board = self.blackboard
@@ -83,21 +78,13 @@ class SetBlackboard(SyncActionLeaf):
                 return FAILURE
             value, origin = entry.value, entry.origin
         if target is not None and target.type != TEXT and isinstance(value, str):
-            value, origin = self._converted(value, target), target.type
+            # an entry that a script has made becomes empty, as in the library; since this write
+            # makes it a BT::Any, which no text can be, the next one raises
+            if target.type == BT_ANY:
+                raise NodeError(f"Can't convert string [{value}] to type [BT::Any]")
+            value, origin = target.from_text(value), target.type
         board.set_any(key, value, origin)
         return SUCCESS
-
-    @staticmethod
-    def _converted(text: str, entry: Any) -> Any:
-        # an entry that a script has made becomes empty, as in the library; since this write makes
-        # it a BT::Any, which no text can be, the next one raises
-        if entry.type == BT_ANY:
-            raise NodeError(f"Can't convert string [{text}] to type [BT::Any]")
-        try:
-            return entry.from_text(text)
-        except ValueFault as fault:
-            wrong = f"Can't convert string [{text}] to type [{entry.type}]: {fault}"
-            raise NodeError(wrong) from fault
 
 
 class UnsetBlackboard(SyncActionLeaf):
@@ -108,11 +95,7 @@ class UnsetBlackboard(SyncActionLeaf):
 
     def update(self) -> Result:
         """Remove it."""
-        try:
-            key = self.get_input("key")
-        except ports.PortError as error:
-            raise NodeError(f"missing input port [key]: {error}") from error
-        self.blackboard.unset(key)
+        self.blackboard.unset(self.get_input("key"))
         return SUCCESS
 
 
@@ -123,7 +106,7 @@ class Sleep(TimedAction):
 
     def on_start(self) -> Result:
         """Start the timer."""
-        return self.begin(self.required("msec"))
+        return self.begin(self.get_input("msec"))
 
 
 class WasEntryUpdated(decorators.Watching, SyncActionLeaf):
@@ -134,18 +117,18 @@ class WasEntryUpdated(decorators.Watching, SyncActionLeaf):
         return SUCCESS if self.is_updated() else FAILURE
 
 
-_KINDS = ((controls.Control, Kind.CONTROL), (decorators.Decorator, Kind.DECORATOR),
-          (ConditionLeaf, Kind.CONDITION), (SyncActionLeaf, Kind.ACTION),
-          (TimedAction, Kind.ACTION))
+_NEXT_AFTER: Dict[Any, int] = {
+    possible.in_sequence: possible.SUCCEEDS, possible.in_fallback: possible.FAILS,
+    possible.in_sequence_before_the_last: possible.SUCCEEDS}
+"""The end of a child after which the next child is ticked, by how the node can end."""
 
 
 def _spec(factory: Any, outcome: Optional[possible.Outcome] = None, node_id: str = "",
           is_instant: bool = True, **facts: Any) -> NodeSpec:
     """Return the node type of a class, with the first line of what it does."""
-    kind = next(kind for base, kind in _KINDS if issubclass(factory, base))
-    description = factory.__doc__.split("\n")[0]
-    return NodeSpec(node_id or factory.__name__, kind, factory, factory.PORTS, description,
-                    outcome=outcome, is_instant=is_instant, **facts)
+    return NodeSpec(node_id or factory.__name__, factory.KIND, factory, factory.PORTS,
+                    factory.__doc__.split("\n")[0], outcome=outcome, is_instant=is_instant,
+                    next_after=_NEXT_AFTER.get(outcome, 0), **facts)
 
 
 def _loop(node_id: str, item_type: str, over: str, literal: str = "") -> NodeSpec:
@@ -154,8 +137,7 @@ def _loop(node_id: str, item_type: str, over: str, literal: str = "") -> NodeSpe
     at_end = "the result when nothing is left"
     if_empty = Port("if_empty", "NodeStatus", default="SUCCESS", description=at_end)
     value = Port("value", item_type, Direction.OUT, None, "the item of this round")
-    factory = partial(decorators.Loop, item_type=item_type)
-    return NodeSpec(node_id, Kind.DECORATOR, factory, (queue, if_empty, value),
+    return NodeSpec(node_id, Kind.DECORATOR, decorators.Loop, (queue, if_empty, value),
                     f"Loop over {over}.", outcome=possible.for_each_item)
 
 
@@ -164,33 +146,30 @@ def _switch(cases: int) -> NodeSpec:
     value = "value that chooses this child"
     case_ports = [Port(f"case_{number}", TEXT, description=value, role=Role.CASE)
                   for number in range(1, cases + 1)]
-    factory = partial(controls.Switch, cases=cases)
-    return NodeSpec(f"Switch{cases}", Kind.CONTROL, factory, (variable, *case_ports),
+    return NodeSpec(f"Switch{cases}", Kind.CONTROL, controls.Switch, (variable, *case_ports),
                     outcome=possible.of_any_child, is_instant=True, child_counts=(cases + 1,),
                     children="one for each case and the default")
 
 
-_IF_SUCCEEDED: Dict[str, Any] = {"outcome": possible.in_sequence, "next_after": possible.SUCCEEDS}
-_IF_FAILED: Dict[str, Any] = {"outcome": possible.in_fallback, "next_after": possible.FAILS}
 _BRANCHES: Dict[str, Any] = {"outcome": possible.chosen, "child_counts": (2, 3),
                              "children": "condition, then, else"}
 _OR_SKIPS, _OR_FAILS = (possible.of_child(possible.SUCCEEDS, possible.FAILS, always=end)
                         for end in (possible.SKIPS, possible.FAILS))
 _SPECS = (
-    _spec(controls.Sequence, **_IF_SUCCEEDED),
-    _spec(controls.AsyncSequence, **_IF_SUCCEEDED),
-    _spec(controls.SequenceWithMemory, **_IF_SUCCEEDED),
-    _spec(controls.ReactiveSequence, is_reactive=True, refuses_explicit=True,
-          at_most_one=controls.AsyncSequence.__name__, **_IF_SUCCEEDED),
-    _spec(controls.Fallback, **_IF_FAILED),
-    _spec(controls.AsyncFallback, **_IF_FAILED),
-    _spec(controls.ReactiveFallback, is_reactive=True, **_IF_FAILED),
+    _spec(controls.Sequence, possible.in_sequence),
+    _spec(controls.AsyncSequence, possible.in_sequence),
+    _spec(controls.SequenceWithMemory, possible.in_sequence),
+    _spec(controls.ReactiveSequence, possible.in_sequence, is_reactive=True,
+          refuses_explicit=True, at_most_one=controls.AsyncSequence.__name__),
+    _spec(controls.Fallback, possible.in_fallback),
+    _spec(controls.AsyncFallback, possible.in_fallback),
+    _spec(controls.ReactiveFallback, possible.in_fallback, is_reactive=True),
     _spec(controls.IfThenElse, **_BRANCHES),
     _spec(controls.WhileDoElse, is_reactive=True, **_BRANCHES),
     _spec(controls.Parallel, possible.in_parallel),
     _spec(controls.ParallelAll, possible.ANY),
-    _spec(controls.TryCatch, possible.in_sequence_before_the_last, next_after=possible.SUCCEEDS,
-          last_is_apart=True, fewest_children=2, children="the last is the one that catches"),
+    _spec(controls.TryCatch, possible.in_sequence_before_the_last, last_is_apart=True,
+          fewest_children=2, children="the last is the one that catches"),
     *map(_switch, range(2, 7)),
     _spec(decorators.Inverter, possible.of_child(possible.FAILS, possible.SUCCEEDS)),
     _spec(decorators.ForceSuccess, possible.of_child(possible.SUCCEEDS, possible.SUCCEEDS)),

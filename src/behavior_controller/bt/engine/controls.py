@@ -4,25 +4,21 @@ A control node stores RUNNING at the start of its tick. When it returns SKIPPED 
 therefore stays RUNNING, and its parent will halt it: that is the library's behaviour, recorded in
 its traces.
 """
-from typing import Any, Optional, Set
+from typing import Any, Optional, Tuple
 
 from py_trees import composites
 from py_trees.common import ParallelPolicy
 
 from behavior_controller.bt.engine.node import NodeError, Parent, Result, halt_child
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.registry import Port, Role
+from behavior_controller.bt.registry import Kind, Port, Role
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
 class Control(Parent, composites.Composite):
     """A node with one or more children."""
 
-    def others_halted(self, kept: int) -> None:
-        """Halt every child but number ``kept``."""
-        for index, child in enumerate(self.children):
-            if index != kept and child.status is not IDLE:
-                halt_child(child)
+    KIND = Kind.CONTROL
 
     def input_or(self, port: str, otherwise: Any) -> Any:
         """Return the value of an input port, or ``otherwise`` if it cannot be read."""
@@ -44,6 +40,9 @@ class _InOrder(Control):
     ends_at = FAILURE
     goes_on_at = SUCCESS
     memory = True
+    yields = False
+    """Whether to yield (RUNNING and a wake-up) after a child that completed at once."""
+    ROUND: Tuple[str, ...] = ("index", "skipped")
     index = skipped = 0
 
     def update(self) -> Result:
@@ -60,7 +59,8 @@ class _InOrder(Control):
             result = child.execute()
             if result is self.goes_on_at:
                 self.index += 1
-                if was_idle and self.index < count and self.yields():
+                if self.yields and was_idle and self.index < count:
+                    self.wake()
                     return RUNNING
             elif result is RUNNING:
                 return RUNNING
@@ -69,11 +69,10 @@ class _InOrder(Control):
                 self.skipped += 1
             else:
                 return self.ended()
-        return self.exhausted()
-
-    def yields(self) -> bool:
-        """Return whether to yield after a child that completed at once."""
-        return False
+        all_skipped = self.skipped == count
+        self.halt_children()
+        self.index = self.skipped = 0
+        return SKIPPED if all_skipped else self.goes_on_at
 
     def ended(self) -> Result:
         """End early. The count of skipped children is not cleared, as in the library."""
@@ -81,35 +80,22 @@ class _InOrder(Control):
         self.index = 0
         return self.ends_at
 
-    def exhausted(self) -> Result:
-        """End after the last child."""
-        all_skipped = self.skipped == len(self.children)
-        self.halt_children()
-        self.index = self.skipped = 0
-        return SKIPPED if all_skipped else self.goes_on_at
-
-    def halt(self) -> None:
-        """Reset the position in the round."""
-        self.index = self.skipped = 0
-        super().halt()
-
 
 class Sequence(_InOrder, composites.Sequence):
     """Children in order, each must succeed."""
 
 
 class AsyncSequence(Sequence):
-    """A Sequence that yields (RUNNING and a wake-up) after each child that succeeded at once."""
+    """A Sequence that yields after each child that succeeded at once."""
 
-    def yields(self) -> bool:
-        """Give way."""
-        self.wake()
-        return True
+    yields = True
 
 
 class SequenceWithMemory(AsyncSequence):
     """A Sequence that resumes at the child that failed or was halted. It yields like AsyncSequence.
     """
+
+    ROUND = ()
 
     def ended(self) -> Result:
         """Halt only the children from here on; keep the place."""
@@ -117,10 +103,6 @@ class SequenceWithMemory(AsyncSequence):
             if child.status is not IDLE:
                 halt_child(child)
         return FAILURE
-
-    def halt(self) -> None:
-        """Halt the children; keep the place."""
-        Control.halt(self)
 
 
 class Fallback(_InOrder, composites.Selector):
@@ -131,9 +113,9 @@ class Fallback(_InOrder, composites.Selector):
 
 
 class AsyncFallback(Fallback):
-    """A Fallback that yields (RUNNING and a wake-up) after each child that failed at once."""
+    """A Fallback that yields after each child that failed at once."""
 
-    yields = AsyncSequence.yields
+    yields = True
 
 
 class _Reactive(Control):
@@ -147,10 +129,12 @@ class _Reactive(Control):
         """Tick the children from the first; a RUNNING one halts all others."""
         self.begin()
         skipped = 0
-        for index, child in enumerate(self.children):
+        for child in self.children:
             result = child.execute()
             if result is RUNNING:
-                self.others_halted(index)
+                for other in self.children:
+                    if other is not child and other.status is not IDLE:
+                        halt_child(other)
                 return RUNNING
             if result is self.ends_at:
                 self.halt_children()
@@ -174,19 +158,10 @@ class ReactiveFallback(_Reactive, composites.Selector):
 
 
 class _Side(Control, composites.Parallel):
-    """The base of Parallel and ParallelAll: which children have completed, and how."""
+    """The base of Parallel and ParallelAll. A child that has completed keeps its status until all
+    are reset, and is not ticked before."""
 
     policy = ParallelPolicy.SuccessOnAll(synchronise=False)
-
-    def __init__(self, name: str):
-        Control.__init__(self, name)
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget which children have completed."""
-        self.completed: Set[int] = set()
-        self.successes = 0
-        self.failures = 0
 
     def threshold(self, port: str, verb: str) -> int:
         """Return the count of a port: negative values count from the end, -1 is all."""
@@ -195,27 +170,10 @@ class _Side(Control, composites.Parallel):
             raise NodeError(f"Number of children is less than threshold. Can never {verb}.")
         return value if value >= 0 else max(count + value + 1, 0)
 
-    def execute_child(self, index: int) -> Result:
-        """Tick a child that has not completed and count its result."""
-        result = self.children[index].execute()
-        if result is SUCCESS:
-            self.successes += 1
-        elif result is FAILURE:
-            self.failures += 1
-        if result is SUCCESS or result is FAILURE:
-            self.completed.add(index)
-        return result
-
     def complete(self, result: Result) -> Result:
         """Complete with ``result``."""
-        self.clear()
         self.halt_children()
         return result
-
-    def halt(self) -> None:
-        """Reset the position in the round."""
-        self.clear()
-        Control.halt(self)
 
 
 def _count(name: str, default: str, description: str, if_zero: str) -> Port:
@@ -239,13 +197,20 @@ class Parallel(_Side):
         count = len(self.children)
         skips_count = self.get_input("success_count") < 0
         self.begin()
-        skipped = 0
-        for index in range(count):
-            if index not in self.completed and self.execute_child(index) is SKIPPED:
-                skipped += 1
-            if self.successes >= needed or (skips_count and self.successes + skipped >= needed):
+        statuses = [child.status for child in self.children]
+        successes, failures, skipped = statuses.count(SUCCESS), statuses.count(FAILURE), 0
+        for child, status in zip(self.children, statuses):
+            if status is not SUCCESS and status is not FAILURE:
+                result = child.execute()
+                if result is SUCCESS:
+                    successes += 1
+                elif result is FAILURE:
+                    failures += 1
+                elif result is SKIPPED:
+                    skipped += 1
+            if successes >= needed or (skips_count and successes + skipped >= needed):
                 return self.complete(SUCCESS)
-            if count - self.failures < needed or self.failures == allowed:
+            if count - failures < needed or failures == allowed:
                 return self.complete(FAILURE)
         return SKIPPED if skipped == count else RUNNING
 
@@ -261,38 +226,42 @@ class ParallelAll(_Side):
         allowed = self.threshold("max_failures", "fail")
         count = len(self.children)
         self.begin()
-        waiting = [index for index in range(count) if index not in self.completed]
-        skipped = sum(self.execute_child(index) is SKIPPED for index in waiting)
+        skipped = completed = failures = 0
+        for child in self.children:
+            result = child.status
+            if result is not SUCCESS and result is not FAILURE:
+                result = child.execute()
+            if result is SKIPPED:
+                skipped += 1
+            elif result is not RUNNING:
+                completed += 1
+                failures += 1 if result is FAILURE else 0
         if skipped == count:
             return SKIPPED
-        if skipped + len(self.completed) >= count:
-            return self.complete(FAILURE if self.failures >= allowed else SUCCESS)
+        if skipped + completed == count:
+            return self.complete(FAILURE if failures >= allowed else SUCCESS)
         return RUNNING
 
 
 class _Branches(Control):
     """The base of IfThenElse and WhileDoElse."""
 
-    def require_two_or_three(self) -> None:
-        """Raise NodeError unless there are two or three children."""
+    def begin(self) -> None:
+        """Store RUNNING. Raises NodeError unless there are two or three children."""
         if len(self.children) not in (2, 3):
             raise NodeError(f"{type(self).__name__}Node must have either 2 or 3 children")
-
-    def finished(self, result: Result) -> Result:
-        """Reset the children after a branch has ended."""
-        self.halt_children()
-        return result
+        Parent.begin(self)
 
 
 class IfThenElse(_Branches):
     """The second child if the first succeeds, else the third (or FAILURE); the first is not ticked
     again meanwhile."""
 
-    branch = 0
+    ROUND = ("branch",)
+    branch = 0  # 0: the condition
 
     def update(self) -> Result:
         """Tick the condition once, then the branch that it chose."""
-        self.require_two_or_three()
         self.begin()
         if self.branch == 0:
             result = self.children[0].execute()
@@ -304,15 +273,10 @@ class IfThenElse(_Branches):
                 return FAILURE
             self.branch = 1 if result is SUCCESS else 2
         result = self.children[self.branch].execute()
-        if result is RUNNING:
-            return RUNNING
-        self.branch = 0
-        return self.finished(result)
-
-    def halt(self) -> None:
-        """Tick the condition again next time."""
-        self.branch = 0
-        super().halt()
+        if result is not RUNNING:
+            self.branch = 0
+            self.halt_children()
+        return result
 
 
 class WhileDoElse(_Branches):
@@ -321,32 +285,29 @@ class WhileDoElse(_Branches):
 
     def update(self) -> Result:
         """Tick the condition, halt the other branch, tick the chosen one."""
-        self.require_two_or_three()
         self.begin()
-        condition = self.children[0].execute()
-        if condition is RUNNING:
-            return RUNNING
-        if condition is SKIPPED:
-            return self.finished(IDLE)  # which is refused, as in the library
-        if len(self.children) == 3:
-            halt_child(self.children[2 if condition is SUCCESS else 1])
-        elif condition is FAILURE:
-            return self.finished(FAILURE)
-        result = self.children[1 if condition is SUCCESS else 2].execute()
-        return RUNNING if result is RUNNING else self.finished(result)
+        result = self.children[0].execute()
+        if result is SKIPPED:
+            result = IDLE  # which is refused, as in the library
+        elif result is SUCCESS or (result is FAILURE and len(self.children) == 3):
+            chosen = 1 if result is SUCCESS else 2
+            if len(self.children) == 3:
+                halt_child(self.children[3 - chosen])
+            result = self.children[chosen].execute()
+        if result is not RUNNING:
+            self.halt_children()
+        return result
 
 
 class Switch(Control):
     """The child whose ``case_i`` equals ``variable``, else the last one."""
 
-    def __init__(self, name: str, cases: int):
-        super().__init__(name)
-        self.cases = cases
-        self.running: Optional[int] = None
+    ROUND = ("running",)
+    running: Optional[int] = None
 
     def update(self) -> Result:
         """Choose again at every tick; a RUNNING child that is no longer chosen is halted."""
-        if len(self.children) != self.cases + 1:
+        if len(self.children) not in self.spec.child_counts:
             raise NodeError("Wrong number of children in SwitchNode; must be (num_cases + default)")
         chosen = self._choose()
         if self.running is not None and self.running != chosen:
@@ -360,17 +321,13 @@ class Switch(Control):
         return result
 
     def _choose(self) -> int:
+        default = len(self.children) - 1
         variable, enums = self.input_or("variable", None), self.services.enums
-        for index in range(self.cases if variable is not None else 0):
+        for index in range(default if variable is not None else 0):
             case = self.input_or(f"case_{index + 1}", None)
             if case is not None and ports.same_text_or_number(variable, case, enums):
                 return index
-        return self.cases
-
-    def halt(self) -> None:
-        """Reset the running child."""
-        self.running = None
-        super().halt()
+        return default
 
 
 class TryCatch(Control):
@@ -378,6 +335,7 @@ class TryCatch(Control):
 
     PORTS = (Port("catch_on_halt", "bool", default="false",
                   description="tick the last child on a halt too"),)
+    ROUND = ("index", "skipped", "catching")
     index = skipped = 0
     catching = False
 
@@ -404,12 +362,9 @@ class TryCatch(Control):
                 return RUNNING
             result = FAILURE
         self.halt_children()
-        self._start_anew()
-        return result
-
-    def _start_anew(self) -> None:
         self.index = self.skipped = 0
         self.catching = False
+        return result
 
     def halt(self) -> None:
         """With ``catch_on_halt``, give the catch child one tick first."""
@@ -420,5 +375,4 @@ class TryCatch(Control):
                 halt_child(child)
             if catch.execute() is RUNNING:
                 halt_child(catch)
-        self._start_anew()
         super().halt()

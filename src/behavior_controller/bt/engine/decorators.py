@@ -8,7 +8,7 @@ from py_trees.common import BlackBoxLevel
 from behavior_controller.bt.engine.node import (
     ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child, run_script)
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.registry import Port, Role
+from behavior_controller.bt.registry import Kind, Port, Role
 from behavior_controller.bt.script.parser import Script, compile_script, to_bool
 from behavior_controller.bt.script.values import TEXT
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
@@ -18,6 +18,7 @@ class Decorator(Parent, decorators.Decorator):
     """A node with exactly one child. A completed child is reset after every tick, also if a hook
     decided the result."""
 
+    KIND = Kind.DECORATOR
     decorated: Any = None
 
     def adopt(self, child: Node) -> None:
@@ -87,15 +88,15 @@ class Repeat(Decorator):
     PORTS = (Port("num_cycles", "int", description="rounds; -1: no limit"),)
     goes_on_at = SUCCESS
     ends_at = FAILURE
+    reads_again = False  # the port, after each round
+    ROUND = ("count",)
     count = 0
-
-    def _limit(self) -> int:
-        return self.required(self.PORTS[0].name)
 
     def update(self) -> Result:
         """Tick the child; yield after a round that was done at once, go on within the tick after a
         longer round."""
-        limit = self._limit()
+        port = self.PORTS[0].name
+        limit = self.get_input(port)
         go = self.count < limit or limit == -1
         self.begin()
         while go:
@@ -103,7 +104,8 @@ class Repeat(Decorator):
             result = self.decorated.execute()
             if result is self.goes_on_at:
                 self.count += 1
-                limit = self._limit_after_round(limit)
+                if self.reads_again:
+                    limit = self.get_input(port)
                 go = self.count < limit or limit == -1
                 halt_child(self.decorated)
                 if was_idle and go:
@@ -120,14 +122,6 @@ class Repeat(Decorator):
         self.count = 0
         return self.goes_on_at
 
-    def _limit_after_round(self, limit: int) -> int:
-        return limit
-
-    def halt(self) -> None:
-        """Count from the start next time."""
-        self.count = 0
-        super().halt()
-
 
 class RetryUntilSuccessful(Repeat):
     """The child up to ``num_attempts`` times until it succeeds; -1: no limit. A failure reads the
@@ -136,9 +130,7 @@ class RetryUntilSuccessful(Repeat):
     PORTS = (Port("num_attempts", "int", description="attempts; -1: no limit"),)
     goes_on_at = FAILURE
     ends_at = SUCCESS
-
-    def _limit_after_round(self, limit: int) -> int:
-        return self._limit()
+    reads_again = True
 
 
 class RunOnce(Decorator):
@@ -162,23 +154,22 @@ class RunOnce(Decorator):
 class Scripted:
     """The script of a port: read when the tree is made, and again when the text changes."""
 
-    script_port, missing = "code", "port"
+    script_port = "code"
     script: Script
 
     def configure(self: Any) -> None:
         """Parse the script; a reference must be readable already."""
         try:
-            text = self.get_input(self.script_port)
+            self.script = compile_script(self.get_input(self.script_port), allow_empty=True)
         except ports.PortError as error:
-            raise ConfigureError(f"Missing {self.missing} [{self.script_port}] in "
-                                 f"{self.registration_id}: {error}", self.script_port) from error
-        self.script = compile_script(text, allow_empty=True)
+            raise ConfigureError(str(error), self.script_port) from error
 
-    def parse(self: Any) -> None:
-        """Read the script again if its text has changed."""
+    def parse(self: Any) -> str:
+        """Read the script again if its text has changed, and return the text."""
         text = self.get_input(self.script_port)
         if text != self.script.text:
             self.script = compile_script(text, allow_empty=True)
+        return text
 
     def run(self: Any) -> Any:
         """Run the script as it was read."""
@@ -191,14 +182,14 @@ class Precondition(Scripted, Decorator):
 
     PORTS = (Port("if", TEXT, description="script that must be true", role=Role.SCRIPT),
              Port("else", "NodeStatus", default="FAILURE", description="the result if it is not"))
-    script_port, missing = "if", "parameter"
+    script_port = "if"
     latched = False
 
     def update(self) -> Result:
         """Evaluate the script unless the child is under way, then tick the child or return
         ``else``."""
         self.parse()
-        otherwise = self.required("else")
+        otherwise = self.get_input("else")
         if not self.latched:
             self.latched = to_bool(self.run())
         if not self.latched:
@@ -216,7 +207,7 @@ class Delay(Timed, Decorator):
 
     def update(self) -> Result:
         """Start the timer, wait for it, then tick the child."""
-        delay = self.required("delay_msec")
+        delay = self.get_input("delay_msec")
         if self.timer is None:
             self.begin()
             self.start_timer(delay)
@@ -227,22 +218,18 @@ class Delay(Timed, Decorator):
             self.timer = None
         return result
 
-    def halt(self) -> None:
-        """Wait again next time."""
-        self.stop_timer()
-        super().halt()
-
 
 class Timeout(Timed, Decorator):
     """The child for at most ``msec``, then it is halted and the node fails. 0: no limit."""
 
     PORTS = (Port("msec", "uint",
                   description="the longest time of the child, in ms; 0: no limit"),)
+    ROUND = ("active",)
     active = False
 
     def update(self) -> Result:
         """Start the timer; tick the child unless the timer has halted it."""
-        msec = self.required("msec")
+        msec = self.get_input("msec")
         if not self.active:
             self.active = True
             self.over = False
@@ -254,7 +241,8 @@ class Timeout(Timed, Decorator):
             return FAILURE
         result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
-            self._stop()
+            self.active = False
+            self.stop_timer()
         return result
 
     def due(self) -> None:
@@ -262,15 +250,6 @@ class Timeout(Timed, Decorator):
         if self.decorated.status is RUNNING:
             super().due()
             halt_child(self.decorated)
-
-    def _stop(self) -> None:
-        self.active = False
-        self.stop_timer()
-
-    def halt(self) -> None:
-        """Cancel the timer."""
-        self._stop()
-        super().halt()
 
 
 class Loop(Decorator):
@@ -281,17 +260,13 @@ class Loop(Decorator):
     queue: Optional[Deque[Any]] = None
     child_runs = False  # by its last result: a SKIPPED child keeps the status RUNNING
 
-    def __init__(self, name: str, item_type: str):
-        super().__init__(name)
-        self.item_type = item_type
-
     def configure(self) -> None:
         """Convert a literal queue."""
         text = self.attributes.get("queue")
         if text is None:
             raise ConfigureError("[queue] not found")
         if ports.reference(text, "queue") is None:
-            self.literal = deque(ports.loop_items(text, self.item_type))
+            self.literal = self._items(text)
 
     def update(self) -> Result:
         """Take the next item unless the child is under way, then tick the child."""
@@ -318,11 +293,14 @@ class Loop(Decorator):
         if isinstance(value, deque):
             return value
         if isinstance(value, str):
-            return deque(ports.loop_items(value, self.item_type))
+            return self._items(value)
         if isinstance(value, list):
             return deque(value)
         raise NodeError("LoopNode: port 'queue' must contain either SharedQueue<T>, "
                         "std::vector<T>, or a string")
+
+    def _items(self, text: str) -> Deque[Any]:
+        return deque(ports.loop_items(text, self.spec.port_named["value"].type))
 
 
 class Watching:
@@ -353,6 +331,7 @@ class Watching:
 class SkipUnlessUpdated(Watching, Decorator):
     """The child if ``entry`` was written since this node's last tick, else SKIPPED."""
 
+    ROUND = ("child_runs",)  # and not the counter
     otherwise: Result = SKIPPED
     child_runs = False
 
@@ -363,11 +342,6 @@ class SkipUnlessUpdated(Watching, Decorator):
         result = self.decorated.execute()
         self.child_runs = result is RUNNING
         return result
-
-    def halt(self) -> None:
-        """Reset the running child, but not the counter."""
-        self.child_runs = False
-        super().halt()
 
 
 class WaitValueUpdate(SkipUnlessUpdated):

@@ -5,6 +5,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.engine.node import Node, NodeError, Result, Timed
+from behavior_controller.bt.registry import Kind
 from behavior_controller.bt.status import IDLE, RUNNING, SUCCESS
 
 POLLING = 10
@@ -71,10 +72,6 @@ class TimedAction(Timed, ActionLeaf):
         """Wait for the timer."""
         return self.completed() if self.over else RUNNING
 
-    def on_halted(self) -> None:
-        """Cancel the timer."""
-        self.stop_timer()
-
 
 class SyncActionLeaf(Node):
     """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error,
@@ -86,8 +83,10 @@ class SyncActionLeaf(Node):
 class ConditionLeaf(Node):
     """A condition that is evaluated at every tick (BT.CPP ``ConditionNode``)."""
 
+    KIND = Kind.CONDITION
 
-class BehaviourLeaf(Timed, Node):
+
+class BehaviourLeaf(Timed):
     """An ordinary py_trees behaviour as a leaf, with all that is below it. py_trees' rules apply to
     it.
 
@@ -139,11 +138,11 @@ class BehaviourLeaf(Timed, Node):
 
     def halt(self) -> None:
         """Stop the behaviour if it is RUNNING, which calls its ``terminate(INVALID)``."""
-        self.stop_timer()
         try:
             if self.behaviour.status is RUNNING:
                 self.behaviour.stop(IDLE)
         except BaseException:
             self.behaviour.status = IDLE  # it is not stopped again
             raise
-        self.reset()
+        finally:
+            super().halt()

@@ -21,7 +21,7 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.script.parser import Script, ScriptError, to_bool
-from behavior_controller.bt.registry import NodeSpec, Port
+from behavior_controller.bt.registry import Kind, NodeSpec, Port
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.text import clean
@@ -109,11 +109,8 @@ class Interception:
         completion."""
         if self._asks_hook:
             result = self.hook.after(node, result)  # type: ignore[union-attr]
-        if self.scripts:
-            if result is SUCCESS:
-                self.run(node, "_onSuccess", "_post")
-            elif result is FAILURE:
-                self.run(node, "_onFailure", "_post")
+        if self.scripts and (result is SUCCESS or result is FAILURE):
+            self.run(node, "_onSuccess" if result is SUCCESS else "_onFailure", "_post")
         if self.ticked is not None:
             self.ticked[node] = result
         return result
@@ -122,15 +119,13 @@ class Interception:
         """Return the status that a pre-condition decides, or None (BT.CPP ``checkPreConditions``).
         """
         status = node.status
-        if status is IDLE:
-            for attribute, script in self.conditions:
-                if to_bool(run_script(script, node, attribute)) is not (attribute == "_while"):
+        for attribute, script in self.conditions:
+            is_while = attribute == "_while"
+            if status is IDLE or (status is RUNNING and is_while):
+                if to_bool(run_script(script, node, attribute)) is not is_while:
+                    if status is RUNNING:
+                        node.halt_node()
                     return DECISIONS[attribute]
-        elif status is RUNNING:
-            for attribute, script in self.conditions:
-                if attribute == "_while" and not to_bool(run_script(script, node, attribute)):
-                    node.halt_node()
-                    return SKIPPED
         return None
 
     def run(self, node: "Node", *attributes: str) -> None:
@@ -171,6 +166,7 @@ class Node(Behaviour):
     the tree, ``uid`` the number in depth-first order from 1 (BT.CPP section "UIDs and paths").
     """
 
+    KIND = Kind.ACTION
     PORTS: Tuple[Port, ...] = ()
     status: Status
     element: Any = None
@@ -214,17 +210,17 @@ class Node(Behaviour):
         return f"{self.registration_id}/{self.name}"
 
     @property
+    def iterator(self) -> Iterator[Behaviour]:
+        """A fresh tick generator, for py_trees' tools."""
+        return self.tick()
+
+    @property
     def blackboards(self) -> List[Any]:
         """The py_trees clients of the node: its own ones, and one for the entries that it uses."""
         clients = self.__dict__.setdefault("_blackboards", [])
         if self.services is not None and self.services.clients is not None:
             self.services.clients.show(self, clients)
         return clients
-
-    @property
-    def iterator(self) -> Iterator[Behaviour]:
-        """A fresh tick generator, for py_trees' tools."""
-        return self.tick()
 
     # ----------------------------------------------------------------------------------- life cycle
 
@@ -306,7 +302,6 @@ class Node(Behaviour):
         try:
             if self.hook is None or self.hook.halt(self):
                 self.halt()
-                return
         except ScriptError:
             raise  # of a child's script
         except BaseException as error:  # a leaf may raise anything
@@ -335,16 +330,8 @@ class Node(Behaviour):
         port = self._port(name)
         text = self.attributes.get(name, port.default)
         if text is None:
-            raise ports.PortError(f"missing required port [{name}]")
+            raise ports.PortError(f"Missing parameter [{name}] in {self.registration_id}")
         return ports.read(text, port, self.blackboard, self.services.enums)
-
-    def required(self, name: str) -> Any:
-        """Return the value of a port that has no default. Raises NodeError, in BT.CPP's words."""
-        try:
-            return self.get_input(name)
-        except ports.PortError as error:
-            raise NodeError(
-                f"Missing parameter [{name}] in {self.registration_id}: {error}") from error
 
     def set_output(self, name: str, value: Any) -> None:
         """Write to an output port. Raises PortError if it is not connected."""
@@ -405,6 +392,9 @@ class Node(Behaviour):
 class Parent(Node):
     """A node with children. It stores RUNNING at the start of its tick."""
 
+    ROUND: Tuple[str, ...] = ()
+    """The attributes that a halt resets to those of the class."""
+
     def begin(self) -> None:
         """Store RUNNING."""
         if self.status is not RUNNING:
@@ -412,22 +402,24 @@ class Parent(Node):
 
     def halt(self) -> None:
         """Halt the children in order, then the node itself."""
+        for name in self.ROUND:
+            setattr(self, name, getattr(type(self), name))
         self.halt_children()
         self.reset()
 
 
-class Timed:
-    """The timer of a node that waits for a time."""
+class Timed(Node):
+    """A node that waits for a time, and no longer once it is halted."""
 
     timer: Optional[Timer] = None
     over = False
 
-    def start_timer(self: Any, msec: int) -> None:
+    def start_timer(self, msec: int) -> None:
         """Let ``over`` become true, and wake the tree, in ``msec`` milliseconds."""
         self.over = False
         self.timer = self.clock.call_after(msec / 1000.0, self.due)
 
-    def due(self: Any) -> None:
+    def due(self) -> None:
         """Note that the time is over."""
         self.over = True
         self.wake()
@@ -437,6 +429,11 @@ class Timed:
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
+
+    def halt(self) -> None:
+        """Cancel the timer."""
+        self.stop_timer()
+        super().halt()
 
 
 def label(node: Any) -> Tuple[str, str]:

@@ -24,7 +24,7 @@ class TypeClash(PortError):
     def __init__(self, key: str, entry: Entry, port: Port):
         own = f"the port [{port.name}] here has type [{port.type}]"
         super().__init__(f"the entry [{key}] has type [{entry.type}], and {own}")
-        self.entry = entry
+        self.entry, self.port = entry, port
 
 
 def reference(text: str, port_name: str) -> Optional[str]:

@@ -1,7 +1,7 @@
 """Substitution rules: test doubles for nodes of a mission, as BehaviorTree.CPP reads them from JSON
 (section 14)."""
 import fnmatch
-from typing import Any, Dict, NamedTuple, Optional
+from typing import Any, Dict, Optional
 
 from behavior_controller.bt.engine.leaf import TimedAction
 from behavior_controller.bt.engine.node import ConfigureError, NodeError, Result
@@ -14,12 +14,18 @@ INVALID_STATUS = "return_status resolved to invalid status"
 STATUS_NUMBERS = {name: NUMBERS[status] for name, status in BY_NAME.items()}
 
 
-class Substitutions(NamedTuple):
+class Substitutions:
     """``rules``: filter to target; ``configs``: target name to the configuration of its TestNode.
     """
 
-    rules: Dict[str, Any]
-    configs: Dict[str, Dict[str, Any]]
+    def __init__(self, substitutes: Dict[str, Any]):
+        """Check the JSON form. Raises BehaviorControllerError."""
+        self.rules: Dict[str, Any] = substitutes.get("SubstitutionRules", {})
+        self.configs: Dict[str, Dict[str, Any]] = substitutes.get("TestNodeConfigs", {})
+        for name, config in self.configs.items():
+            if "return_status" not in config and "return_status_script" not in config:
+                raise BehaviorControllerError(f"TestNodeConfig [{name}] must contain return_status "
+                                              "or return_status_script")
 
     def target(self, name: str, registration_id: str, path: str) -> Optional[str]:
         """Return the target of the first rule that matches a node, or None. Filters may have ``*``
@@ -30,16 +36,6 @@ class Substitutions(NamedTuple):
             if pattern in (name, registration_id) or fnmatch.fnmatchcase(path, plain):
                 return target
         return None
-
-
-def substitutions(rules: Dict[str, Any]) -> Substitutions:
-    """Check rules in the JSON form. Raises BehaviorControllerError."""
-    configs = rules.get("TestNodeConfigs", {})
-    for name, config in configs.items():
-        if "return_status" not in config and "return_status_script" not in config:
-            raise BehaviorControllerError(
-                f"TestNodeConfig [{name}] must contain return_status or return_status_script")
-    return Substitutions(rules.get("SubstitutionRules", {}), configs)
 
 
 class TestNode(TimedAction):
@@ -67,8 +63,10 @@ class TestNode(TimedAction):
     def completed(self) -> Result:
         """Run the scripts and return the status."""
         result = self._status()
-        self._run({SUCCESS: "success_script", FAILURE: "failure_script"}.get(result, ""))
-        self._run("post_script")
+        own = {SUCCESS: "success_script", FAILURE: "failure_script"}.get(result, "")
+        for key in (own, "post_script"):
+            if key in self.scripts:
+                self.scripts[key].run(self.blackboard, self.services.enums)
         return result
 
     def _status(self) -> Any:
@@ -81,7 +79,3 @@ class TestNode(TimedAction):
             wrong = f"TestNode {INVALID_STATUS} (integer value: {number})"
             raise NodeError(f"{wrong}; allowed: {' '.join(allowed)}")
         return BY_NAME[allowed[number - 1]]
-
-    def _run(self, key: str) -> None:
-        if key in self.scripts:
-            self.scripts[key].run(self.blackboard, self.services.enums)

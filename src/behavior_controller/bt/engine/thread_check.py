@@ -9,8 +9,7 @@ import os
 import threading
 from typing import Any, Callable, TypeVar, cast
 
-VARIABLE = "BEHAVIOR_CONTROLLER_CHECK_THREADS"
-IS_CHECKED = bool(os.environ.get(VARIABLE))
+IS_CHECKED = bool(os.environ.get("BEHAVIOR_CONTROLLER_CHECK_THREADS"))
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 

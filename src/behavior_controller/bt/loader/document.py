@@ -16,7 +16,7 @@ from behavior_controller.bt.loader.xml_repair import (
     ATTRIBUTE, BEGINS, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, repaired,
     stray_text)
 from behavior_controller.ros_packages import package_folder
-from behavior_controller.errors import Fault, MissionError
+from behavior_controller.errors import Fault, MissionError, attempt
 from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes
 
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
@@ -230,13 +230,9 @@ def _include(document: Document, documents: List[Document], seen: Set[str],
     root = document.root
     for element in root.children if root.tag == "root" else ():
         if element.tag == "include":
-            try:
-                included = _included(element, _included_path(element), seen, chain)
-            except MissionError as error:
-                document.faults.append(error.faults[0])
-            else:
-                if included is not None:
-                    _include(included, documents, seen, chain)
+            included = attempt(lambda: _included(element, seen, chain), document.faults)
+            if included is not None:
+                _include(included, documents, seen, chain)
     documents.append(document)
 
 
@@ -255,9 +251,10 @@ def _included_path(element: Element) -> str:
     return os.path.join(folder, path)
 
 
-def _included(element: Element, path: str, seen: Set[str],
-              chain: Tuple[str, ...]) -> Optional[Document]:
-    """Return the document at ``path``, or None if it was read before. Raises MissionError."""
+def _included(element: Element, seen: Set[str], chain: Tuple[str, ...]) -> Optional[Document]:
+    """Return the document that an <include> names, or None if it was read before. Raises
+    MissionError."""
+    path = _included_path(element)
     real = os.path.realpath(path)
     if real in chain:
         way = [os.path.basename(file) for file in chain[chain.index(real):] + (real,)]

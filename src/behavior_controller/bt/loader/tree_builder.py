@@ -16,7 +16,7 @@ from behavior_controller.bt.engine.failure import broken
 from behavior_controller.bt.engine.leaf import BehaviourLeaf
 from behavior_controller.bt.engine.node import (
     POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services)
-from behavior_controller.bt.engine.substitution import Substitutions, TestNode, substitutions
+from behavior_controller.bt.engine.substitution import Substitutions, TestNode
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
@@ -25,7 +25,7 @@ from behavior_controller.bt.loader.document import (
     Document, Element, garbage_collection_paused, parse, read, with_includes)
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.script.values import GENERIC, TEXT, ValueFault
-from behavior_controller.bt.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Source
 
@@ -61,7 +61,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     """
     trees = checked or check(documents, registry, main_tree, strict)
     services = Services(clock or Clock(), wake or WakeUp(), enums or {})
-    compiler = _Compiler(trees, services, substitutions(substitutes or {}))
+    compiler = _Compiler(trees, services, Substitutions(substitutes or {}))
     services.clients = Clients(trees.main, registry)
     if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
         compiler.unfold(blackboard if blackboard is not None else Blackboard())
@@ -78,21 +78,11 @@ class _Use(NamedTuple):
     """A port of a node that refers to an entry."""
 
     node: Node
-    port: str
-
-    @property
-    def type(self) -> str:
-        """The type of the port."""
-        return self.node.spec.port_named[self.port].type
-
-    @property
-    def where(self) -> str:
-        """Its place in the file."""
-        return self.node.element.where(self.port)
+    port: Port
 
     def __str__(self) -> str:
         """Return the port and the node type."""
-        return f"{self.port} of {self.node.registration_id}"
+        return f"{self.port.name} of {self.node.registration_id}"
 
 
 class _Compiler:
@@ -226,7 +216,7 @@ class _Compiler:
                     name: scripts[name] for name in POST_CONDITIONS if name in scripts}
             node.configure()
         except ports.TypeClash as clash:
-            self._clashes.append((clash, _Use(node, attribute or "")))
+            self._clashes.append((clash, _Use(node, clash.port)))
         except ConfigureError as error:
             self.faults.append(
                 element.fault(rules.NODE_REFUSES, str(error), attribute=error.attribute))
@@ -238,33 +228,33 @@ class _Compiler:
     def _blamed(self, clash: ports.TypeClash, blamed: _Use) -> Fault:
         """Return the fault of a type clash: of the number that a call gives, of the first use of
         the entry if it is alone with its type, else of the use ``blamed``."""
-        entry, text = clash.entry, str(clash)
-        if id(entry) in self._numbers:
-            call, name = self._numbers[id(entry)]
-            number, hint = call.attributes.get(name, ""), "give it an entry that a script sets"
-            text = (f"{name}=\"{number}\" is of type {entry.type}, "
-                    f"and {blamed} ({blamed.where}) is not")
-            return call.fault(rules.ENTRY_TYPE, text, hint, name)
-        uses = list(self._uses(entry))
+        text = str(clash)
+        if id(clash.entry) in self._numbers:
+            call, name = self._numbers[id(clash.entry)]
+            where = blamed.node.element.where(blamed.port.name)
+            text = (f"{name}=\"{call.attributes.get(name, '')}\" is of type {clash.entry.type}, "
+                    f"and {blamed} ({where}) is not")
+            return call.fault(rules.ENTRY_TYPE, text, "give it an entry that a script sets", name)
+        uses = list(self._uses(clash.entry))
         if uses:  # otherwise the host made the entry
             other = uses[0]
-            alike = [use for use in uses if use.type == blamed.type]
-            if len(alike) > 1 and sum(use.type == other.type for use in uses) == 1:
+            alike = [use for use in uses if use.port.type == blamed.port.type]
+            if len(alike) > 1 and sum(use.port.type == other.port.type for use in uses) == 1:
                 blamed, other = other, alike[0]
-            key = blamed.node.attributes[blamed.port]
-            text = (f"{key}: {blamed} is of type {blamed.type}, "
-                    f"and {other} ({other.where}) is of type {other.type}")
-        return blamed.node.element.fault(rules.ENTRY_TYPE, text, attribute=blamed.port)
+            key = blamed.node.attributes[blamed.port.name]
+            where = other.node.element.where(other.port.name)
+            text = (f"{key}: {blamed} is of type {blamed.port.type}, "
+                    f"and {other} ({where}) is of type {other.port.type}")
+        return blamed.node.element.fault(rules.ENTRY_TYPE, text, attribute=blamed.port.name)
 
     def _uses(self, entry: Entry) -> Iterator[_Use]:
         """Yield the ports of one type each that refer to an entry, in the order of the nodes."""
         for node in self.nodes:
             for name, text in node.element.attributes.items():
-                key = ports.reference(text, name) if name in node.spec.port_named else None
-                if key is not None and node.blackboard.find(key) is entry:
-                    use = _Use(node, name)
-                    if use.type not in GENERIC + (TEXT,):
-                        yield use
+                port, key = node.spec.port_named.get(name), ports.reference(text, name)
+                if (port is not None and port.type not in GENERIC + (TEXT,)
+                        and key is not None and node.blackboard.find(key) is entry):
+                    yield _Use(node, port)
 
     def _enter(self, element: Element, outer: Blackboard, node: Node) -> Blackboard:
         """Return the blackboard of what is inside a SubTree."""
@@ -280,7 +270,7 @@ class _Compiler:
         for name, text in given(element, model).items():
             entry = None if text is None else ports.subtree_reference(text, name)
             if entry is not None:
-                inner.add_remapping(name, entry)
+                inner.remapping[name] = entry
             elif text is not None:
                 value_type, value = ports.subtree_literal(text)
                 inner.set(name, value, value_type)

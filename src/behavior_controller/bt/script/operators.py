@@ -252,12 +252,15 @@ def value_of(name: str) -> Evaluate:
 
 
 def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Evaluate:
-    """Return the closure of ``name sign right``, whose value is what is stored then.
+    """Return the closure of ``name sign right``, whose value is what is stored then; ``name`` is
+    empty if the left operand is no name.
 
     The first value decides an entry's kind permanently. ``source`` is the name that ``right`` is,
     if it is a bare one: a copy keeps the type that the value had there.
     """
     def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
+        if not name:
+            raise ScriptError("Assignment left operand not a blackboard entry")
         entry = blackboard.find(name)
         if entry is None and sign != ":=":
             hint = f"If you want to create a new one, use the operator [:=] instead of [{sign}]"
@@ -266,22 +269,12 @@ def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Ev
         value = right(blackboard, enums)
         _not_empty(value, "right", sign)
         if sign in (":=", "="):
-            origin = "" if source is None else _origin(source, blackboard, enums)
-            _store(name, entry, value, enums, origin)
+            copied = None if source is None or source in enums else blackboard.find(source)
+            _store(name, entry, value, enums, "" if copied is None else copied.origin)
         else:
             entry.update(_combined(sign, entry.value, value))
         return entry.value
     return evaluate
-
-
-def no_entry(_blackboard: Blackboard, _enums: Enums) -> Any:
-    """Raise ScriptError: the closure of an assignment to what is not a name."""
-    raise ScriptError("Assignment left operand not a blackboard entry")
-
-
-def _origin(source: str, blackboard: Blackboard, enums: Enums) -> str:
-    entry = None if source in enums else blackboard.find(source)
-    return "" if entry is None else entry.origin
 
 
 def _combined(sign: str, stored: Any, value: Any) -> Any:

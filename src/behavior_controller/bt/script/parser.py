@@ -130,15 +130,10 @@ _HINTS = {'"': "a text needs single quotes: 'yes'", "%": "scripts have no remain
 """What may be meant by something that begins no token, by its first character."""
 
 
-def _hint_between(before: str, kind: str) -> str:
-    """Return what may be meant where an operand is missing after the token ``before``."""
-    if kind == ":":
-        return "a value is assigned with :="
-    if before in ("+", "-") and kind in ("+", "-", "end", ";"):
-        return "write a += 1 or a -= 1"
-    meant = {"=<": "<=", "=>": ">=", "===": "==", "!==": "!=", "&&&": "&&", "|||": "||",
-             "<>": "!="}.get(before + kind)
-    return f"write {meant}" if meant else ""
+_MEANT = {":": "a value is assigned with :=", "=<": "write <=", "=>": "write >=",
+          "===": "write ==", "!==": "write !=", "&&&": "write &&", "|||": "write ||",
+          "<>": "write !=", **dict.fromkeys(("++", "-end", "-;"), "write a += 1 or a -= 1")}
+"""What may be meant where an operand is missing, by the token there, and by that before it too."""
 
 
 def _integer(text: str) -> int:
@@ -213,9 +208,7 @@ class _ScriptParser:
         self.facts.assignments.append(Assignment(name, sign, value, target.position, is_own))
         if value.kind == "name":
             self.last = value._replace(kind="")
-        if not name:
-            return operators.no_entry
-        if sign not in (":=", "="):
+        if name and sign not in (":=", "="):
             self.facts.read.setdefault(name, target.position)
         return operators.assigned(name, sign, right, value.word if value.kind == "name" else None)
 
@@ -293,7 +286,8 @@ class _ScriptParser:
             # the end was not passed; before the first token is the end
             before = self.tokens[self.at - (1 if kind == "end" else 2)][0]
             wrong = f"Expected operand at position {position} (got '{shown(text)}')"
-            raise ScriptSyntaxError(wrong, position, _hint_between(before, kind))
+            hint = _MEANT.get(before + kind) or _MEANT.get(kind, "")
+            raise ScriptSyntaxError(wrong, position, hint)
         inner = self.expression()
         self._expect(")")
         return inner

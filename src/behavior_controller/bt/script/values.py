@@ -10,6 +10,7 @@ import json
 import math
 import re
 from functools import lru_cache, partial
+from itertools import starmap
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.status import BY_NAME, NAMES, NUMBERS
@@ -57,8 +58,7 @@ _REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]
 _BLANKS = re.compile(r"[ \t\r\n]+")
 # of an integer of 64 bits: with more it is out of range, and Python refuses to read 4,300
 _MOST_DIGITS = 20
-_BOOLEANS = {"1": True, "true": True, "TRUE": True, "True": True,
-             "0": False, "false": False, "FALSE": False, "False": False}
+_TRUE, _FALSE = ("1", "true", "TRUE", "True"), ("0", "false", "FALSE", "False")
 
 
 def shown(text: str, longest: int = 80) -> str:
@@ -116,19 +116,17 @@ def real_from_text(text: str, _enums: Optional[Enums] = None) -> float:
 
 def whole_real(text: str) -> Optional[float]:
     """Return the number that ``text`` is as a whole, or None."""
-    if _REAL.fullmatch(text) is None:
-        return None
     try:
-        return real_from_text(text)
+        return real_from_text(text) if _REAL.fullmatch(text) else None
     except ValueFault:
         return None
 
 
 def _boolean(text: str, _enums: Enums) -> bool:
-    if text not in _BOOLEANS:
+    if text not in _TRUE + _FALSE:
         wrong = f"convertFromString(): invalid bool conversion of [{shown(text)}]"
         raise ValueFault(f"{wrong}; allowed: 0 1 true false")
-    return _BOOLEANS[text]
+    return text in _TRUE
 
 
 def _status(text: str, _enums: Enums) -> Any:
@@ -148,13 +146,13 @@ def _enumerator(text: str, enums: Enums) -> int:
     return number
 
 
-def _vector_type(name: str, cpp_name: str, item: Callable[[str, Enums], Any],
-                 kind: type) -> ValueType:
+def _vector_type(name: str, item: str) -> ValueType:
     def read(text: str, enums: Enums) -> Any:
         if text.startswith("json:"):
-            return [_json_item(value, kind) for value in _json_array(text[5:])]
-        return [item(part, enums) for part in items_of(text)]
-    return ValueType(name, read, cpp_name=cpp_name)
+            return [_json_item(value, _CLASSES[item]) for value in _json_array(text[5:])]
+        from_text: Any = TYPES[item].from_text
+        return [from_text(part, enums) for part in items_of(text)]
+    return ValueType(name, read, cpp_name=f"std::vector<{'std::string' if item == TEXT else item}>")
 
 
 def items_of(text: str) -> List[str]:
@@ -183,6 +181,8 @@ def _json_item(value: Any, kind: type) -> Any:
     return to_int(value, *INT) if kind is int else value
 
 
+VECTORS = {"vec_int": "int", "vec_double": "double", "vec_string": TEXT, "vec_bool": "bool"}
+_CLASSES = {"int": int, "double": float, TEXT: str, "bool": bool}
 _JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
 
 
@@ -254,10 +254,7 @@ TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_typ
     ValueType("bool", _boolean),
     ValueType("NodeStatus", _status, checked_at_load=False, cpp_name="BT::NodeStatus"),
     ValueType("enum", _enumerator, checked_at_load=False),
-    _vector_type("vec_int", "std::vector<int>", partial(_integer, low=INT[0], high=INT[1]), int),
-    _vector_type("vec_double", "std::vector<double>", real_from_text, float),
-    _vector_type("vec_string", "std::vector<std::string>", lambda text, _enums: text, str),
-    _vector_type("vec_bool", "std::vector<bool>", _boolean, bool),
+    *starmap(_vector_type, VECTORS.items()),
     ValueType(ANY, None, cpp_name="BT::AnyTypeAllowed"),
     ValueType(BT_ANY, None, cpp_name="BT::Any"),
 ))
@@ -266,9 +263,6 @@ TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_typ
 def find_type(name: str) -> Optional[ValueType]:
     """Return the type of that name; None for an entry that the host made of a class of its own."""
     return TYPES[name] if name in TYPES or isinstance(name, PortType) else None
-
-
-VECTORS = {"vec_int": "int", "vec_double": "double", "vec_string": TEXT, "vec_bool": "bool"}
 
 
 def unread(text: str, type_name: str) -> str:
@@ -282,7 +276,6 @@ def unread(text: str, type_name: str) -> str:
     return text[match.end():].strip() if match is not None else ""
 
 
-_CLASSES = {"int": int, "double": float, TEXT: str, "bool": bool}
 _STATUSES = list(NAMES)  # by their numbers
 _STATUS_CLASSES = {type(status) for status in NAMES}
 

@@ -670,7 +670,7 @@ SENT: Dict[type, Callable[[Any, bool], Tuple[Any, ...]]] = {
 
 
 def _begin(node: Any) -> None:
-    node.course.begin_visit(node.blackboard.root(), node.clock.now())
+    node.course.begin_visit(node.blackboard.root, node.clock.now())
 
 
 def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
