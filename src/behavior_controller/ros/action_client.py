@@ -17,12 +17,12 @@ from actionlib_msgs.msg import GoalStatus
 
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.declarations import Action, Message
-from behavior_controller.robot.gateway import Cause, Failure, NO_ACTION, result_of
+from behavior_controller.robot.gateway import Cause, Failure, result_of
 from behavior_controller.robot.requests import Answer, Listen, Request
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.request_thread import Job, RequestThread
 from behavior_controller.ros.tcpros import CONNECT_LIMIT, ROUND, Trouble, ask_master
-from behavior_controller.ros.types import TYPES, filled, resolved
+from behavior_controller.ros.types import TYPES, filled
 from behavior_controller.text import clean
 
 PATIENCE = 2.0
