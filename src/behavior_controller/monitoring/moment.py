@@ -164,7 +164,7 @@ def robot_line(state: State) -> RobotLine:
         if left_on:
             safe = clean(f"safe state not reached: {listed(left_on)} may be on")
     return RobotLine(not robot.ill, conditions(robot.ill) or alive, mode, movement, _place(robot),
-                     safe, _instruction(state))
+                     safe, instruction(state))
 
 
 def _left_on(state: State) -> List[str]:
@@ -185,7 +185,7 @@ def _place(robot: Robot) -> str:
     return f"last seen {last or 'at the start'}, on the way {way}" if goal else "place unknown"
 
 
-def _instruction(state: State) -> str:
+def instruction(state: State) -> str:
     """Return what a person has to do; it stays until that is done."""
     robot, steps = state.robot, list(_repairs(state))
     is_away = robot.goal_name and (robot.place is None or robot.last_place != HOME)

@@ -23,7 +23,7 @@ from behavior_controller.command import no_resources
 from behavior_controller.execution.events import (
     Event, LeafFinished, Retried, RunFinished, SafeStateReported)
 from behavior_controller.execution.state import State
-from behavior_controller.monitoring.moment import robot_line
+from behavior_controller.monitoring.moment import instruction, robot_line
 from behavior_controller.monitoring.sinks import Detached, Sink, drain, take_over_streams
 from behavior_controller.monitoring.story import Story
 from behavior_controller.robot.gateway import Cause, Failure
@@ -76,7 +76,7 @@ class Console:
                            lambda text: partial(self._log, "warning", text), MOST_WAITING, REST)
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
-        self._robot = robot_line(State())  # as it was written last
+        self._instruction = instruction(State())  # in the robot's line that was written last
         self._robot_written_at = -ROBOT_SPAN
         self._unmet: Dict[int, Failure] = {}  # why conditions were false last, by node
         self._logger = logging.getLogger(ROSOUT)
@@ -159,11 +159,12 @@ class Console:
         """Write the robot's line when a person has to do something else than before, and at the
         end.
         """
-        robot = robot_line(self._story.state)
-        has_news = robot.instruction != self._robot.instruction and (
+        state = self._story.state
+        has_news = instruction(state) != self._instruction and (
             at - self._robot_written_at >= ROBOT_SPAN)
         if has_news or is_end:
-            self._robot, self._robot_written_at = robot, at
+            robot = robot_line(state)
+            self._instruction, self._robot_written_at = robot.instruction, at
             self._log("warning" if robot.instruction else "info", "robot: " + robot.text)
 
     def _is_repeated(self, event: LeafFinished) -> bool:
