@@ -9,12 +9,11 @@ from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
-    BEGUN, EVENTS, OMITTED, Answered, Asked, BreakpointChanged, EntriesWritten, Event,
-    FeedbackReceived, HealthChanged, LeafFinished, LeafSummary, Lost, Message, Noticed,
+    BEGUN, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged, EntriesWritten,
+    Event, FeedbackReceived, HealthChanged, LeafFinished, LeafSummary, Lost, Message, Noticed,
     PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
-from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
 from behavior_controller.execution.state import (
     BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,
     SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,

@@ -10,10 +10,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
-    HealthChanged, Noticed, Paused, Recovered, Recovering, RunFinished, RunStarted,
-    SafeStateReported, TreeNode)
+    DONE, SKIPPED, SUBSTITUTED, HealthChanged, Noticed, Paused, Recovered, Recovering, RunFinished,
+    RunStarted, SafeStateReported, TreeNode)
 from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT, SLOW
-from behavior_controller.execution.recovery import DONE, SKIPPED, SUBSTITUTED
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Location, Request, SetAttention
 

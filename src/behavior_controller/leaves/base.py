@@ -348,7 +348,7 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
         timer = self.mission.clock.call_after(seconds, self.wake)
         try:
             while timer.callback is not None:
-                yield
+                yield None
         finally:
             timer.cancel()
 

@@ -144,7 +144,7 @@ class GetVisitorResponse(WorkingLeaf):
             utterance, answer = self._heard()
             while not (is_error(utterance) or answer or patience.is_over()):
                 topics.wake_when(self.uid, self.topic, self._ends)
-                yield
+                yield None
                 utterance, answer = self._heard()
         finally:
             topics.listen(self.topic, 0.0)

@@ -8,11 +8,11 @@ import collections
 from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.execution.events import (
-    BEGUN, BreakpointChanged, Event, HealthChanged, LeafFinished, Noticed, PassFinished, Paused,
-    Recovered, Recovering, RunFinished, RunStarted, SafeStateReported, StopChanged, Suspended)
+    BEGUN, GIVEN_UP, SKIPPED, SUBSTITUTED, BreakpointChanged, Event, HealthChanged, LeafFinished,
+    Noticed, PassFinished, Paused, Recovered, Recovering, RunFinished, RunStarted,
+    SafeStateReported, StopChanged, Suspended)
 from behavior_controller.execution.fold import fold, why_recovered
 from behavior_controller.execution.health import NEW
-from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.execution.state import (
     BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, SILENT_VISITOR, STOPPED,
     UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
