@@ -1,6 +1,6 @@
 """Leaves for the robot's attention and lifelike movement, and for what its cameras see of a
 visitor."""
-from typing import Any, Optional, Set, Tuple
+from typing import Any, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt.registry import Port
 from behavior_controller.execution.events import Noticed
@@ -28,10 +28,7 @@ class AnimateBehavior(ServiceLeaf):
     (/animateBehaviour/set_activation)."""
 
     asks = SetAnimation
-
-    def __init__(self, name: str, state: str):
-        super().__init__(name)
-        self.state = state
+    state: str
 
     def request(self) -> Request:
         """Set the state."""
@@ -44,10 +41,7 @@ class OvertAttentionMode(ServiceLeaf):
 
     asks = SetAttention
     PORTS = (ATTENTION_SET_AT.written(),)
-
-    def __init__(self, name: str, state: str):
-        super().__init__(name)
-        self.state = state
+    state: str
 
     def request(self) -> Optional[Request]:
         """Set the mode; a target of exactly (0, 0, 0) means none."""
@@ -123,11 +117,11 @@ class IsMutualGazeDiscovered(TopicCondition):
         """Return when the mode was set."""
         return self.get_input_or("attentionSetAt", float("-inf"))
 
-    def judged(self, sample: Optional[Sample]) -> None:
+    def judged(self, counting: Sequence[Sample]) -> None:
         """Report evidence that the robot has the other convention."""
         values = self.values
-        if (len(values.searches) < SEARCHES and sample is not None and sample.value == (SEEKING, 1)
-                and self._counts(sample)):
+        is_one = bool(counting) and counting[-1].value == (SEEKING, 1)
+        if is_one and len(values.searches) < SEARCHES:
             values.searches.add(self.not_before())
         is_configured = self.mission.interface.gaze_value is None
         sign = values.sign(self.mission.settings.mutual_gaze_value) if is_configured else ""

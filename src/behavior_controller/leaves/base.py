@@ -60,27 +60,22 @@ class FailureLog:
         # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
         self.given_up = 0
         self.is_budget_spent = False  # so that a failure of this pass was given up
-        self._unrecovered: List[Failure] = []  # those that were given up in this pass
+        self.unrecovered: List[Failure] = []  # those that were given up in this pass
         self._before = 0  # the number of the last failure before this pass
 
     @tick_thread_only
     def begin_pass(self) -> None:
         """Note that the failures from now on are those of another pass."""
         self.is_budget_spent = False
-        self._unrecovered.clear()
+        self.unrecovered.clear()
         self._before = self.newest_number
-
-    @tick_thread_only
-    def give_up(self, failure: Failure) -> None:
-        """Note that no recovery helped."""
-        self._unrecovered.append(failure)
 
     @tick_thread_only
     def of_pass(self) -> List[Failure]:
         """Return what this pass may have failed for: the failures that were given up, and the
         newest one."""
         newest = self.newest(0, sys.maxsize, self._before)
-        return self._unrecovered + ([newest.failure] if newest is not None else [])
+        return self.unrecovered + ([newest.failure] if newest is not None else [])
 
     @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
@@ -212,6 +207,11 @@ class MissionLeaf(Node):
     started_at = 0.0
     summary: Optional[LeafSummary] = None  # the sentence for people when the leaf ends
 
+    def __init__(self, name: str, **constants: Any):
+        """``constants`` are the ``arguments`` of its ``leaf_spec``, as attributes."""
+        super().__init__(name)
+        vars(self).update(constants)
+
     def configure(self) -> None:
         """Refuse a node type without the facts that the recovery needs."""
         if not isinstance(self.spec, MissionSpec):
@@ -333,6 +333,8 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
             self._awaited = next(self._under_way)
         except StopIteration as over:
             return over.value
+        except PortError as error:
+            return self.failed(self.missing(error))
         return RUNNING
 
     def on_halted(self) -> None:
@@ -430,30 +432,24 @@ class ServiceLeaf(WorkingLeaf):
         """
         try:
             wanted = None if self.does_without and not self.resource else self.request()
-        except PortError as error:
-            return self.missing(error)
-        if wanted is None or isinstance(wanted, Failure):
-            return wanted
-        _check_request(self.asks, wanted)
-        words = self.words(wanted)
-        self.begin_step(words, self.limit(wanted))
-        call = self.mission.gateway.start(wanted)
-        answer = call.result
-        if answer is None:
-            yield call
+            if wanted is None or isinstance(wanted, Failure):
+                return wanted
+            _check_request(self.asks, wanted)
+            words = self.words(wanted)
+            self.begin_step(words, self.limit(wanted))
+            call = self.mission.gateway.start(wanted)
             answer = call.result
-            assert answer is not None
-        if isinstance(answer, Failure):
-            return self.attempt_failed(answer)
-        seconds = self.lasts(wanted)
-        if seconds:
-            self.begin_step(words, seconds, goes_on=True)
-            yield from self.pause(seconds)
-        self.summary = self.done(words)
-        return self._accepted(answer)
-
-    def _accepted(self, answer: Answer) -> Optional[Failure]:
-        try:
+            if answer is None:
+                yield call
+                answer = call.result
+                assert answer is not None
+            if isinstance(answer, Failure):
+                return self.attempt_failed(answer)
+            seconds = self.lasts(wanted)
+            if seconds:
+                self.begin_step(words, seconds, goes_on=True)
+                yield from self.pause(seconds)
+            self.summary = self.done(words)
             failure = _checked_end("accept", self.accept(answer))
         except PortError as error:
             failure = self.missing(error)
@@ -467,7 +463,8 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
               choices: Optional[Mapping[str, Dict[str, Any]]] = None, **facts: Any) -> MissionSpec:
     """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
 
-    ``ports`` are added to those of the class, ``arguments`` are the constructor's after the name.
+    ``ports`` are added to those of the class, ``arguments`` are attributes of each leaf, or what
+    its own constructor takes after the name.
     With ``choices`` the name of an instance chooses them. Raises ImportError if it is no mission
     leaf, or a service leaf that does not say what it asks for.
     """

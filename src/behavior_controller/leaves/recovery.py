@@ -63,7 +63,7 @@ class HandleFallBack(WorkingLeaf):
         if outcome != GIVEN_UP:
             return self.succeeded()
         # not recorded as a failure: an outer HandleFallBack looks for the original one
-        failures.give_up(self._failure)
+        failures.unrecovered.append(self._failure)
         self.report(FAILURE, self._failure)
         return FAILURE
 

@@ -38,9 +38,7 @@ class SpeechLeaf(ServiceLeaf):
 class FixedSpeech(SpeechLeaf):
     """``<WelcomeSpeech/>``: says the language's text for ``phrase``."""
 
-    def __init__(self, name: str, phrase: str):
-        super().__init__(name)
-        self.phrase = phrase
+    phrase: str
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase."""
