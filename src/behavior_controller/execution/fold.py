@@ -4,7 +4,7 @@
 clock, so a record gives the same model as the run itself. Whoever shows, judges or replays a run
 reads a ``State``, or a ``run.Run``, which has all of them.
 """
-from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar, Union
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar
 
 from msgspec.structs import replace
 
@@ -30,6 +30,9 @@ Item = TypeVar("Item")
 
 IDLE = "-"
 """The letter of a node that goes back to IDLE, in ``Tick``."""
+
+_SWITCHES: Dict[Any, str] = {SetAttention: "attention", SetAnimation: "animation"}
+"""The requests that switch a part of the robot, and what of ``Robot`` has the last one."""
 
 
 def fold(state: State, at: float, event: Event) -> State:
@@ -78,13 +81,20 @@ def _run_started(state: State, event: RunStarted) -> State:
 
 
 def _run_finished(state: State, event: RunFinished) -> State:
-    if state.visit is not None and not state.visit.outcome:
-        stopped, came = Reason(STOPPED), state.visit.arrived or state.visit.began
-        state = _change_visit(_end_stop(state, stopped), why=stopped, ended=state.at,
-                              seconds=state.at - came, waited=came - state.visit.began)
-        state = replace(state, outcomes={**state.outcomes, "": 1})
-        state = _conclude(state, state.visits[-1])
+    visit = state.visit
+    if visit is not None and not visit.outcome:
+        stopped, came = Reason(STOPPED), visit.arrived or visit.began
+        state = _end_visit(_end_stop(state, stopped), "", stopped, state.at - came,
+                           came - visit.began)
     return replace(_end_steps(state), finished=event, held={})
+
+
+def _end_visit(state: State, outcome: str, why: Reason, seconds: float, waited: float) -> State:
+    state = _change_visit(state, outcome=outcome, why=why, seconds=seconds, waited=waited,
+                          ended=state.at)
+    count = state.outcomes.get(outcome, 0) + 1
+    state = replace(state, outcomes={**state.outcomes, outcome: count})
+    return _conclude(_end_steps(state), state.visits[-1])
 
 
 def _pass_started(state: State, event: PassStarted) -> State:
@@ -101,15 +111,10 @@ def _pass_finished(state: State, event: PassFinished) -> State:
     is_success = event.outcome == "SUCCESS"
     state = _end_stop(state, state.why_broken_off if is_success else _why_failed(state))
     waited = max(0.0, state.course.met - state.course.pass_began)
-    why = _why_done(state) if is_success else _why_failed(state)
-    state = _change_visit(state, outcome=clean(event.outcome), why=why,
-                          seconds=event.seconds - waited, waited=waited, ended=state.at)
-    visit, robot = state.visits[-1], state.robot
-    count = state.outcomes.get(visit.outcome, 0) + 1
+    why, robot = _why_done(state) if is_success else _why_failed(state), state.robot
     is_lost = bool(robot.goal_name) and robot.goal is None and robot.place is None
-    state = replace(_change_robot(state, is_lost=is_lost),
-                    outcomes={**state.outcomes, visit.outcome: count})
-    return _conclude(_end_steps(state), visit)
+    return _end_visit(_change_robot(state, is_lost=is_lost), clean(event.outcome), why,
+                      event.seconds - waited, waited)
 
 
 def _why_done(state: State) -> Reason:
@@ -122,7 +127,7 @@ def _why_done(state: State) -> Reason:
         return Reason(DECLINED)
     if course.is_unclear:
         return Reason(UNCLEAR)
-    return Reason(SILENT_VISITOR, blind=state.blind(*course.unmet[-1:]))
+    return Reason(SILENT_VISITOR, blind=next(reversed(course.unmet.values()), None))
 
 
 def _why_failed(state: State) -> Reason:
@@ -131,22 +136,21 @@ def _why_failed(state: State) -> Reason:
         return state.why_left
     if course.given_up is not None and course.gave_up is not None:
         return replace(course.gave_up, kind=GAVE_UP)
-    return _as_seen(state, course.failed[1]) or Reason(FAILED)
+    return _as_seen(state, course.failed[1] or Reason(FAILED))
 
 
-def _as_seen(state: State, reason: Optional[Reason]) -> Optional[Reason]:
+def _as_seen(state: State, reason: Reason) -> Reason:
     """Return the reason, with what kept the robot from seeing better."""
-    failure = reason.failure if reason is not None else None
-    if reason is None or failure is None or failure.cause is not Cause.CONDITION_FALSE:
+    failure = reason.failure
+    if failure is None or failure.cause is not Cause.CONDITION_FALSE:
         return reason
-    return replace(reason, blind=state.blind(failure.resource))
+    return replace(reason, blind=state.course.unmet.get(failure.resource))
 
 
 def why_recovered(state: State, event: Recovered) -> Reason:
     """Return from what a recovery was needed, and why the policy's rule was not followed."""
-    reason = Reason(FAILED, event.node, event.failure, event.attempts + 1, event.reason,
-                    without=state.course.without)
-    return _as_seen(state, reason) or reason
+    return _as_seen(state, Reason(FAILED, event.node, event.failure, event.attempts + 1,
+                                  event.reason, without=state.course.without))
 
 
 # -------------------------------------------------------------------------------------------- steps
@@ -202,11 +206,10 @@ def _leaf_finished(state: State, event: LeafFinished) -> State:
     state = _abandon(state, lambda exchange: exchange.uid in uids or
                      event.status == "IDLE" and not exchange.uid)
     state = _note_visitor(_note_evidence(state, event), event)
-    recovery = state.recovered
-    if recovery is None or recovery.uid != event.uid:
-        recovery = _first(state.recoveries, lambda recovery: recovery.uid == event.uid)
+    recovery = _first((state.recovered, *state.recoveries),
+                      lambda recovery: recovery is not None and recovery.uid == event.uid)
     if recovery is not None:
-        state = _end_recovery(state, event, state.recovered or recovery)
+        state = _end_recovery(state, event, recovery)
     if failure is not None and event.uid != state.course.handler:
         return _leaf_failed(state, event, failure)
     if event.status == "SUCCESS":
@@ -228,26 +231,14 @@ def _leaf_failed(state: State, event: LeafFinished, failure: Failure) -> State:
 
 def _note_evidence(state: State, event: LeafFinished) -> State:
     """Note whether a condition on a topic holds, and whether the robot could have seen that."""
-    course, failure = state.course, event.failure
-    if failure is None:
-        if event.status != "SUCCESS" or event.resource not in course.unmet:
-            return state
-        unmet = tuple(topic for topic in course.unmet if topic != event.resource)
-        blind = {topic: why for topic, why in course.blind.items() if topic != event.resource}
-        return _change_course(state, unmet=unmet, blind=blind)
-    topic = failure.resource
-    if failure.cause is not Cause.CONDITION_FALSE or not topic:
+    before, failure = state.course.unmet, event.failure
+    topic = event.resource if failure is None else failure.resource
+    unmet = {other: trouble for other, trouble in before.items() if other != topic}
+    if failure is not None and failure.cause is Cause.CONDITION_FALSE and topic:
+        unmet[topic] = state.robot.trouble(topic) or before.get(topic)
+    elif event.status != "SUCCESS" or topic not in before:
         return state
-    unmet = tuple(other for other in course.unmet if other != topic) + (topic,)
-    return _note_blindness(_change_course(state, unmet=unmet), topic)
-
-
-def _note_blindness(state: State, topic: str) -> State:
-    """Note that a condition is false while something is wrong with its topic."""
-    trouble = state.robot.trouble(topic)
-    if trouble is None or topic not in state.course.unmet:
-        return state
-    return _change_course(state, blind={**state.course.blind, topic: trouble})
+    return _change_course(state, unmet=unmet)
 
 
 def _note_visitor(state: State, event: LeafFinished) -> State:
@@ -299,8 +290,8 @@ def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF) -> Sta
     stop = state.stop
     if stop is None:
         return state
-    ended = replace(stop, state=COMPLETED if why is None else how, why=_as_seen(state, why),
-                    seconds=state.at - stop.began)
+    ended = replace(stop, state=COMPLETED if why is None else how,
+                    why=why and _as_seen(state, why), seconds=state.at - stop.began)
     return _conclude(_change_visit(state, stops=state.visits[-1].stops[:-1] + (ended,)), ended)
 
 
@@ -375,14 +366,10 @@ def _paused(state: State, event: Paused) -> State:
 
 
 def _safe_state_reported(state: State, event: SafeStateReported) -> State:
-    robot = state.robot
-    for part in event.parts:
-        is_off = part.failure is None
-        if part.what == SetAttention.switches:
-            robot = replace(robot, attention=SetAttention("disabled") if is_off else None)
-        elif part.what == SetAnimation.switches:
-            robot = replace(robot, animation="disabled" if is_off else None)
-    return replace(state, safe_state=event, robot=robot)
+    switched = {field: kind("disabled") if part.failure is None else None
+                for part in event.parts for kind, field in _SWITCHES.items()
+                if part.what == kind.switches}
+    return _change_robot(replace(state, safe_state=event), **switched)
 
 
 def _breakpoint_changed(state: State, event: BreakpointChanged) -> State:
@@ -459,25 +446,14 @@ def _moved(robot: Robot, exchange: Exchange) -> Robot:
     A request that failed leaves open how far it was carried out.
     """
     request, is_done = exchange.request, isinstance(exchange.result, Answer)
-    if isinstance(request, SetAttention):
-        return replace(robot, attention=request if is_done else None)
-    if isinstance(request, SetAnimation):
-        return replace(robot, animation=request.state if is_done else None)
+    if type(request) in _SWITCHES:
+        return replace(robot, **{_SWITCHES[type(request)]: request if is_done else None})
     if isinstance(request, GoTo) and request.goal == robot.goal:
         if not is_done:
             return replace(robot, goal=None)
         return replace(robot, goal=None, place=request.goal, last_place=robot.goal_name)
     if isinstance(request, SetPose) and is_done:
         return replace(robot, place=request.pose, last_place="")
-    return robot
-
-
-def _forgotten(robot: Robot, service: str) -> Robot:
-    """Return the robot without what a node that is gone was asked for: it may come back anew."""
-    if service == robot.services.get(SetAttention.__name__):
-        return replace(robot, attention=None)
-    if service == robot.services.get(SetAnimation.__name__):
-        return replace(robot, animation=None)
     return robot
 
 
@@ -490,12 +466,16 @@ def _health_changed(state: State, event: HealthChanged) -> State:
         first = [recovery.failures[0] for recovery in state.recoveries if recovery.failures]
         times = [failed.at for failed in first if failed.failure.resource == event.name]
         ill_since.setdefault(event.name, min(times, default=state.at))
-        if event.respect == GONE:
-            robot = _forgotten(robot, event.name)
+        if event.respect == GONE:  # it may come back anew
+            robot = replace(robot, **{field: None for kind, field in _SWITCHES.items()
+                                      if robot.services.get(kind.__name__) == event.name})
     elif event.name not in {name for name, _ in troubles}:
         ill_since.pop(event.name, None)
     robot = replace(robot, troubles=troubles, ill_since=ill_since)
-    return _note_blindness(replace(state, robot=robot), event.name)
+    trouble, unmet = robot.trouble(event.name), state.course.unmet
+    if trouble is not None and event.name in unmet:
+        state = _change_course(state, unmet={**unmet, event.name: trouble})
+    return replace(state, robot=robot)
 
 
 # ---------------------------------------------------------------------------- tree and what is lost
@@ -534,8 +514,12 @@ def _noticed(state: State, event: Noticed) -> State:
     return _conclude(_change_course(state, failed=(0, Reason(NOTICED, text=event.text))), event)
 
 
-def _message(state: State, event: Union[Message, StillHearing]) -> State:
+def _message(state: State, event: Message) -> State:
     return state  # what the mission makes of it are other events
+
+
+def _still_hearing(state: State, event: StillHearing) -> State:
+    return state
 
 
 def _lost(state: State, event: Lost) -> State:
@@ -543,32 +527,11 @@ def _lost(state: State, event: Lost) -> State:
 
 
 _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
-    TreeShown: _tree_shown,
-    RunStarted: _run_started,
-    PassStarted: _pass_started,
-    StepStarted: _step_started,
-    LeafFinished: _leaf_finished,
-    StopChanged: _stop_changed,
-    Recovering: _recovering,
-    Retried: _retried,
-    Recovered: _recovered,
-    Paused: _paused,
-    SafeStateReported: _safe_state_reported,
-    BreakpointChanged: _breakpoint_changed,
-    Suspended: _suspended,
-    HealthChanged: _health_changed,
-    PassFinished: _pass_finished,
-    Noticed: _noticed,
-    RunFinished: _run_finished,
-    Tick: _ticked,
-    Asked: _asked,
-    Answered: _answered,
-    FeedbackReceived: _feedback_received,
-    EntriesWritten: _entries_written,
-    Message: _message,
-    StillHearing: _message,
-    Lost: _lost,
-}
+    handler.__annotations__["event"]: handler for handler in (
+        _tree_shown, _run_started, _pass_started, _step_started, _leaf_finished, _stop_changed,
+        _recovering, _retried, _recovered, _paused, _safe_state_reported, _breakpoint_changed,
+        _suspended, _health_changed, _pass_finished, _noticed, _run_finished, _ticked, _asked,
+        _answered, _feedback_received, _entries_written, _message, _still_hearing, _lost)}
 """What interprets each kind of event."""
 
 _unknown = sorted(kind.__name__ for kind in set(EVENTS).difference(_HANDLERS))

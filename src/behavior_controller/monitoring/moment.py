@@ -198,7 +198,7 @@ def _attention(robot: Robot) -> str:
 def _movement(robot: Robot) -> str:
     if robot.animation is None:
         return "unknown"
-    return "on" if robot.animation == "enabled" else "off"
+    return "on" if robot.animation.state == "enabled" else "off"
 
 
 def _place(robot: Robot) -> str:
