@@ -222,11 +222,15 @@ def _leaf_finished(state: State, event: LeafFinished) -> State:
 
 def _leaf_failed(state: State, event: LeafFinished, failure: Failure) -> State:
     why = Reason(FAILED, event.node, failure, without=state.course.without)
-    failed = LeafFailure(state.at, state.visit_count, event.uid, event.node, event.path, failure, 0,
-                         event.seconds)
     results = {**state.results, event.uid: state.results.get(event.uid, ()) + (failure,)}
-    state = replace(state, failures={**state.failures, event.path: (failed,)}, results=results)
-    return _conclude(_change_course(state, failed=(event.uid, why), stuck=why), failed)
+    state = _change_course(replace(state, results=results), failed=(event.uid, why), stuck=why)
+    failed = LeafFailure(state.at, state.visit_count, event.uid, event.node, event.path, failure)
+    return _note_failure(state, (), replace(failed, seconds=event.seconds))
+
+
+def _note_failure(state: State, before: Tuple[LeafFailure, ...], failed: LeafFailure) -> State:
+    failures = {**state.failures, failed.path: before + (failed,)}
+    return _conclude(replace(state, failures=failures), failed)
 
 
 def _note_evidence(state: State, event: LeafFinished) -> State:
@@ -312,10 +316,9 @@ def _retried(state: State, event: Retried) -> State:
     uid = state.uids.get(event.path, 0)
     failed = LeafFailure(state.at, state.visit_count, uid, event.node, event.path, event.failure,
                          event.attempt)
-    failures = {**state.failures, event.path: state.failures.get(event.path, ()) + (failed,)}
     state = _end_steps(state, lambda step: step.uid == uid or (
         isinstance(step.cause, Recovering) and step.cause.path == event.path))
-    return _conclude(replace(state, failures=failures), failed)
+    return _note_failure(state, state.failures.get(event.path, ()), failed)
 
 
 def _recovered(state: State, event: Recovered) -> State:

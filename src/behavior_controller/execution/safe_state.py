@@ -31,11 +31,6 @@ class SafeState:
         """Whether every request has its result."""
         return all(call.result is not None for call in self._calls)
 
-    def drop(self) -> None:
-        """Drop the requests under way."""
-        for call in self._calls:
-            call.drop()
-
     def wait(self, wait: Callable[[float], None], seconds: float = LIMIT) -> SafeStateReported:
         """Return the report when every request has its result, after ``seconds`` at the latest.
 

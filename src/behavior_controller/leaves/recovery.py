@@ -48,24 +48,26 @@ class HandleFallBack(WorkingLeaf):
             self._leaf = self
             self._failure = Failure(Cause.MISSING_DATA, "no mission node failed before")
             self._decided(GIVEN_UP, "give up")
-            self.report(FAILURE)
-            return FAILURE
+            return self.report(FAILURE)
         self._leaf, self._failure = failed.leaf, failed.failure
         self._rule = self.rule(failed.leaf, failed.failure.cause)
         if not self.mission.afford_recovery():
             self._rule = self._rule._replace(retries=0, then=GIVE_UP, substitute=None)
             self._reason = self.mission.policy.spent
-        outcome = (yield from self._do_instead()) or self._go_on(steps)
+        try:
+            outcome = (yield from self._do_instead()) or self._go_on(steps)
+        finally:
+            if self._patience is not None:
+                self._patience.cancel()
+            self._patience = None
         if outcome == GIVEN_UP:
             yield from self._make_safe(failed)
-        self._stop_waiting()
         self._decided(outcome, f"{self._rule}: {self._reason}" if self._reason else str(self._rule))
         if outcome != GIVEN_UP:
             return self.succeeded()
         # not recorded as a failure: an outer HandleFallBack looks for the original one
         failures.unrecovered.append(self._failure)
-        self.report(FAILURE, self._failure)
-        return FAILURE
+        return self.report(FAILURE, self._failure)
 
     def rule(self, leaf: MissionLeaf, cause: Cause) -> Rule:
         """Return what to do about the failure of ``leaf``."""
@@ -130,11 +132,6 @@ class HandleFallBack(WorkingLeaf):
             node = node.parent
         return []
 
-    def on_halted(self) -> None:
-        """Drop the recovery."""
-        self._stop_waiting()
-        super().on_halted()
-
     def _tell(self, attempt: int, substitute: str = "") -> None:
         self.mission.events.emit(
             Recovering(self.uid, self._leaf.registration_id, self._leaf.full_path, self._failure,
@@ -158,11 +155,6 @@ class HandleFallBack(WorkingLeaf):
                 return
             yield None
 
-    def _stop_waiting(self) -> None:
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
-
     def _substitute(self, spec: MissionSpec) -> Any:
         leaf: Any = spec.factory(spec.id)
         leaf.uid = self.uid
@@ -181,10 +173,9 @@ class HandleFallBack(WorkingLeaf):
         try:
             while not safe_state.is_over:
                 yield None
-        except GeneratorExit:
-            safe_state.drop()
-            raise
-        self.mission.events.emit(safe_state.report())
+        finally:
+            report = safe_state.report()
+        self.mission.events.emit(report)
 
 
 SPECS = (

@@ -3,10 +3,9 @@ from typing import Iterable, Optional, Tuple, Union
 
 from msgspec.structs import replace
 
-from behavior_controller.bt import ConfigureError, Port, PortError
+from behavior_controller.bt import ConfigureError, Port
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.bt.script.values import TEXT
-from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request, Say, Words
 from behavior_controller.leaves.base import BEFORE_QUESTION, ServiceLeaf, Waiting, leaf_spec
@@ -71,29 +70,17 @@ class Question(FixedSpeech):
             return words
         return words._replace(doing="asking", done="asked", kind="asked")
 
-    def done(self, words: Words) -> Optional[LeafSummary]:
-        """Note that the visitor was asked."""
-        summary = super().done(words)
-        if summary is None or not self.is_question:
-            return summary
-        return replace(summary, mark="asked")
-
     def accept(self, answer: Answer) -> Optional[Failure]:
-        """Note when the question had been asked."""
-        self._note_end()
+        """Note that the visitor was asked, and when."""
+        if self.summary is not None and self.is_question:
+            self.summary = replace(self.summary, mark="asked")
+        self.attempt_failed()
         return None
 
-    def _note_end(self) -> None:
+    def attempt_failed(self) -> None:
+        """Note when the attempt ended."""
         self.mission.ignore_answers("")
         self.set_output("questionAskedAt", self.mission.clock.now())
-
-    def attempt_failed(self, failure: Failure) -> Failure:
-        """Note when the attempt ended."""
-        try:
-            self._note_end()
-        except PortError as error:
-            return replace(failure, message=f"{failure.message}; {error}")
-        return failure
 
 
 class DescribeExhibitSpeech(SpeechLeaf):
