@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
     BEGUN, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged, EntriesWritten,
-    Event, FeedbackReceived, HealthChanged, LeafFinished, LeafSummary, Lost, Message, Noticed,
+    Event, FeedbackReceived, HealthChanged, LeafFinished, Lost, Message, Noticed,
     PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
@@ -248,29 +248,22 @@ def _note_evidence(state: State, event: LeafFinished) -> State:
 def _note_visitor(state: State, event: LeafFinished) -> State:
     """Note what the sentence at the end of a leaf means for the visit."""
     visit, summary = state.visit, event.summary
-    if summary is None:
+    if visit is None or summary is None:
         return state
-    if summary.kind == "heard" and not summary.mark:
-        state = _change_course(state, is_unclear=True)
-    if summary.mark == "left":
-        is_visitor = visit is not None and visit.arrived is not None
-        return _change_course(state, left_by=event.resource if is_visitor else None)
-    if summary.mark in ("arrived", "engaged"):
-        return _meet(_change_course(state, left_by=None), summary)
-    if summary.mark == "asked":
-        is_first = visit is not None and visit.asked is None
-        return _change_visit(state, asked=state.at) if is_first else state
-    return _change_visit(state, answer=summary.mark) if summary.mark in ("yes", "no") else state
-
-
-def _meet(state: State, summary: LeafSummary) -> State:
-    """Note that the visitor was seen, or looked at the robot, for the first time."""
-    visit = state.visit
-    if visit is None or getattr(visit, summary.mark) is not None:
-        return state
-    if visit.arrived is None:
-        state = _change_visit(_change_course(state, met=summary.at), arrived=state.at)
-    return _change_visit(state, **{summary.mark: state.at})
+    mark = summary.mark
+    if summary.kind == "heard" and not mark:
+        return _change_course(state, is_unclear=True)
+    if mark == "left":
+        return _change_course(state, left_by=None if visit.arrived is None else event.resource)
+    if mark in ("yes", "no"):
+        return _change_visit(state, answer=mark)
+    if mark in ("arrived", "engaged"):
+        state = _change_course(state, left_by=None)
+        if visit.arrived is None:
+            state = _change_visit(_change_course(state, met=summary.at), arrived=state.at)
+    # the first time counts
+    is_first = mark in ("arrived", "engaged", "asked") and getattr(visit, mark) is None
+    return _change_visit(state, **{mark: state.at}) if is_first else state
 
 
 # ----------------------------------------------------------------------------------------- stops
@@ -289,9 +282,10 @@ def _stop_changed(state: State, event: StopChanged) -> State:
     return _change_course(_change_visit(state, stops=others + (begun,)), stuck=None)
 
 
-def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF) -> State:
-    """Note that the stop under way ended so, or that it is completed if there is no ``why``."""
-    stop = state.stop
+def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF,
+              omitted: Optional[Stop] = None) -> State:
+    """Note that the last stop ended so, or that it is completed if there is no ``why``."""
+    stop = omitted or state.stop
     if stop is None:
         return state
     ended = replace(stop, state=COMPLETED if why is None else how,
@@ -327,8 +321,8 @@ def _recovered(state: State, event: Recovered) -> State:
     decided = replace(known or RecoveryRound(event.node, event.path, event.uid, state.at),
                       recovered=event, decided=state.at, attempt=0, attempts=event.attempts)
     why, omitted = why_recovered(state, event), state.omits(event)
-    is_known, has_left = state.has_given_up(event), state.course.left_by is not None
-    if event.outcome == SKIPPED and event.failure.cause is not Cause.CONDITION_FALSE:
+    is_known, is_left_out = state.has_given_up(event), event.outcome == SKIPPED
+    if is_left_out and event.failure.cause is not Cause.CONDITION_FALSE:
         state = _change_course(state, without=event.node)
     state = _end_steps(state, lambda step: step.uid == uid)
     state = replace(state, omitted=0, recovered=decided,
@@ -336,11 +330,8 @@ def _recovered(state: State, event: Recovered) -> State:
     state = _change_course(state, handler=event.uid, failed=(0, None),
                            stuck=why if event.outcome == GIVEN_UP else None)
     if omitted is not None:
-        why = state.why_left if has_left else why
-        is_left_out = event.outcome == SKIPPED
-        others = state.visits[-1].stops[:-1]
-        state = _change_visit(state, stops=others + (replace(omitted, state=UNDER_WAY),))
-        state = _end_stop(state, why, LEFT_OUT if is_left_out else BROKEN_OFF)
+        why = state.why_left if state.course.left_by is not None else why
+        state = _end_stop(state, why, LEFT_OUT if is_left_out else BROKEN_OFF, omitted)
         if is_left_out:
             return _change_course(state, given_up=None)
     elif event.outcome != GIVEN_UP:
@@ -364,8 +355,8 @@ def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) ->
 
 
 def _paused(state: State, event: Paused) -> State:
-    state = _end_steps(state)
-    return _begin_step(state, Step("", state.at, event.limit, 0, True, cause=event))
+    paused = Step("", state.at, event.limit, 0, True, cause=event)
+    return _begin_step(_end_steps(state), paused)
 
 
 def _safe_state_reported(state: State, event: SafeStateReported) -> State:
@@ -393,21 +384,20 @@ def _suspended(state: State, event: Suspended) -> State:
 
 
 def _asked(state: State, event: Asked) -> State:
+    uid, what = 0, ""
     step = state.step
-    uid = step.uid if step is not None and not step.is_wait and not step.call else 0
-    exchange = Exchange(event.call, event.service, event.request, state.at, uid)
-    kind = type(event.request).__name__
-    if state.robot.services.get(kind) != event.service:
-        state = _change_robot(state, services={**state.robot.services, kind: event.service})
-    if uid and step is not None:
+    if step is not None and not step.is_wait and not step.call:
+        uid, what = step.uid, step.what
         state = replace(state, steps=state.steps[:-1] + (replace(step, call=event.call),))
+    services = {**state.robot.services, type(event.request).__name__: event.service}
+    state = _change_robot(state, services=services)
     if isinstance(event.request, GoTo):
-        what = step.what if uid and step is not None else ""
         name = what[3:] if what.startswith("to ") else what
         state = _change_robot(state, goal=event.request.goal, goal_name=name, place=None,
                               is_lost=False)
     if _ends_safe_state(event.request):
         state = replace(state, safe_state=None)
+    exchange = Exchange(event.call, event.service, event.request, state.at, uid)
     return replace(state, exchanges=state.exchanges + (exchange,))
 
 

@@ -23,13 +23,12 @@ class SpeechLeaf(ServiceLeaf):
     asks = Say
     is_description = False
 
-    def lasts(self, request: Request) -> float:
+    def lasts(self, request: Say) -> float:
         """Return the seconds that the words take, if they are waited for."""
         settings = self.mission.settings
         chosen = settings.wait_for_speech
         is_awaited = chosen == "all" or chosen == DESCRIPTIONS and self.is_description
-        if not (isinstance(request, Say) and is_awaited
-                and self.mission.interface.service(Say).answers_early(request)):
+        if not is_awaited or not self.mission.interface.service(Say).answers_early(request):
             return 0.0
         return len(request.text.split()) / settings.speech_pace
 
