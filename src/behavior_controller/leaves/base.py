@@ -34,7 +34,8 @@ from behavior_controller.config.settings import Settings
 
 Shared = TypeVar("Shared")
 Value = TypeVar("Value")
-Waiting = Generator[Optional[Call], None, Value]
+Awaited = Union[Call, SafeState]
+Waiting = Generator[Optional[Awaited], None, Value]
 """Work of several ticks: it yields while it waits, and is dropped when it is closed.
 
 It may yield the call for whose result it waits: then it goes on when that has come, and the call is
@@ -310,7 +311,7 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
     """An action of several ticks, as one function."""
 
     _under_way: Optional[Waiting[Result]] = None
-    _awaited: Optional[Call] = None
+    _awaited: Optional[Awaited] = None
 
     @abstractmethod
     def work(self) -> Waiting[Result]:

@@ -170,12 +170,9 @@ class HandleFallBack(WorkingLeaf):
             return
         self.mission.failures.given_up = failed.number
         safe_state = self.mission.ask_for_safe_state()
-        try:
-            while not safe_state.is_over:
-                yield None
-        finally:
-            report = safe_state.report()
-        self.mission.events.emit(report)
+        if safe_state.result is None:
+            yield safe_state
+        self.mission.events.emit(safe_state.report())
 
 
 SPECS = (
