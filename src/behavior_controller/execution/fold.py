@@ -19,17 +19,13 @@ from behavior_controller.execution.state import (
     SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,
     NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import (
-    Answer, GoTo, Request, SetAnimation, SetAttention, SetPose)
+from behavior_controller.robot.requests import Answer, GoTo, SetAnimation, SetAttention, SetPose
 from behavior_controller.text import clean
 
 KEPT = 50
 """Number of the newest visits in a ``State``."""
 
 Item = TypeVar("Item")
-
-IDLE = "-"
-"""The letter of a node that goes back to IDLE, in ``Tick``."""
 
 _SWITCHES: Dict[Any, str] = {SetAttention: "attention", SetAnimation: "animation"}
 """The requests that switch a part of the robot, and what of ``Robot`` has the last one."""
@@ -384,27 +380,20 @@ def _suspended(state: State, event: Suspended) -> State:
 
 
 def _asked(state: State, event: Asked) -> State:
-    uid, what = 0, ""
-    step = state.step
+    request: Any = event.request
+    step, uid, what = state.step, 0, ""
     if step is not None and not step.is_wait and not step.call:
         uid, what = step.uid, step.what
         state = replace(state, steps=state.steps[:-1] + (replace(step, call=event.call),))
-    services = {**state.robot.services, type(event.request).__name__: event.service}
+    services = {**state.robot.services, type(request).__name__: event.service}
     state = _change_robot(state, services=services)
-    if isinstance(event.request, GoTo):
+    if isinstance(request, GoTo):
         name = what[3:] if what.startswith("to ") else what
-        state = _change_robot(state, goal=event.request.goal, goal_name=name, place=None,
-                              is_lost=False)
-    if _ends_safe_state(event.request):
+        state = _change_robot(state, goal=request.goal, goal_name=name, place=None, is_lost=False)
+    if isinstance(request, GoTo) or type(request) in _SWITCHES and request.state != "disabled":
         state = replace(state, safe_state=None)
-    exchange = Exchange(event.call, event.service, event.request, state.at, uid)
+    exchange = Exchange(event.call, event.service, request, state.at, uid)
     return replace(state, exchanges=state.exchanges + (exchange,))
-
-
-def _ends_safe_state(request: Request) -> bool:
-    if isinstance(request, (SetAttention, SetAnimation)):
-        return request.state != "disabled"
-    return isinstance(request, GoTo)
 
 
 def _answered(state: State, event: Answered) -> State:
@@ -481,10 +470,10 @@ def _ticked(state: State, event: Tick) -> State:
         if not 0 < uid <= len(letters):
             continue
         before = letters[uid - 1]
-        letters[uid - 1] = before.lower() if letter == IDLE else letter
+        letters[uid - 1] = before.lower() if letter == "-" else letter
         if letter == "R":
             running[uid] = state.at
-        elif letter != IDLE or uid in running:  # otherwise it ended earlier and is reset now
+        elif letter != "-" or uid in running:  # otherwise it ended earlier and is reset now
             mine = results.get(uid, ()) if letter == "F" else ()
             results[uid] = mine[1:]
             began, failure = running.pop(uid, state.at), mine[0] if mine else None

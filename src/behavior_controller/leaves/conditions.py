@@ -53,7 +53,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     sense: Sense
     # what the robot does that waits for it, in people's words, in place of those of the sense
     awaiting = ""
-    _is_asked_again: bool
     _mission_waits: Optional[float] = None  # see ``wait_for``
     _expiry: Optional[Timer] = None
     _patience: Optional[Patience] = None
@@ -70,7 +69,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def setup(self, **kwargs: Any) -> None:
         """Find out whether the mission waits for it."""
         super().setup(**kwargs)
-        self._is_asked_again = is_asked_again(self)
         self._mission_waits = wait_for(self)
 
     @property
@@ -187,7 +185,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         is_new = reported[1:] != self._last_failure[1:]
         self._last_failure = reported
         result = self.failed(failure)
-        if is_new and self._mission_waits is not None and not self._may_wait():
+        if is_new and self._mission_waits is not None and not self._may_wait:
             self._begin_to_wait(self._mission_waits)
         return result
 
@@ -197,11 +195,12 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         wait = self.evidence.wait
         return self.mission.settings.condition_wait if wait is None else wait
 
+    @cached_property
     def _may_wait(self) -> bool:
-        return self.wait > 0.0 and not self._is_asked_again
+        return self.wait > 0.0 and not is_asked_again(self)
 
     def _waits(self) -> bool:
-        if not self._may_wait():
+        if not self._may_wait:
             return False
         if self._patience is None and self.wait < math.inf:
             self._patience = Patience(self, self.topic, self.wait)
