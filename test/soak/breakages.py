@@ -33,7 +33,6 @@ from behavior_controller.execution.events import (
     StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import Health
 from behavior_controller.execution.observed_gateway import ObservedGateway
-from behavior_controller.execution.recovery import Recovery
 from behavior_controller.execution.safe_state import SafeState
 from behavior_controller.leaves import recovery as recovery_leaf
 from behavior_controller.leaves import release_1_0
@@ -626,24 +625,12 @@ def wrong_exhibits(known: Catalogue) -> Iterator[Breakage]:
 # ------------------------------------------------------------------------------------ the recovery
 
 
-class _Altered:
-    """A policy whose rules are changed for one node type; empty: for all."""
-
-    def __init__(self, policy: Policy, node: str, change: Callable[[Any], Any]):
-        self.spent = policy.spent
-        self._policy, self._node, self._change = policy, node, change
-
-    def rule(self, node: Any, cause: Cause) -> Any:
-        """Return the policy's rule, changed."""
-        rule = self._policy.rule(node, cause)
-        return self._change(rule) if self._node in ("", node.id) else rule
-
-
 def by_rule(node: str, change: Callable[[Any], Any]) -> Callable[[], Any]:
     """Return the context in which recoveries from failures of ``node`` go by changed rules."""
-    def begun(method: Any, self: Any, policy: Policy, *given: Any) -> None:
-        method(self, _Altered(policy, node, change), *given)
-    return wrapping(Recovery, "__init__", begun)
+    def changed(method: Any, self: Any, leaf: Any, cause: Cause) -> Any:
+        rule = method(self, leaf, cause)
+        return change(rule) if node in ("", leaf.spec.id) else rule
+    return wrapping(HandleFallBack, "rule", changed)
 
 
 RULES: Tuple[Tuple[str, Callable[[Any], Any]], ...] = (
@@ -672,45 +659,42 @@ def wrong_rules(known: Catalogue) -> Iterator[Breakage]:
                            (node, "", "FAILURE") if node else None, by_rule(node, change))
 
 
-def _affordable(method: Any, self: Any, policy: Any, node: Any, failure: Any, redo: bool,
-                affordable: bool, leave_out: Any) -> None:
-    method(self, policy, node, failure, redo, True, leave_out)
+def _affordable(method: Any, self: Any) -> bool:
+    method(self)
+    return True
 
 
-def _unaffordable(method: Any, self: Any, policy: Any, node: Any, failure: Any, redo: bool,
-                  affordable: bool, leave_out: Any) -> None:
-    method(self, policy, node, failure, redo, False, leave_out)
+def _unaffordable(method: Any, self: Any) -> bool:
+    method(self)
+    return False
 
 
-def _never_redone(method: Any, self: Any, policy: Any, node: Any, failure: Any, redo: bool,
-                  affordable: bool, leave_out: Any) -> None:
-    method(self, policy, node, failure, False, affordable, leave_out)
+def _never_redone(method: Any, self: Any, leaf: Any, cause: Cause) -> Any:
+    return method(self, leaf, cause)._replace(retries=0, substitute=None)
 
 
-def _not_left_out(method: Any, self: Any, policy: Any, node: Any, failure: Any, redo: bool,
-                  affordable: bool, leave_out: Any) -> None:
-    method(self, policy, node, failure, redo, affordable, lambda: True)
+def _not_left_out(method: Any, self: Any, steps: Any) -> bool:
+    return True
 
 
-def _as_refused(method: Any, self: Any, policy: Any, node: Any, failure: Any,
-                *given: Any) -> None:
-    method(self, policy, node, replace(failure, cause=Cause.REFUSED), *given)
+def _as_refused(method: Any, self: Any, leaf: Any, cause: Cause) -> Any:
+    return method(self, leaf, Cause.REFUSED)
 
 
-RECOVERIES: Tuple[Tuple[str, Callable[..., None]], ...] = (
-    ("the budget is not kept", _affordable),
-    ("the budget counts as spent", _unaffordable),
-    ("no step is tried again", _never_redone),
-    ("an exhibit that is left out is not noted", _not_left_out),
-    ("every cause counts as refused", _as_refused),
+RECOVERIES: Tuple[Tuple[str, type, str, Callable[..., Any]], ...] = (
+    ("the budget is not kept", MissionContext, "afford_recovery", _affordable),
+    ("the budget counts as spent", MissionContext, "afford_recovery", _unaffordable),
+    ("no step is tried again", HandleFallBack, "rule", _never_redone),
+    ("an exhibit that is left out is not noted", HandleFallBack, "leave_out", _not_left_out),
+    ("every cause counts as refused", HandleFallBack, "rule", _as_refused),
 )
 
 
 def wrong_recoveries(known: Catalogue) -> Iterator[Breakage]:
     """Yield the mistakes of the recovery as a whole."""
     nodes = ("HandleFallBack",) + tuple(place.node for place in known.leaves)
-    for what, around in RECOVERIES:
-        yield Breakage("recovery", what, nodes, None, wrapping(Recovery, "__init__", around))
+    for what, kind, method, around in RECOVERIES:
+        yield Breakage("recovery", what, nodes, None, wrapping(kind, method, around))
     yield Breakage("recovery", "a retry does not wait for a node that is gone",
                    ("HandleFallBack", "Navigate", "LookUpHome", "LookUpEntrance",
                     "RetrieveListOfExhibits", "RetrieveInitialLocation"), None,

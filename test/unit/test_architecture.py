@@ -35,7 +35,6 @@ LAYERS = [
     ["execution.run"],
     ["execution.fold", "execution.observed_gateway"],
     ["execution.state"],
-    ["execution.recovery"],
     ["bt.engine.blackboard_clients"],
     ["bt.linter"],
     ["bt.engine"],

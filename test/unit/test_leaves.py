@@ -235,16 +235,16 @@ def test_the_part_of_a_description_need_not_be_given():
     }
 
 
-@pytest.mark.parametrize("result, cause",
-                         [(Answer(), Cause.MISSING_DATA),
-                          (Failure(Cause.REFUSED, "no", "/textToSpeech/say_text"), Cause.REFUSED)])
-def test_a_question_that_cannot_note_its_time_fails_and_says_so_once(result, cause):
+@pytest.mark.parametrize("result", [Answer(),
+                                    Failure(Cause.REFUSED, "no", "/textToSpeech/say_text")])
+def test_a_question_that_cannot_note_its_time_fails_and_says_so_once(result):
     rig = one_leaf("<QueryTourSpeech/>", lambda request: result)
     write(rig, questionAskedAt=[1])
     assert rig.tick() is FAILURE
     event, = rig.of(LeafFinished)
     # the port and the entry
-    assert event.failure.cause is cause and event.failure.message.count("questionAskedAt") == 2
+    assert event.failure.cause is Cause.MISSING_DATA
+    assert event.failure.message.count("questionAskedAt") == 2
 
 
 @pytest.mark.parametrize("part, text", [("1", "one"), ("2", "two"), ("both", "one two"),

@@ -265,7 +265,7 @@ def test_the_robot_is_as_the_answers_leave_it():
              for time in (101, 102, 103, 104, 105)]
     assert where == [(None, None), (ARM, None), (None, ARM), (DESK, None), (None, None)]
     assert run.at(110.0).robot.attention == SetAttention("seeking") and run.at(
-        110.0).robot.animation == "enabled"
+        110.0).robot.animation == SetAnimation("enabled")
     assert run.state.robot.attention is None  # nobody knows whether it was carried out
 
 

@@ -24,6 +24,9 @@ else:  # the kinds that can be read from a record
 BEGUN, OVER, OMITTED = "begun", "over", "omitted"
 """States of a stop in ``StopChanged``."""
 
+DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given up"
+"""The outcomes of a recovery in ``Recovered``."""
+
 Letter = Literal["-", "R", "S", "F"]
 LETTERS: Dict[Any, Letter] = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
 """The statuses of nodes in ``Tick``."""

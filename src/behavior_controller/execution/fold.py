@@ -4,24 +4,22 @@
 clock, so a record gives the same model as the run itself. Whoever shows, judges or replays a run
 reads a ``State``, or a ``run.Run``, which has all of them.
 """
-from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar, Union
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar
 
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
-    BEGUN, EVENTS, OMITTED, Answered, Asked, BreakpointChanged, EntriesWritten, Event,
-    FeedbackReceived, HealthChanged, LeafFinished, LeafSummary, Lost, Message, Noticed,
+    BEGUN, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged, EntriesWritten,
+    Event, FeedbackReceived, HealthChanged, LeafFinished, Lost, Message, Noticed,
     PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
-from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
 from behavior_controller.execution.state import (
     BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,
     SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,
     NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import (
-    Answer, GoTo, Request, SetAnimation, SetAttention, SetPose)
+from behavior_controller.robot.requests import Answer, GoTo, SetAnimation, SetAttention, SetPose
 from behavior_controller.text import clean
 
 KEPT = 50
@@ -29,8 +27,8 @@ KEPT = 50
 
 Item = TypeVar("Item")
 
-IDLE = "-"
-"""The letter of a node that goes back to IDLE, in ``Tick``."""
+_SWITCHES: Dict[Any, str] = {SetAttention: "attention", SetAnimation: "animation"}
+"""The requests that switch a part of the robot, and what of ``Robot`` has the last one."""
 
 
 def fold(state: State, at: float, event: Event) -> State:
@@ -79,13 +77,20 @@ def _run_started(state: State, event: RunStarted) -> State:
 
 
 def _run_finished(state: State, event: RunFinished) -> State:
-    if state.visit is not None and not state.visit.outcome:
-        stopped, came = Reason(STOPPED), state.visit.arrived or state.visit.began
-        state = _change_visit(_end_stop(state, stopped), why=stopped, ended=state.at,
-                              seconds=state.at - came, waited=came - state.visit.began)
-        state = replace(state, outcomes={**state.outcomes, "": 1})
-        state = _conclude(state, state.visits[-1])
+    visit = state.visit
+    if visit is not None and not visit.outcome:
+        stopped, came = Reason(STOPPED), visit.arrived or visit.began
+        state = _end_visit(_end_stop(state, stopped), "", stopped, state.at - came,
+                           came - visit.began)
     return replace(_end_steps(state), finished=event, held={})
+
+
+def _end_visit(state: State, outcome: str, why: Reason, seconds: float, waited: float) -> State:
+    state = _change_visit(state, outcome=outcome, why=why, seconds=seconds, waited=waited,
+                          ended=state.at)
+    count = state.outcomes.get(outcome, 0) + 1
+    state = replace(state, outcomes={**state.outcomes, outcome: count})
+    return _conclude(_end_steps(state), state.visits[-1])
 
 
 def _pass_started(state: State, event: PassStarted) -> State:
@@ -102,15 +107,10 @@ def _pass_finished(state: State, event: PassFinished) -> State:
     is_success = event.outcome == "SUCCESS"
     state = _end_stop(state, state.why_broken_off if is_success else _why_failed(state))
     waited = max(0.0, state.course.met - state.course.pass_began)
-    why = _why_done(state) if is_success else _why_failed(state)
-    state = _change_visit(state, outcome=clean(event.outcome), why=why,
-                          seconds=event.seconds - waited, waited=waited, ended=state.at)
-    visit, robot = state.visits[-1], state.robot
-    count = state.outcomes.get(visit.outcome, 0) + 1
+    why, robot = _why_done(state) if is_success else _why_failed(state), state.robot
     is_lost = bool(robot.goal_name) and robot.goal is None and robot.place is None
-    state = replace(_change_robot(state, is_lost=is_lost),
-                    outcomes={**state.outcomes, visit.outcome: count})
-    return _conclude(_end_steps(state), visit)
+    return _end_visit(_change_robot(state, is_lost=is_lost), clean(event.outcome), why,
+                      event.seconds - waited, waited)
 
 
 def _why_done(state: State) -> Reason:
@@ -123,7 +123,7 @@ def _why_done(state: State) -> Reason:
         return Reason(DECLINED)
     if course.is_unclear:
         return Reason(UNCLEAR)
-    return Reason(SILENT_VISITOR, blind=state.blind(*course.unmet[-1:]))
+    return Reason(SILENT_VISITOR, blind=next(reversed(course.unmet.values()), None))
 
 
 def _why_failed(state: State) -> Reason:
@@ -132,22 +132,21 @@ def _why_failed(state: State) -> Reason:
         return state.why_left
     if course.given_up is not None and course.gave_up is not None:
         return replace(course.gave_up, kind=GAVE_UP)
-    return _as_seen(state, course.failed[1]) or Reason(FAILED)
+    return _as_seen(state, course.failed[1] or Reason(FAILED))
 
 
-def _as_seen(state: State, reason: Optional[Reason]) -> Optional[Reason]:
+def _as_seen(state: State, reason: Reason) -> Reason:
     """Return the reason, with what kept the robot from seeing better."""
-    failure = reason.failure if reason is not None else None
-    if reason is None or failure is None or failure.cause is not Cause.CONDITION_FALSE:
+    failure = reason.failure
+    if failure is None or failure.cause is not Cause.CONDITION_FALSE:
         return reason
-    return replace(reason, blind=state.blind(failure.resource))
+    return replace(reason, blind=state.course.unmet.get(failure.resource))
 
 
 def why_recovered(state: State, event: Recovered) -> Reason:
     """Return from what a recovery was needed, and why the policy's rule was not followed."""
-    reason = Reason(FAILED, event.node, event.failure, event.attempts + 1, event.reason,
-                    without=state.course.without)
-    return _as_seen(state, reason) or reason
+    return _as_seen(state, Reason(FAILED, event.node, event.failure, event.attempts + 1,
+                                  event.reason, without=state.course.without))
 
 
 # -------------------------------------------------------------------------------------------- steps
@@ -203,11 +202,10 @@ def _leaf_finished(state: State, event: LeafFinished) -> State:
     state = _abandon(state, lambda exchange: exchange.uid in uids or
                      event.status == "IDLE" and not exchange.uid)
     state = _note_visitor(_note_evidence(state, event), event)
-    recovery = state.recovered
-    if recovery is None or recovery.uid != event.uid:
-        recovery = _first(state.recoveries, lambda recovery: recovery.uid == event.uid)
+    recovery = _first((state.recovered, *state.recoveries),
+                      lambda recovery: recovery is not None and recovery.uid == event.uid)
     if recovery is not None:
-        state = _end_recovery(state, event, state.recovered or recovery)
+        state = _end_recovery(state, event, recovery)
     if failure is not None and event.uid != state.course.handler:
         return _leaf_failed(state, event, failure)
     if event.status == "SUCCESS":
@@ -220,63 +218,48 @@ def _leaf_finished(state: State, event: LeafFinished) -> State:
 
 def _leaf_failed(state: State, event: LeafFinished, failure: Failure) -> State:
     why = Reason(FAILED, event.node, failure, without=state.course.without)
-    failed = LeafFailure(state.at, state.visit_count, event.uid, event.node, event.path, failure, 0,
-                         event.seconds)
     results = {**state.results, event.uid: state.results.get(event.uid, ()) + (failure,)}
-    state = replace(state, failures={**state.failures, event.path: (failed,)}, results=results)
-    return _conclude(_change_course(state, failed=(event.uid, why), stuck=why), failed)
+    state = _change_course(replace(state, results=results), failed=(event.uid, why), stuck=why)
+    failed = LeafFailure(state.at, state.visit_count, event.uid, event.node, event.path, failure)
+    return _note_failure(state, (), replace(failed, seconds=event.seconds))
+
+
+def _note_failure(state: State, before: Tuple[LeafFailure, ...], failed: LeafFailure) -> State:
+    failures = {**state.failures, failed.path: before + (failed,)}
+    return _conclude(replace(state, failures=failures), failed)
 
 
 def _note_evidence(state: State, event: LeafFinished) -> State:
     """Note whether a condition on a topic holds, and whether the robot could have seen that."""
-    course, failure = state.course, event.failure
-    if failure is None:
-        if event.status != "SUCCESS" or event.resource not in course.unmet:
-            return state
-        unmet = tuple(topic for topic in course.unmet if topic != event.resource)
-        blind = {topic: why for topic, why in course.blind.items() if topic != event.resource}
-        return _change_course(state, unmet=unmet, blind=blind)
-    topic = failure.resource
-    if failure.cause is not Cause.CONDITION_FALSE or not topic:
+    before, failure = state.course.unmet, event.failure
+    topic = event.resource if failure is None else failure.resource
+    unmet = {other: trouble for other, trouble in before.items() if other != topic}
+    if failure is not None and failure.cause is Cause.CONDITION_FALSE and topic:
+        unmet[topic] = state.robot.trouble(topic) or before.get(topic)
+    elif event.status != "SUCCESS" or topic not in before:
         return state
-    unmet = tuple(other for other in course.unmet if other != topic) + (topic,)
-    return _note_blindness(_change_course(state, unmet=unmet), topic)
-
-
-def _note_blindness(state: State, topic: str) -> State:
-    """Note that a condition is false while something is wrong with its topic."""
-    trouble = state.robot.trouble(topic)
-    if trouble is None or topic not in state.course.unmet:
-        return state
-    return _change_course(state, blind={**state.course.blind, topic: trouble})
+    return _change_course(state, unmet=unmet)
 
 
 def _note_visitor(state: State, event: LeafFinished) -> State:
     """Note what the sentence at the end of a leaf means for the visit."""
     visit, summary = state.visit, event.summary
-    if summary is None:
+    if visit is None or summary is None:
         return state
-    if summary.kind == "heard" and not summary.mark:
-        state = _change_course(state, is_unclear=True)
-    if summary.mark == "left":
-        is_visitor = visit is not None and visit.arrived is not None
-        return _change_course(state, left_by=event.resource if is_visitor else None)
-    if summary.mark in ("arrived", "engaged"):
-        return _meet(_change_course(state, left_by=None), summary)
-    if summary.mark == "asked":
-        is_first = visit is not None and visit.asked is None
-        return _change_visit(state, asked=state.at) if is_first else state
-    return _change_visit(state, answer=summary.mark) if summary.mark in ("yes", "no") else state
-
-
-def _meet(state: State, summary: LeafSummary) -> State:
-    """Note that the visitor was seen, or looked at the robot, for the first time."""
-    visit = state.visit
-    if visit is None or getattr(visit, summary.mark) is not None:
-        return state
-    if visit.arrived is None:
-        state = _change_visit(_change_course(state, met=summary.at), arrived=state.at)
-    return _change_visit(state, **{summary.mark: state.at})
+    mark = summary.mark
+    if summary.kind == "heard" and not mark:
+        return _change_course(state, is_unclear=True)
+    if mark == "left":
+        return _change_course(state, left_by=None if visit.arrived is None else event.resource)
+    if mark in ("yes", "no"):
+        return _change_visit(state, answer=mark)
+    if mark in ("arrived", "engaged"):
+        state = _change_course(state, left_by=None)
+        if visit.arrived is None:
+            state = _change_visit(_change_course(state, met=summary.at), arrived=state.at)
+    # the first time counts
+    is_first = mark in ("arrived", "engaged", "asked") and getattr(visit, mark) is None
+    return _change_visit(state, **{mark: state.at}) if is_first else state
 
 
 # ----------------------------------------------------------------------------------------- stops
@@ -295,13 +278,14 @@ def _stop_changed(state: State, event: StopChanged) -> State:
     return _change_course(_change_visit(state, stops=others + (begun,)), stuck=None)
 
 
-def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF) -> State:
-    """Note that the stop under way ended so, or that it is completed if there is no ``why``."""
-    stop = state.stop
+def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF,
+              omitted: Optional[Stop] = None) -> State:
+    """Note that the last stop ended so, or that it is completed if there is no ``why``."""
+    stop = omitted or state.stop
     if stop is None:
         return state
-    ended = replace(stop, state=COMPLETED if why is None else how, why=_as_seen(state, why),
-                    seconds=state.at - stop.began)
+    ended = replace(stop, state=COMPLETED if why is None else how,
+                    why=why and _as_seen(state, why), seconds=state.at - stop.began)
     return _conclude(_change_visit(state, stops=state.visits[-1].stops[:-1] + (ended,)), ended)
 
 
@@ -322,10 +306,9 @@ def _retried(state: State, event: Retried) -> State:
     uid = state.uids.get(event.path, 0)
     failed = LeafFailure(state.at, state.visit_count, uid, event.node, event.path, event.failure,
                          event.attempt)
-    failures = {**state.failures, event.path: state.failures.get(event.path, ()) + (failed,)}
     state = _end_steps(state, lambda step: step.uid == uid or (
         isinstance(step.cause, Recovering) and step.cause.path == event.path))
-    return _conclude(replace(state, failures=failures), failed)
+    return _note_failure(state, state.failures.get(event.path, ()), failed)
 
 
 def _recovered(state: State, event: Recovered) -> State:
@@ -334,8 +317,8 @@ def _recovered(state: State, event: Recovered) -> State:
     decided = replace(known or RecoveryRound(event.node, event.path, event.uid, state.at),
                       recovered=event, decided=state.at, attempt=0, attempts=event.attempts)
     why, omitted = why_recovered(state, event), state.omits(event)
-    is_known, has_left = state.has_given_up(event), state.course.left_by is not None
-    if event.outcome == SKIPPED and event.failure.cause is not Cause.CONDITION_FALSE:
+    is_known, is_left_out = state.has_given_up(event), event.outcome == SKIPPED
+    if is_left_out and event.failure.cause is not Cause.CONDITION_FALSE:
         state = _change_course(state, without=event.node)
     state = _end_steps(state, lambda step: step.uid == uid)
     state = replace(state, omitted=0, recovered=decided,
@@ -343,11 +326,8 @@ def _recovered(state: State, event: Recovered) -> State:
     state = _change_course(state, handler=event.uid, failed=(0, None),
                            stuck=why if event.outcome == GIVEN_UP else None)
     if omitted is not None:
-        why = state.why_left if has_left else why
-        is_left_out = event.outcome == SKIPPED
-        others = state.visits[-1].stops[:-1]
-        state = _change_visit(state, stops=others + (replace(omitted, state=UNDER_WAY),))
-        state = _end_stop(state, why, LEFT_OUT if is_left_out else BROKEN_OFF)
+        why = state.why_left if state.course.left_by is not None else why
+        state = _end_stop(state, why, LEFT_OUT if is_left_out else BROKEN_OFF, omitted)
         if is_left_out:
             return _change_course(state, given_up=None)
     elif event.outcome != GIVEN_UP:
@@ -371,19 +351,15 @@ def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) ->
 
 
 def _paused(state: State, event: Paused) -> State:
-    state = _end_steps(state)
-    return _begin_step(state, Step("", state.at, event.limit, 0, True, cause=event))
+    paused = Step("", state.at, event.limit, 0, True, cause=event)
+    return _begin_step(_end_steps(state), paused)
 
 
 def _safe_state_reported(state: State, event: SafeStateReported) -> State:
-    robot = state.robot
-    for part in event.parts:
-        is_off = part.failure is None
-        if part.what == SetAttention.switches:
-            robot = replace(robot, attention=SetAttention("disabled") if is_off else None)
-        elif part.what == SetAnimation.switches:
-            robot = replace(robot, animation="disabled" if is_off else None)
-    return replace(state, safe_state=event, robot=robot)
+    switched = {field: kind("disabled") if part.failure is None else None
+                for part in event.parts for kind, field in _SWITCHES.items()
+                if part.what == kind.switches}
+    return _change_robot(replace(state, safe_state=event), **switched)
 
 
 def _breakpoint_changed(state: State, event: BreakpointChanged) -> State:
@@ -404,28 +380,20 @@ def _suspended(state: State, event: Suspended) -> State:
 
 
 def _asked(state: State, event: Asked) -> State:
-    step = state.step
-    uid = step.uid if step is not None and not step.is_wait and not step.call else 0
-    exchange = Exchange(event.call, event.service, event.request, state.at, uid)
-    kind = type(event.request).__name__
-    if state.robot.services.get(kind) != event.service:
-        state = _change_robot(state, services={**state.robot.services, kind: event.service})
-    if uid and step is not None:
+    request: Any = event.request
+    step, uid, what = state.step, 0, ""
+    if step is not None and not step.is_wait and not step.call:
+        uid, what = step.uid, step.what
         state = replace(state, steps=state.steps[:-1] + (replace(step, call=event.call),))
-    if isinstance(event.request, GoTo):
-        what = step.what if uid and step is not None else ""
+    services = {**state.robot.services, type(request).__name__: event.service}
+    state = _change_robot(state, services=services)
+    if isinstance(request, GoTo):
         name = what[3:] if what.startswith("to ") else what
-        state = _change_robot(state, goal=event.request.goal, goal_name=name, place=None,
-                              is_lost=False)
-    if _ends_safe_state(event.request):
+        state = _change_robot(state, goal=request.goal, goal_name=name, place=None, is_lost=False)
+    if isinstance(request, GoTo) or type(request) in _SWITCHES and request.state != "disabled":
         state = replace(state, safe_state=None)
+    exchange = Exchange(event.call, event.service, request, state.at, uid)
     return replace(state, exchanges=state.exchanges + (exchange,))
-
-
-def _ends_safe_state(request: Request) -> bool:
-    if isinstance(request, (SetAttention, SetAnimation)):
-        return request.state != "disabled"
-    return isinstance(request, GoTo)
 
 
 def _answered(state: State, event: Answered) -> State:
@@ -460,25 +428,14 @@ def _moved(robot: Robot, exchange: Exchange) -> Robot:
     A request that failed leaves open how far it was carried out.
     """
     request, is_done = exchange.request, isinstance(exchange.result, Answer)
-    if isinstance(request, SetAttention):
-        return replace(robot, attention=request if is_done else None)
-    if isinstance(request, SetAnimation):
-        return replace(robot, animation=request.state if is_done else None)
+    if type(request) in _SWITCHES:
+        return replace(robot, **{_SWITCHES[type(request)]: request if is_done else None})
     if isinstance(request, GoTo) and request.goal == robot.goal:
         if not is_done:
             return replace(robot, goal=None)
         return replace(robot, goal=None, place=request.goal, last_place=robot.goal_name)
     if isinstance(request, SetPose) and is_done:
         return replace(robot, place=request.pose, last_place="")
-    return robot
-
-
-def _forgotten(robot: Robot, service: str) -> Robot:
-    """Return the robot without what a node that is gone was asked for: it may come back anew."""
-    if service == robot.services.get(SetAttention.__name__):
-        return replace(robot, attention=None)
-    if service == robot.services.get(SetAnimation.__name__):
-        return replace(robot, animation=None)
     return robot
 
 
@@ -491,12 +448,16 @@ def _health_changed(state: State, event: HealthChanged) -> State:
         first = [recovery.failures[0] for recovery in state.recoveries if recovery.failures]
         times = [failed.at for failed in first if failed.failure.resource == event.name]
         ill_since.setdefault(event.name, min(times, default=state.at))
-        if event.respect == GONE:
-            robot = _forgotten(robot, event.name)
+        if event.respect == GONE:  # it may come back anew
+            robot = replace(robot, **{field: None for kind, field in _SWITCHES.items()
+                                      if robot.services.get(kind.__name__) == event.name})
     elif event.name not in {name for name, _ in troubles}:
         ill_since.pop(event.name, None)
     robot = replace(robot, troubles=troubles, ill_since=ill_since)
-    return _note_blindness(replace(state, robot=robot), event.name)
+    trouble, unmet = robot.trouble(event.name), state.course.unmet
+    if trouble is not None and event.name in unmet:
+        state = _change_course(state, unmet={**unmet, event.name: trouble})
+    return replace(state, robot=robot)
 
 
 # ---------------------------------------------------------------------------- tree and what is lost
@@ -509,10 +470,10 @@ def _ticked(state: State, event: Tick) -> State:
         if not 0 < uid <= len(letters):
             continue
         before = letters[uid - 1]
-        letters[uid - 1] = before.lower() if letter == IDLE else letter
+        letters[uid - 1] = before.lower() if letter == "-" else letter
         if letter == "R":
             running[uid] = state.at
-        elif letter != IDLE or uid in running:  # otherwise it ended earlier and is reset now
+        elif letter != "-" or uid in running:  # otherwise it ended earlier and is reset now
             mine = results.get(uid, ()) if letter == "F" else ()
             results[uid] = mine[1:]
             began, failure = running.pop(uid, state.at), mine[0] if mine else None
@@ -535,8 +496,12 @@ def _noticed(state: State, event: Noticed) -> State:
     return _conclude(_change_course(state, failed=(0, Reason(NOTICED, text=event.text))), event)
 
 
-def _message(state: State, event: Union[Message, StillHearing]) -> State:
+def _message(state: State, event: Message) -> State:
     return state  # what the mission makes of it are other events
+
+
+def _still_hearing(state: State, event: StillHearing) -> State:
+    return state
 
 
 def _lost(state: State, event: Lost) -> State:
@@ -544,32 +509,11 @@ def _lost(state: State, event: Lost) -> State:
 
 
 _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
-    TreeShown: _tree_shown,
-    RunStarted: _run_started,
-    PassStarted: _pass_started,
-    StepStarted: _step_started,
-    LeafFinished: _leaf_finished,
-    StopChanged: _stop_changed,
-    Recovering: _recovering,
-    Retried: _retried,
-    Recovered: _recovered,
-    Paused: _paused,
-    SafeStateReported: _safe_state_reported,
-    BreakpointChanged: _breakpoint_changed,
-    Suspended: _suspended,
-    HealthChanged: _health_changed,
-    PassFinished: _pass_finished,
-    Noticed: _noticed,
-    RunFinished: _run_finished,
-    Tick: _ticked,
-    Asked: _asked,
-    Answered: _answered,
-    FeedbackReceived: _feedback_received,
-    EntriesWritten: _entries_written,
-    Message: _message,
-    StillHearing: _message,
-    Lost: _lost,
-}
+    handler.__annotations__["event"]: handler for handler in (
+        _tree_shown, _run_started, _pass_started, _step_started, _leaf_finished, _stop_changed,
+        _recovering, _retried, _recovered, _paused, _safe_state_reported, _breakpoint_changed,
+        _suspended, _health_changed, _pass_finished, _noticed, _run_finished, _ticked, _asked,
+        _answered, _feedback_received, _entries_written, _message, _still_hearing, _lost)}
 """What interprets each kind of event."""
 
 _unknown = sorted(kind.__name__ for kind in set(EVENTS).difference(_HANDLERS))

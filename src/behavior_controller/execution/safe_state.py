@@ -1,6 +1,6 @@
 """The safe state (attention and lifelike movement off): the one way to ask for it and to report it.
 """
-from typing import Callable, Container, Iterator
+from typing import Callable, Container, Iterator, Optional
 
 from behavior_controller.execution.events import SafePart, SafeStateReported
 from behavior_controller.robot.gateway import Cause, Failure, Gateway
@@ -27,9 +27,10 @@ class SafeState:
         self._calls = [gateway.start(request) for request in interface.safe_state]
 
     @property
-    def is_over(self) -> bool:
-        """Whether every request has its result."""
-        return all(call.result is not None for call in self._calls)
+    def result(self) -> Optional[SafeStateReported]:
+        """The report, or None while a request has no result."""
+        is_over = all(call.result is not None for call in self._calls)
+        return self.report() if is_over else None
 
     def drop(self) -> None:
         """Drop the requests under way."""
@@ -42,7 +43,7 @@ class SafeState:
         ``wait`` returns when a result may have come, after that many seconds at the latest.
         """
         deadline = self._began + seconds
-        while not self.is_over and self._now() < deadline:
+        while self.result is None and self._now() < deadline:
             wait(deadline - self._now())
         return self.report()
 

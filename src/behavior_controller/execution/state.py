@@ -10,12 +10,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
-    HealthChanged, Noticed, Paused, Recovered, Recovering, RunFinished, RunStarted,
-    SafeStateReported, TreeNode)
+    DONE, SKIPPED, SUBSTITUTED, HealthChanged, Noticed, Paused, Recovered, Recovering, RunFinished,
+    RunStarted, SafeStateReported, TreeNode)
 from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT, SLOW
-from behavior_controller.execution.recovery import DONE, SKIPPED, SUBSTITUTED
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, Location, Request, SetAttention
+from behavior_controller.robot.requests import Answer, Location, Request, SetAnimation, SetAttention
 
 UNDER_WAY, COMPLETED, LEFT_OUT, BROKEN_OFF = "under way", "completed", "left out", "broken off"
 """The state of a stop."""
@@ -221,7 +220,7 @@ class Robot(Struct, frozen=True):
     """
 
     attention: Optional[SetAttention] = None
-    animation: Optional[str] = None
+    animation: Optional[SetAnimation] = None
     goal: Optional[Location] = None
     goal_name: str = ""
     place: Optional[Location] = None
@@ -257,9 +256,8 @@ class Course(Struct, frozen=True):
     stuck: Optional[Reason] = None
     gave_up: Optional[Reason] = None  # why a failure was given up
     without: str = ""  # the node that failed and was skipped, until a step succeeds after that
-    unmet: Tuple[str, ...] = ()  # topics whose conditions were false when asked last
-    # of these, what was wrong with the topic meanwhile
-    blind: Dict[str, HealthChanged] = {}
+    # topics whose conditions were false when asked last, and what was wrong with each meanwhile
+    unmet: Dict[str, Optional[HealthChanged]] = {}
 
 
 Fact = Union[Visit, Stop, Step, Exchange, LeafFailure, RecoveryRound, NodeResult, Noticed]
@@ -341,11 +339,7 @@ class State(Struct, frozen=True):
     @property
     def why_left(self) -> Reason:
         """The reason that the visitor is not seen any more."""
-        return Reason(LEFT, blind=self.blind(self.course.left_by or ""))
-
-    def blind(self, topic: str = "") -> Optional[HealthChanged]:
-        """Return what was wrong with a topic while the mission waited for its evidence."""
-        return self.course.blind.get(topic)
+        return Reason(LEFT, blind=self.course.unmet.get(self.course.left_by or ""))
 
     def concluded(self, kind: Type[FactOfKind]) -> Iterator[FactOfKind]:
         """Yield what the last event concluded of a kind."""

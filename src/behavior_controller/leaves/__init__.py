@@ -6,7 +6,7 @@ The nodes of other packages follow them: see ``extensions``.
 import functools
 import inspect
 import re
-from typing import Any, Dict, Tuple
+from typing import Any, Dict, Iterator, Tuple
 
 from behavior_controller import extensions
 from behavior_controller.bt import Direction, NodeSpec, Port, Registry, builtin_specs
@@ -43,36 +43,38 @@ def specs() -> Tuple[NodeSpec, ...]:
 def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: Dict[str, str],
          known: Registry) -> None:
     for spec in added:
-        near = extensions.quoted(spec.id)
-        if spec.id in owners:
-            raise extension.broken(f"the node {spec.id} is declared by {owners[spec.id]} already; "
-                                   "give it another name", *near)
-        unserved = [request.__name__ for request in getattr(spec, "calls", ())
-                    if not any(robot.serves(request) for robot in INTERFACES.values())]
-        if unserved:
-            raise extension.broken(f"no service is declared for the request {unserved[0]} of "
-                                   f"{spec.id}; declare it in the module that the package exports "
-                                   "as interface", *near)
+        for text, *near in _faults(spec, owners, known):
+            raise extension.broken(text, *near, *extensions.quoted(spec.id))
         owners[spec.id] = extension.package
-        try:
-            known.extend([spec])
-        except (AttributeError, TypeError, ValueError) as error:  # of a wrong field
-            raise extension.broken(str(error), *near) from error
-        made: Any = getattr(spec.factory, "func", spec.factory)
-        if inspect.isabstract(made):
-            raise extension.broken(f"{made.__name__}, the class of {spec.id}, has no "
-                                   f"{min(made.__abstractmethods__)}()", "class " + made.__name__)
-        if not callable(made) or isinstance(made, type) and not issubclass(made, Behaviour):
-            raise extension.broken(
-                f"{made} makes no nodes of the type {spec.id}: name a class of nodes", *near)
-        if not _NAME.fullmatch(spec.id) or spec.id in STRUCTURE:
-            raise extension.broken(
-                f"{spec.id!r} cannot be the name of a node, which is that of an XML element", *near)
-        for port in spec.ports:
-            fault = _port_fault(port)
-            if fault:
-                raise extension.broken(f"the port {port.name!r} of {spec.id}: {fault}",
-                                       *extensions.quoted(port.name), *near)
+
+
+def _faults(spec: NodeSpec, owners: Dict[str, str], known: Registry) -> Iterator[Tuple[str, ...]]:
+    """Add ``spec`` to those that are known, and yield each reason why no mission can use it, and
+    texts that stand near the mistake. What comes after the first one may not hold."""
+    if spec.id in owners:
+        yield (f"the node {spec.id} is declared by {owners[spec.id]} already; "
+               "give it another name",)
+    unserved = [request.__name__ for request in getattr(spec, "calls", ())
+                if not any(robot.serves(request) for robot in INTERFACES.values())]
+    if unserved:
+        yield (f"no service is declared for the request {unserved[0]} of {spec.id}; "
+               "declare it in the module that the package exports as interface",)
+    try:
+        known.extend([spec])
+    except (AttributeError, TypeError, ValueError) as error:  # of a wrong field
+        yield (str(error),)
+    made: Any = getattr(spec.factory, "func", spec.factory)
+    if inspect.isabstract(made):
+        yield (f"{made.__name__}, the class of {spec.id}, has no "
+               f"{min(made.__abstractmethods__)}()", "class " + made.__name__)
+    if not callable(made) or isinstance(made, type) and not issubclass(made, Behaviour):
+        yield (f"{made} makes no nodes of the type {spec.id}: name a class of nodes",)
+    if not _NAME.fullmatch(spec.id) or spec.id in STRUCTURE:
+        yield (f"{spec.id!r} cannot be the name of a node, which is that of an XML element",)
+    for port in spec.ports:
+        fault = _port_fault(port)
+        if fault:
+            yield (f"the port {port.name!r} of {spec.id}: {fault}", *extensions.quoted(port.name))
 
 
 def _port_fault(port: Port) -> str:

@@ -1,6 +1,6 @@
 """Leaves for the robot's attention and lifelike movement, and for what its cameras see of a
 visitor."""
-from typing import Any, Optional, Set, Tuple
+from typing import Any, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt.registry import Port
 from behavior_controller.execution.events import Noticed
@@ -28,10 +28,7 @@ class AnimateBehavior(ServiceLeaf):
     (/animateBehaviour/set_activation)."""
 
     asks = SetAnimation
-
-    def __init__(self, name: str, state: str):
-        super().__init__(name)
-        self.state = state
+    state: str
 
     def request(self) -> Request:
         """Set the state."""
@@ -44,10 +41,7 @@ class OvertAttentionMode(ServiceLeaf):
 
     asks = SetAttention
     PORTS = (ATTENTION_SET_AT.written(),)
-
-    def __init__(self, name: str, state: str):
-        super().__init__(name)
-        self.state = state
+    state: str
 
     def request(self) -> Optional[Request]:
         """Set the mode; a target of exactly (0, 0, 0) means none."""
@@ -80,20 +74,14 @@ class GazeValues:
         self.is_reported = False
 
     def sign(self, configured: int) -> str:
-        """Return the evidence against the ``configured`` value; empty if there is none, or it was
-        reported."""
-        sign = ""
+        """Return the evidence against the ``configured`` value; empty if there is none."""
         if configured == 1 and self.has_robots_value:
-            sign = ("2 or 3, as the robot's own node does, where 1 is still seeking and 2 mutual "
+            return ("2 or 3, as the robot's own node does, where 1 is still seeking and 2 mutual "
                     "gaze")
-        elif configured == 2 and not self.has_robots_value and len(self.searches) >= SEARCHES:
-            sign = (f"1 in {SEARCHES} searches and never 2 or 3, as a node of D5.4.3 does, where 1 "
+        if configured == 2 and not self.has_robots_value and len(self.searches) >= SEARCHES:
+            return (f"1 in {SEARCHES} searches and never 2 or 3, as a node of D5.4.3 does, where 1 "
                     "is mutual gaze")
-        if not sign or self.is_reported:
-            return ""
-        self.is_reported = True
-        return (f"/overtAttention/mode has said seeking with {sign}; if this is such a node, "
-                f"set mutualGazeValue {3 - configured}")
+        return ""
 
 
 class IsMutualGazeDiscovered(TopicCondition):
@@ -123,16 +111,20 @@ class IsMutualGazeDiscovered(TopicCondition):
         """Return when the mode was set."""
         return self.get_input_or("attentionSetAt", float("-inf"))
 
-    def judged(self, sample: Optional[Sample]) -> None:
+    def judged(self, counting: Sequence[Sample]) -> None:
         """Report evidence that the robot has the other convention."""
-        values = self.values
-        if (len(values.searches) < SEARCHES and sample is not None and sample.value == (SEEKING, 1)
-                and self._counts(sample)):
+        values, configured = self.values, self.mission.settings.mutual_gaze_value
+        is_one = bool(counting) and counting[-1].value == (SEEKING, 1)
+        if is_one and len(values.searches) < SEARCHES:
             values.searches.add(self.not_before())
-        is_configured = self.mission.interface.gaze_value is None
-        sign = values.sign(self.mission.settings.mutual_gaze_value) if is_configured else ""
+        if values.is_reported or self.mission.interface.gaze_value is not None:
+            return
+        sign = values.sign(configured)
         if sign:
-            self.mission.events.emit(Noticed("warning", sign))
+            values.is_reported = True
+            self.mission.events.emit(Noticed(
+                "warning", f"/overtAttention/mode has said seeking with {sign}; if this is such a "
+                           f"node, set mutualGazeValue {3 - configured}"))
 
 
 # name, mode, description, additional ports

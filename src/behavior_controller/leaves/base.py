@@ -5,7 +5,6 @@ are implemented here once.
 """
 import math
 import reprlib
-import sys
 from abc import abstractmethod
 from collections import deque
 from functools import partial
@@ -35,7 +34,8 @@ from behavior_controller.config.settings import Settings
 
 Shared = TypeVar("Shared")
 Value = TypeVar("Value")
-Waiting = Generator[Optional[Call], None, Value]
+Awaited = Union[Call, SafeState]
+Waiting = Generator[Optional[Awaited], None, Value]
 """Work of several ticks: it yields while it waits, and is dropped when it is closed.
 
 It may yield the call for whose result it waits: then it goes on when that has come, and the call is
@@ -60,32 +60,27 @@ class FailureLog:
         # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
         self.given_up = 0
         self.is_budget_spent = False  # so that a failure of this pass was given up
-        self._unrecovered: List[Failure] = []  # those that were given up in this pass
-        self._before = 0  # the number of the last failure before this pass
+        self.unrecovered: List[Failure] = []  # those that were given up in this pass
+        self._last: List[Failure] = []  # of this pass
 
     @tick_thread_only
     def begin_pass(self) -> None:
         """Note that the failures from now on are those of another pass."""
         self.is_budget_spent = False
-        self._unrecovered.clear()
-        self._before = self.newest_number
-
-    @tick_thread_only
-    def give_up(self, failure: Failure) -> None:
-        """Note that no recovery helped."""
-        self._unrecovered.append(failure)
+        self.unrecovered.clear()
+        self._last = []
 
     @tick_thread_only
     def of_pass(self) -> List[Failure]:
         """Return what this pass may have failed for: the failures that were given up, and the
         newest one."""
-        newest = self.newest(0, sys.maxsize, self._before)
-        return self._unrecovered + ([newest.failure] if newest is not None else [])
+        return self.unrecovered + self._last
 
     @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
         """Record that ``leaf`` failed."""
         self.newest_number += 1
+        self._last = [failure]
         self._by_uid[leaf.uid] = Failed(self.newest_number, leaf, failure)
 
     @tick_thread_only
@@ -212,6 +207,11 @@ class MissionLeaf(Node):
     started_at = 0.0
     summary: Optional[LeafSummary] = None  # the sentence for people when the leaf ends
 
+    def __init__(self, name: str, **constants: Any):
+        """``constants`` are the ``arguments`` of its ``leaf_spec``, as attributes."""
+        super().__init__(name)
+        vars(self).update(constants)
+
     def configure(self) -> None:
         """Refuse a node type without the facts that the recovery needs."""
         if not isinstance(self.spec, MissionSpec):
@@ -241,8 +241,7 @@ class MissionLeaf(Node):
 
     def succeeded(self) -> Result:
         """Report SUCCESS and return it."""
-        self.report(SUCCESS)
-        return SUCCESS
+        return self.report(SUCCESS)
 
     def ended(self, failure: Optional[Failure]) -> Result:
         """Report how the leaf ended; ``failure`` None: it was done."""
@@ -251,17 +250,17 @@ class MissionLeaf(Node):
     def failed(self, failure: Failure) -> Result:
         """Record and report the failure, and return FAILURE."""
         self.mission.failures.add(self, failure)
-        self.report(FAILURE, failure)
-        return FAILURE
+        return self.report(FAILURE, failure)
 
-    def report(self, status: Any, failure: Optional[Failure] = None) -> None:
-        """Emit the event that this leaf finished."""
+    def report(self, status: Any, failure: Optional[Failure] = None) -> Result:
+        """Emit the event that this leaf finished, and return its status."""
         resource = (failure.resource if failure is not None else "") or self.resource
         self.feedback_message = failure.message if failure is not None else ""
         summary, self.summary = self.summary, None
         self.mission.events.emit(
             LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
                          self.mission.clock.now() - self.started_at, failure, summary))
+        return status
 
     def begin_step(self, words: Words, limit: float, is_wait: bool = False,
                    goes_on: bool = False) -> None:
@@ -312,7 +311,7 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
     """An action of several ticks, as one function."""
 
     _under_way: Optional[Waiting[Result]] = None
-    _awaited: Optional[Call] = None
+    _awaited: Optional[Awaited] = None
 
     @abstractmethod
     def work(self) -> Waiting[Result]:
@@ -333,6 +332,8 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
             self._awaited = next(self._under_way)
         except StopIteration as over:
             return over.value
+        except PortError as error:
+            return self.failed(self.missing(error))
         return RUNNING
 
     def on_halted(self) -> None:
@@ -417,9 +418,8 @@ class ServiceLeaf(WorkingLeaf):
         """Return the seconds for which the robot goes on with ``request`` after its answer."""
         return 0.0
 
-    def attempt_failed(self, failure: Failure) -> Failure:
-        """Return the failure of a request that was made, the leaf's own or a retry."""
-        return failure
+    def attempt_failed(self) -> None:
+        """Process that a request failed, the leaf's own or a retry."""
 
     def work(self) -> Waiting[Result]:
         """Make the request, and report how that ended."""
@@ -430,30 +430,25 @@ class ServiceLeaf(WorkingLeaf):
         """
         try:
             wanted = None if self.does_without and not self.resource else self.request()
-        except PortError as error:
-            return self.missing(error)
-        if wanted is None or isinstance(wanted, Failure):
-            return wanted
-        _check_request(self.asks, wanted)
-        words = self.words(wanted)
-        self.begin_step(words, self.limit(wanted))
-        call = self.mission.gateway.start(wanted)
-        answer = call.result
-        if answer is None:
-            yield call
+            if wanted is None or isinstance(wanted, Failure):
+                return wanted
+            _check_request(self.asks, wanted)
+            words = self.words(wanted)
+            self.begin_step(words, self.limit(wanted))
+            call = self.mission.gateway.start(wanted)
             answer = call.result
-            assert answer is not None
-        if isinstance(answer, Failure):
-            return self.attempt_failed(answer)
-        seconds = self.lasts(wanted)
-        if seconds:
-            self.begin_step(words, seconds, goes_on=True)
-            yield from self.pause(seconds)
-        self.summary = self.done(words)
-        return self._accepted(answer)
-
-    def _accepted(self, answer: Answer) -> Optional[Failure]:
-        try:
+            if answer is None:
+                yield call
+                answer = call.result
+                assert answer is not None
+            if isinstance(answer, Failure):
+                self.attempt_failed()
+                return answer
+            seconds = self.lasts(wanted)
+            if seconds:
+                self.begin_step(words, seconds, goes_on=True)
+                yield from self.pause(seconds)
+            self.summary = self.done(words)
             failure = _checked_end("accept", self.accept(answer))
         except PortError as error:
             failure = self.missing(error)
@@ -467,14 +462,16 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
               choices: Optional[Mapping[str, Dict[str, Any]]] = None, **facts: Any) -> MissionSpec:
     """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
 
-    ``ports`` are added to those of the class, ``arguments`` are the constructor's after the name.
+    ``ports`` are added to those of the class, ``arguments`` are attributes of each leaf, or what
+    its own constructor takes after the name.
     With ``choices`` the name of an instance chooses them. Raises ImportError if it is no mission
     leaf, or a service leaf that does not say what it asks for.
     """
     if not (isinstance(leaf, type) and issubclass(leaf, MissionLeaf)):
         raise ImportError(f"{leaf!r}, the leaf of {node_id}, is not a class of mission leaves")
-    asks = getattr(leaf, "asks", None)
-    if issubclass(leaf, ServiceLeaf) and not (isinstance(asks, type) and issubclass(asks, Request)):
+    asks: Any = getattr(leaf, "asks", None)
+    is_service = issubclass(leaf, ServiceLeaf)
+    if is_service and not (isinstance(asks, type) and issubclass(asks, Request)):
         raise ImportError(f"{leaf.__module__}.{leaf.__qualname__}, the leaf of {node_id}, does not "
                           "say what it asks for: asks = the kind of request")
     kind = Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION
@@ -489,9 +486,8 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
     sign = leaf.sense if evidence is None else evidence.topic
     return MissionSpec(node_id, kind, factory, (*leaf.PORTS, *ports), description,
                        names=tuple(choices or ()), is_instant=issubclass(leaf, InstantLeaf),
-                       may_fail_at_once=issubclass(leaf, ServiceLeaf),
-                       calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
-                       does_without=issubclass(leaf, ServiceLeaf) and leaf.does_without,
+                       may_fail_at_once=is_service, calls=(asks,) if is_service else (),
+                       does_without=getattr(leaf, "does_without", False),
                        listens=(sign,) if sign is not None else (), **facts)
 
 

@@ -2,7 +2,7 @@
 answer."""
 import math
 from functools import cached_property
-from typing import Any, Optional, Tuple
+from typing import Any, Optional, Sequence, Tuple
 
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt import (
@@ -53,7 +53,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     sense: Sense
     # what the robot does that waits for it, in people's words, in place of those of the sense
     awaiting = ""
-    _is_asked_again: bool
     _mission_waits: Optional[float] = None  # see ``wait_for``
     _expiry: Optional[Timer] = None
     _patience: Optional[Patience] = None
@@ -70,7 +69,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def setup(self, **kwargs: Any) -> None:
         """Find out whether the mission waits for it."""
         super().setup(**kwargs)
-        self._is_asked_again = is_asked_again(self)
         self._mission_waits = wait_for(self)
 
     @property
@@ -103,8 +101,8 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def unused(self, sample: Sample) -> None:
         """Process a message that counts but is not the wanted evidence."""
 
-    def judged(self, sample: Optional[Sample]) -> None:
-        """Process the newest message apart from the answer to the condition."""
+    def judged(self, counting: Sequence[Sample]) -> None:
+        """Process the messages that count apart from the answer to the condition."""
 
     def update(self) -> Result:
         """Evaluate the messages that count."""
@@ -119,22 +117,21 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def _answer(self) -> Result:
         topics, topic = self.mission.topics, self.topic
         samples = topics.recent(topic)
-        sample = samples[-1] if samples else None
         counting = list(filter(self._is_young, since(samples, self.not_before())))
-        self.judged(sample)
+        self.judged(counting)
         for counted in counting:
             if self.is_evidence(counted.value):
-                return self._true(counted, counted is sample)
+                return self._true(counted, counted is counting[-1])
         is_given_up = self.evidence.is_given_up
         if any(is_given_up(counted.value) for counted in counting):
             topics.wake_when(self.uid, topic, self.is_evidence)
-            return self._false(sample)
+            return self._false(samples, counting)
         topics.wake_when(
             self.uid, topic, lambda value: self.is_evidence(value) or is_given_up(value))
         if self._patience is None:
             topics.listen(topic, self.wait)
         if not self._waits():
-            return self._false(sample)
+            return self._false(samples, counting)
         if self.status is not RUNNING:
             self._begin_to_wait(self.wait)
         return RUNNING
@@ -143,9 +140,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         own = self.own_evidence is not None
         words = self.awaiting or (self.registration_id if own else self.sense.awaiting)
         self.begin_wait(words, limit)
-
-    def _counts(self, sample: Sample) -> bool:
-        return sample.arrived > self.not_before() and self._is_young(sample)
 
     def _is_young(self, sample: Sample) -> bool:
         age = self.mission.clock.now() - sample.arrived
@@ -165,14 +159,14 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         self.use(sample)
         return self.succeeded()
 
-    def _false(self, sample: Optional[Sample]) -> Result:
+    def _false(self, samples: Sequence[Sample], counting: Sequence[Sample]) -> Result:
         self._stop_timers()
         message = self.otherwise
         self._note("absent")
-        if sample is not None and self._counts(sample):
-            self.unused(sample)
-        elif sample is not None:
-            when = "came before" if sample.arrived <= self.not_before() else "is too old"
+        if counting:
+            self.unused(counting[-1])
+        elif samples:
+            when = "came before" if samples[-1].arrived <= self.not_before() else "is too old"
             message += f"; the newest message {when}"
         failure = Failure(Cause.CONDITION_FALSE, message, self.resource)
         return self._fail(failure, self.not_before())
@@ -191,7 +185,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         is_new = reported[1:] != self._last_failure[1:]
         self._last_failure = reported
         result = self.failed(failure)
-        if is_new and self._mission_waits is not None and not self._may_wait():
+        if is_new and self._mission_waits is not None and not self._may_wait:
             self._begin_to_wait(self._mission_waits)
         return result
 
@@ -201,11 +195,12 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         wait = self.evidence.wait
         return self.mission.settings.condition_wait if wait is None else wait
 
+    @cached_property
     def _may_wait(self) -> bool:
-        return self.wait > 0.0 and not self._is_asked_again
+        return self.wait > 0.0 and not is_asked_again(self)
 
     def _waits(self) -> bool:
-        if not self._may_wait():
+        if not self._may_wait:
             return False
         if self._patience is None and self.wait < math.inf:
             self._patience = Patience(self, self.topic, self.wait)

@@ -1,6 +1,6 @@
 """Leaves for the visitor's answer, by voice (/speechEvent/text) or tablet
 (/tabletEvent/prompt_and_get_response)."""
-from typing import Any, Optional
+from typing import Any, Optional, Sequence
 
 from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure, Sample
@@ -34,7 +34,7 @@ class IsYesNoUttered(TopicCondition):
         """Return whether the utterance is an answer."""
         return self.mission.phrases.is_answer(value)
 
-    def judged(self, sample: Optional[Sample]) -> None:
+    def judged(self, counting: Sequence[Sample]) -> None:
         """Have answers count from now on, whether something was asked or not."""
         self.mission.ignore_answers("")
 

@@ -10,10 +10,7 @@ class IconicGesture(ServiceLeaf):
     """``<WelcomeGesture/>``: the iconic gesture with the number in the setting ``setting``."""
 
     asks = PerformGesture
-
-    def __init__(self, name: str, setting: str):
-        super().__init__(name)
-        self.setting = setting
+    setting: str
 
     def request(self) -> Request:
         settings = self.mission.settings

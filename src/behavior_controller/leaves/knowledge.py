@@ -118,11 +118,8 @@ class LookUp(ServiceLeaf):
 
     asks = QueryKnowledge
     PORTS = (TARGET_LOCATION.written(), GESTURE_TARGET.written())
-
-    def __init__(self, name: str, place: str, has_gesture: bool):
-        super().__init__(name)
-        self.place = place
-        self.has_gesture = has_gesture
+    place: str
+    has_gesture: bool
 
     def request(self) -> Request:
         return QueryKnowledge(self.place)

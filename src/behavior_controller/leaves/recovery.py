@@ -5,13 +5,14 @@ from typing import Any, List, Optional
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt import PortError, Result, FAILURE
 from behavior_controller.bt.engine.ports import defaults
-from behavior_controller.execution.events import Noticed, Recovered, Recovering, Retried
+from behavior_controller.execution.events import (
+    DONE, GIVEN_UP, SKIPPED, SUBSTITUTED, Noticed, Recovered, Recovering, Retried)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.leaves.base import (
     Failed, MissionLeaf, ServiceLeaf, Waiting, WorkingLeaf, leaf_spec)
 from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.config.node_facts import MissionSpec
-from behavior_controller.execution.recovery import End, GIVEN_UP, Recovery, Retry
+from behavior_controller.config.recovery_policy import GIVE_UP, SKIP, Rule
 
 RETURN_LIMIT = 15.0
 """Seconds that all retries of a step together wait for the return of a service that is known to be
@@ -31,24 +32,84 @@ class HandleFallBack(WorkingLeaf):
     PORTS = LEAVING_OUT
     _patience: Optional[Timer] = None  # ends the wait for a service that is gone
     _last_number = 0
+    # of the recovery under way
+    _leaf: MissionLeaf  # the step that failed
+    _failure: Failure  # the last one of that step
+    _rule: Rule  # for this failure
+    _reason = ""  # why the policy's rule is not followed
+    _attempts = 0  # retries so far
 
     def work(self) -> Waiting[Result]:
         """Find the failure, and recover from it."""
-        steps = self._steps()
-        failed = self.mission.failures.newest(steps[0].uid if steps else self.uid, self.uid,
-                                              self._last_number)
-        self._last_number = self.mission.failures.newest_number
+        steps, failures = self._steps(), self.mission.failures
+        failed = failures.newest(steps[0].uid if steps else self.uid, self.uid, self._last_number)
+        self._last_number, self._attempts, self._reason = failures.newest_number, 0, ""
         if failed is None:
-            failure = Failure(Cause.MISSING_DATA, "no mission node failed before")
-            self._decided(self, failure, "give up", 0, GIVEN_UP, "")
-            self.report(FAILURE)
-            return FAILURE
-        can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
-        recovery = Recovery(self.mission.policy, failed.leaf.spec, failed.failure, can_redo,
-                            self.mission.afford_recovery(), lambda: self._leave_out(steps))
-        return (yield from self._recover(failed, recovery))
+            self._leaf = self
+            self._failure = Failure(Cause.MISSING_DATA, "no mission node failed before")
+            self._decided(GIVEN_UP, "give up")
+            return self.report(FAILURE)
+        self._leaf, self._failure = failed.leaf, failed.failure
+        self._rule = self.rule(failed.leaf, failed.failure.cause)
+        if not self.mission.afford_recovery():
+            self._rule = self._rule._replace(retries=0, then=GIVE_UP, substitute=None)
+            self._reason = self.mission.policy.spent
+        try:
+            outcome = (yield from self._do_instead()) or self._go_on(steps)
+        finally:
+            if self._patience is not None:
+                self._patience.cancel()
+            self._patience = None
+        if outcome == GIVEN_UP:
+            yield from self._make_safe(failed)
+        self._decided(outcome, f"{self._rule}: {self._reason}" if self._reason else str(self._rule))
+        if outcome != GIVEN_UP:
+            return self.succeeded()
+        # not recorded as a failure: an outer HandleFallBack looks for the original one
+        failures.unrecovered.append(self._failure)
+        return self.report(FAILURE, self._failure)
 
-    def _leave_out(self, steps: List[Any]) -> bool:
+    def rule(self, leaf: MissionLeaf, cause: Cause) -> Rule:
+        """Return what to do about the failure of ``leaf``."""
+        rule = self.mission.policy.rule(leaf.spec, cause)
+        can_redo = leaf.parent is self.parent and isinstance(leaf, ServiceLeaf)
+        return rule if can_redo else rule._replace(retries=0, substitute=None)
+
+    def _do_instead(self) -> Waiting[str]:
+        """Try the step again, then its substitute; return what helped, or else nothing."""
+        while self._attempts < self._rule.retries:
+            self._tell(self._attempts + 1)
+            yield from self._wait(self._rule.back_off * 2 ** self._attempts)
+            self._attempts += 1
+            failure = yield from self._try(self._leaf)
+            if failure is None:
+                return DONE
+            self._failure = failure
+            # what was refused before may have been done this time
+            self._rule = self.rule(self._leaf, failure.cause)
+        substitute = self._rule.substitute
+        if substitute is not None:
+            self._tell(0, substitute.id)
+            if (yield from self._try(self._substitute(substitute))) is None:
+                return SUBSTITUTED
+        return ""
+
+    def _try(self, leaf: Any) -> Waiting[Optional[Failure]]:
+        failure = yield from leaf.try_once()
+        self.summary, leaf.summary = leaf.summary, None  # of the attempt that succeeded
+        if failure is not None:
+            self.mission.events.emit(
+                Retried(leaf.registration_id, leaf.full_path, self._attempts, failure))
+        return failure
+
+    def _go_on(self, steps: List[Any]) -> str:
+        """Return whether the mission goes on without the step, or gives up."""
+        if not self.leave_out(steps) and self._rule.then == SKIP:
+            self._rule = self._rule._replace(then=GIVE_UP)
+            self._reason = "every stop would be left out"
+        return SKIPPED if self._rule.then == SKIP else GIVEN_UP
+
+    def leave_out(self, steps: List[Any]) -> bool:
         """Note that the mission goes on without ``steps``; return whether it may."""
         for node in (node for step in steps for node in step.iterate()):
             if isinstance(node.spec, MissionSpec) and node.spec.leave_out is not None:
@@ -71,69 +132,28 @@ class HandleFallBack(WorkingLeaf):
             node = node.parent
         return []
 
-    def on_halted(self) -> None:
-        """Drop the recovery."""
-        self._stop_waiting()
-        super().on_halted()
-
-    def _recover(self, failed: Failed, recovery: Recovery) -> Waiting[Result]:
-        """Carry out the decisions of ``recovery``."""
-        doing: Any = failed.leaf  # or its substitute
-        step = recovery.next_step()
-        while not isinstance(step, End):
-            if isinstance(step, Retry):
-                self._tell(failed.leaf, recovery, recovery.attempts + 1)
-                yield from self._wait(recovery, step.pause)
-            else:
-                self._tell(failed.leaf, recovery, 0, step.spec.id)
-                doing = self._substitute(step.spec)
-            failure = yield from doing.try_once()
-            step = recovery.attempted(failure)
-            if failure is not None:
-                self.mission.events.emit(Retried(doing.registration_id, doing.full_path,
-                                                 recovery.attempts, failure))
-        if step.outcome == GIVEN_UP:
-            yield from self._make_safe(failed)
-        self._stop_waiting()
-        self._decided(failed.leaf, recovery.failure, str(recovery), recovery.attempts,
-                      step.outcome, recovery.reason)
-        self.summary, doing.summary = doing.summary, None  # of the attempt that succeeded
-        if step.outcome != GIVEN_UP:
-            return self.succeeded()
-        # not recorded as a failure: an outer HandleFallBack looks for the original one
-        self.mission.failures.give_up(recovery.failure)
-        self.report(FAILURE, recovery.failure)
-        return FAILURE
-
-    def _tell(self, leaf: MissionLeaf, recovery: Recovery, attempt: int,
-              substitute: str = "") -> None:
+    def _tell(self, attempt: int, substitute: str = "") -> None:
         self.mission.events.emit(
-            Recovering(self.uid, leaf.registration_id, leaf.full_path, recovery.failure, attempt,
-                       recovery.retries, substitute))
+            Recovering(self.uid, self._leaf.registration_id, self._leaf.full_path, self._failure,
+                       attempt, self._rule.retries, substitute))
 
-    def _decided(self, leaf: MissionLeaf, failure: Failure, policy: str, attempts: int,
-                 outcome: str, reason: str) -> None:
+    def _decided(self, outcome: str, policy: str) -> None:
         self.mission.events.emit(
-            Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts,
-                      outcome != GIVEN_UP, outcome, reason, self.uid))
+            Recovered(self._leaf.registration_id, self._leaf.full_path, self._failure, policy,
+                      self._attempts, outcome != GIVEN_UP, outcome, self._reason, self.uid))
 
-    def _wait(self, recovery: Recovery, pause: float) -> Waiting[None]:
+    def _wait(self, pause: float) -> Waiting[None]:
         """Wait for the pause before a retry, and then for the return of a service that the tour
         needs."""
         yield from self.pause(pause)
-        health, resource = self.mission.health, recovery.failure.resource
-        while recovery.is_indispensable and health.is_gone(resource):
+        health, resource = self.mission.health, self._failure.resource
+        while self._rule.then != SKIP and health.is_gone(resource):
             if self._patience is None:
                 self.begin_wait(f"waiting for {health.gone_name(resource)} to return", RETURN_LIMIT)
                 self._patience = self.mission.clock.call_after(RETURN_LIMIT, self.wake)
             if self._patience.callback is None:
                 return
             yield None
-
-    def _stop_waiting(self) -> None:
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
 
     def _substitute(self, spec: MissionSpec) -> Any:
         leaf: Any = spec.factory(spec.id)
@@ -150,12 +170,8 @@ class HandleFallBack(WorkingLeaf):
             return
         self.mission.failures.given_up = failed.number
         safe_state = self.mission.ask_for_safe_state()
-        try:
-            while not safe_state.is_over:
-                yield None
-        except GeneratorExit:
-            safe_state.drop()
-            raise
+        if safe_state.result is None:
+            yield safe_state
         self.mission.events.emit(safe_state.report())
 
 

@@ -5,7 +5,7 @@ Most are a leaf of D5.4.3 with the argument as its constant.
 """
 from typing import Optional, Tuple, Union
 
-from behavior_controller.bt import PortError, Result
+from behavior_controller.bt import Result
 from behavior_controller.robot.gateway import Cause, Failure, since
 from behavior_controller.robot.declarations import Sense, Topic
 from behavior_controller.robot.requests import (
@@ -50,10 +50,7 @@ class SetSpeechEvent(ServiceLeaf):
 
     asks = SetRecognition
     does_without = True
-
-    def __init__(self, name: str, is_enabled: bool):
-        super().__init__(name)
-        self.is_enabled = is_enabled
+    is_enabled: bool
 
     def request(self) -> Request:
         return SetRecognition(self.is_enabled)
@@ -81,10 +78,7 @@ class SayText(Question):
     Like a question, it invalidates older answers: some of the phrases are questions.
     """
 
-    def __init__(self, name: str, number: int):
-        super().__init__(name, "")
-        self.number = number
-        self.is_question = any(speech.asks for speech in SPEECHES if speech.utility == number)
+    number: int
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase; a culture file may have none of that number."""
@@ -150,15 +144,11 @@ class GetVisitorResponse(WorkingLeaf):
             topics.listen(self.topic, 0.0)
             self.mission.ignore_answers(NOT_ASKED)
             patience.cancel()
-        failure = None
+        self.set_output("visitorResponse", answer)
         if is_error(utterance):
             text = f"the recognition says {utterance!r}"
-            failure = Failure(Cause.UNUSABLE_ANSWER, text, self.resource)
-        try:
-            self.set_output("visitorResponse", answer)
-        except PortError as error:
-            failure = self.missing(error)
-        return self.ended(failure)
+            return self.failed(Failure(Cause.UNUSABLE_ANSWER, text, self.resource))
+        return self.succeeded()
 
     def _heard(self) -> Tuple[str, str]:
         """Return the utterance that counts so far, and the answer in it; empty if there is none."""
@@ -176,6 +166,7 @@ class GetVisitorResponse(WorkingLeaf):
         return is_error(utterance) or self.mission.phrases.is_answer(utterance)
 
 
+_QUESTIONS = [speech.utility for speech in SPEECHES if speech.asks]
 _FAREWELLS = tuple(str(speech.utility) for speech in SPEECHES
                    if speech.is_farewell and speech.utility)
 
@@ -183,7 +174,8 @@ SPECS = (
     leaf_spec("StartOfTree", StartOfTreeInLanguage,
               "Shows that a visitor's pass begins, and sets the language of recognition."),
     leaf_spec("SayText", SayText, "Says a utility phrase, by its number.",
-              choices={str(number): {"number": number} for number in UTILITY_PHRASES},
+              choices={str(number): {"number": number, "is_question": number in _QUESTIONS}
+                       for number in UTILITY_PHRASES},
               farewells=_FAREWELLS),
     leaf_spec("SetOvertAttentionMode", OvertAttentionMode, "Sets the mode of attention.",
               (GESTURE_TARGET.read("target", is_optional=True),),

@@ -3,10 +3,9 @@ from typing import Iterable, Optional, Tuple, Union
 
 from msgspec.structs import replace
 
-from behavior_controller.bt import ConfigureError, Port, PortError
+from behavior_controller.bt import ConfigureError, Port
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.bt.script.values import TEXT
-from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request, Say, Words
 from behavior_controller.leaves.base import BEFORE_QUESTION, ServiceLeaf, Waiting, leaf_spec
@@ -24,13 +23,12 @@ class SpeechLeaf(ServiceLeaf):
     asks = Say
     is_description = False
 
-    def lasts(self, request: Request) -> float:
+    def lasts(self, request: Say) -> float:
         """Return the seconds that the words take, if they are waited for."""
         settings = self.mission.settings
         chosen = settings.wait_for_speech
         is_awaited = chosen == "all" or chosen == DESCRIPTIONS and self.is_description
-        if not (isinstance(request, Say) and is_awaited
-                and self.mission.interface.service(Say).answers_early(request)):
+        if not is_awaited or not self.mission.interface.service(Say).answers_early(request):
             return 0.0
         return len(request.text.split()) / settings.speech_pace
 
@@ -38,9 +36,7 @@ class SpeechLeaf(ServiceLeaf):
 class FixedSpeech(SpeechLeaf):
     """``<WelcomeSpeech/>``: says the language's text for ``phrase``."""
 
-    def __init__(self, name: str, phrase: str):
-        super().__init__(name)
-        self.phrase = phrase
+    phrase: str
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase."""
@@ -73,29 +69,17 @@ class Question(FixedSpeech):
             return words
         return words._replace(doing="asking", done="asked", kind="asked")
 
-    def done(self, words: Words) -> Optional[LeafSummary]:
-        """Note that the visitor was asked."""
-        summary = super().done(words)
-        if summary is None or not self.is_question:
-            return summary
-        return replace(summary, mark="asked")
-
     def accept(self, answer: Answer) -> Optional[Failure]:
-        """Note when the question had been asked."""
-        self._note_end()
+        """Note that the visitor was asked, and when."""
+        if self.summary is not None and self.is_question:
+            self.summary = replace(self.summary, mark="asked")
+        self.attempt_failed()
         return None
 
-    def _note_end(self) -> None:
+    def attempt_failed(self) -> None:
+        """Note when the attempt ended."""
         self.mission.ignore_answers("")
         self.set_output("questionAskedAt", self.mission.clock.now())
-
-    def attempt_failed(self, failure: Failure) -> Failure:
-        """Note when the attempt ended."""
-        try:
-            self._note_end()
-        except PortError as error:
-            return replace(failure, message=f"{failure.message}; {error}")
-        return failure
 
 
 class DescribeExhibitSpeech(SpeechLeaf):

@@ -156,7 +156,9 @@ def robot_line(state: State) -> RobotLine:
     if robot.attention is not None:
         mode = robot.attention.state
         mode = "off" if mode == "disabled" else f"on ({mode})"
-    movement = {None: "unknown", "enabled": "on"}.get(robot.animation, "off")
+    movement = "unknown"
+    if robot.animation is not None:
+        movement = "on" if robot.animation.state == "enabled" else "off"
     alive = "all nodes in use answer" if state.started is not None else "not yet asked"
     if state.safe_state is not None:  # the robot was stopped
         left_on = _left_on(state)

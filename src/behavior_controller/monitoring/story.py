@@ -8,9 +8,9 @@ import collections
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Tuple
 
 from behavior_controller.execution import events
+from behavior_controller.execution.events import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.execution.fold import fold, why_recovered
 from behavior_controller.execution.health import NEW
-from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.execution.state import (
     BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, SILENT_VISITOR, STOPPED,
     UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)

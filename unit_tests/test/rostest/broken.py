@@ -19,25 +19,26 @@ act = SelectExhibit.act
 SelectExhibit.act = lambda self: act(self) or act(self) and None
 """
 GIVES_UP_A_RETRY_TOO_EARLY = """
-from behavior_controller.execution.recovery import Recovery
-next_step = Recovery.next_step
-def one_less(self):
-    self._rule = self._rule._replace(retries=max(0, self._rule.retries - 1))
-    return next_step(self)
-Recovery.next_step = one_less
+from behavior_controller.leaves.recovery import HandleFallBack
+rule = HandleFallBack.rule
+def one_less(self, leaf, cause):
+    found = rule(self, leaf, cause)
+    return found._replace(retries=max(0, found.retries - 1))
+HandleFallBack.rule = one_less
 """
 RETRIES_ONCE_TOO_OFTEN = """
-from behavior_controller.execution.recovery import Recovery
-next_step = Recovery.next_step
-def one_more(self):
-    self._rule = self._rule._replace(retries=self._rule.retries + 1)
-    return next_step(self)
-Recovery.next_step = one_more
+from behavior_controller.leaves.recovery import HandleFallBack
+rule = HandleFallBack.rule
+def one_more(self, leaf, cause):
+    found = rule(self, leaf, cause)
+    return found._replace(retries=found.retries + 1)
+HandleFallBack.rule = one_more
 """
 SKIPS_WHAT_MAY_NOT_BE_SKIPPED = """
-from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED, End, Recovery
-next_step = Recovery.next_step
-Recovery.next_step = lambda self: End(SKIPPED) if (step := next_step(self)) == End(GIVEN_UP) else step
+from behavior_controller.config.recovery_policy import SKIP
+from behavior_controller.leaves.recovery import HandleFallBack
+rule = HandleFallBack.rule
+HandleFallBack.rule = lambda self, leaf, cause: rule(self, leaf, cause)._replace(then=SKIP)
 """
 
 RAISES_IN_EACH_SPEECH = """

@@ -45,8 +45,7 @@ def test_the_judge_uses_nothing_of_the_controllers_leaves(name):
     names = [alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
              for alias in node.names if node.module == "behavior_controller"]
     foreign = [module for module in modules
-               if module.startswith("behavior_controller.leaves")
-               or module == "behavior_controller.execution.recovery"]
+               if module.startswith("behavior_controller.leaves")]
     assert foreign == [] and "leaves" not in names
 
 
