@@ -703,3 +703,9 @@ def test_a_condition_needs_no_message_of_its_own(kind, monkeypatch):
     rig = one_leaf("<FixtureBare/>")
     assert rig.tick() is FAILURE
     assert rig.of(LeafFinished)[-1].failure.message == "it does not hold"
+
+
+def test_an_argument_that_the_leaf_does_not_declare_is_refused():
+    misspelt = leaf_spec("FixtureSpeech", FixedSpeech, "", arguments={"pharse": "WelcomeSpeech"})
+    with pytest.raises(TypeError, match="pharse"):
+        misspelt.factory("FixtureSpeech")

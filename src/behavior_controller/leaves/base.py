@@ -208,8 +208,15 @@ class MissionLeaf(Node):
     summary: Optional[LeafSummary] = None  # the sentence for people when the leaf ends
 
     def __init__(self, name: str, **constants: Any):
-        """``constants`` are the ``arguments`` of its ``leaf_spec``, as attributes."""
+        """``constants`` are the ``arguments`` of its ``leaf_spec``, as attributes.
+
+        Raises TypeError for one that the class does not declare.
+        """
         super().__init__(name)
+        for constant in constants:
+            if not any(constant in vars(kind) or constant in vars(kind).get("__annotations__", ())
+                       for kind in type(self).__mro__):
+                raise TypeError(f"{type(self).__qualname__} declares no {constant}")
         vars(self).update(constants)
 
     def configure(self) -> None:
