@@ -64,6 +64,5 @@ def _of_troubles(state: State, name: str, parts: List[str]) -> Status:
     troubles = {part: state.robot.trouble(part) for part in parts}
     ill = [change for change in troubles.values() if change is not None]
     level = max((WARN if change.respect == SLOW else ERROR for change in ill), default=OK)
-    details = {part: "ok" if change is None else change.status
-               for part, change in troubles.items()}
+    details = {part: "ok" if change is None else change.status for part, change in troubles.items()}
     return Status(name, level, "; ".join(map(condition, ill)) or "answers", details)

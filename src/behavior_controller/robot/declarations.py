@@ -208,8 +208,7 @@ class Sense(SenseWords, enum.Enum):
     """A kind of information about the visitor that a mission can get while it runs."""
 
     VISITOR = "a visitor", "waiting for a visitor", "arrived", "left"
-    PRESENCE = (
-        "the visitor's presence", "waiting for the visitor to be seen", "arrived", "left")
+    PRESENCE = ("the visitor's presence", "waiting for the visitor to be seen", "arrived", "left")
     GAZE = "the visitor's gaze", "waiting for the visitor to look at the robot", "engaged"
     UTTERANCE = "the visitor's utterance", "listening to the visitor"
 

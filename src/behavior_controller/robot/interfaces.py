@@ -29,8 +29,7 @@ def _extended(robot: Interface) -> Interface:
                                        *extensions.quoted(offer.name))
             DECLARED_BY[offer] = extension
         try:
-            robot = replace(
-                robot, services=robot.services + services, topics=robot.topics + topics)
+            robot = replace(robot, services=robot.services + services, topics=robot.topics + topics)
         except (AttributeError, TypeError, ValueError) as error:
             raise extension.broken(f"its SERVICES and TOPICS cannot be used: {error}",
                                    "SERVICES =", "TOPICS =") from error

@@ -204,5 +204,4 @@ def _fits(entry_type: str, value: Any) -> bool:
 
 def _changed_type(where: str, entry: Entry, value_type: str) -> ValueFault:
     types = f"Previously declared type [{entry.type}], current type [{value_type}]"
-    return ValueFault(
-        f"{where}: once declared, the type of a port shall not change. {types}")
+    return ValueFault(f"{where}: once declared, the type of a port shall not change. {types}")

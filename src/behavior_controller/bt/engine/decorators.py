@@ -222,8 +222,7 @@ class Delay(Timed, Decorator):
 class Timeout(Timed, Decorator):
     """The child for at most ``msec``, then it is halted and the node fails. 0: no limit."""
 
-    PORTS = (Port("msec", "uint",
-                  description="the longest time of the child, in ms; 0: no limit"),)
+    PORTS = (Port("msec", "uint", description="the longest time of the child, in ms; 0: no limit"),)
     ROUND = ("active",)
     active = False
 

@@ -7,8 +7,7 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Se
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.structure import (
-    CONDITIONS, Trees, by_place, given, remaps_all)
+from behavior_controller.bt.linter.structure import CONDITIONS, Trees, by_place, given, remaps_all
 from behavior_controller.bt.linter.walker import check, lint
 from behavior_controller.bt.engine.blackboard_clients import Clients
 from behavior_controller.bt.engine.clock import Clock

@@ -288,8 +288,7 @@ def _tag_name(match: "re.Match[str]") -> str:
 
 def _is_open(match: "re.Match[str]") -> bool:
     """Return whether a token begins an element that another one has to close."""
-    return match.lastgroup == "open" or (
-        match.lastgroup == "repair" and not match.group("repair"))
+    return match.lastgroup == "open" or (match.lastgroup == "repair" and not match.group("repair"))
 
 
 def _mismatch(name: str, offset: int, opened: List[Tuple[str, int]]) -> MarkupFault:

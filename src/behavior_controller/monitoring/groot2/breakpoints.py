@@ -11,8 +11,7 @@ themselves.
 """
 import collections
 import contextlib
-from typing import (
-    Any, Callable, Deque, Dict, Iterable, List, Literal, Optional, Tuple, get_args)
+from typing import Any, Callable, Deque, Dict, Iterable, List, Literal, Optional, Tuple, get_args
 
 from msgspec import Struct
 from msgspec.structs import replace

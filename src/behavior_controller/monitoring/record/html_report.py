@@ -304,8 +304,7 @@ def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[SimpleNames
     yield "</li>" + "</ul></li>" * (before - 1)
 
 
-def _row(run: Drawn, uid: int, written: Dict[str, Written],
-         registry: Registry) -> SimpleNamespace:
+def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) -> SimpleNamespace:
     """Return what the template shows of a node: its results, and its place in the file."""
     node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
     name, kind = label(

@@ -675,8 +675,7 @@ def _begin(node: Any) -> None:
 
 def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    step = STOP.format(
-        number=index + 1, of=len(exhibits), name=exhibits[index].name, state=state)
+    step = STOP.format(number=index + 1, of=len(exhibits), name=exhibits[index].name, state=state)
     node.course.traversal.decided(node, step)
 
 

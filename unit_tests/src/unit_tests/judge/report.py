@@ -208,8 +208,7 @@ def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:
         mine = [row for row in rows if row.visitor == visit.number]
         faults = count(sum(row.is_injected for row in mine), "fault", "faults")
         parts.append(f"{faults}, {sum(row.lost for row in mine):.1f} s lost")
-        parts.append(
-            count(false[visit.number], "condition", "conditions") + " false for a while")
+        parts.append(count(false[visit.number], "condition", "conditions") + " false for a while")
         yield "; ".join(parts)
 
 

@@ -178,8 +178,7 @@ class Witness:
                      if crash.node == node and crash.time <= at + self._late), default=None)
         if crash is None or at < crash + RETURN:
             return crash is not None
-        return not any(line.node == node and crash < line.time < at
-                       for line in self._facts.journal)
+        return not any(line.node == node and crash < line.time < at for line in self._facts.journal)
 
     def _of_result(
             self, query: Query, line: journal.JournalEntry, service: Service) -> Iterator[str]:

@@ -589,8 +589,7 @@ def _left_on(play: Play) -> Iterator[Place]:
     if not play.outcome or not play.drives:
         return
     for safe in play.stage.settings.interface.safe_state:
-        asked = [exchange for exchange in play.exchanges
-                 if type(exchange.request) is type(safe)]
+        asked = [exchange for exchange in play.exchanges if type(exchange.request) is type(safe)]
         words = asked[-1].request.words if asked and asked[-1].request != safe else None
         if words is not None:
             last = f"{words.doing} {words.what}".strip()

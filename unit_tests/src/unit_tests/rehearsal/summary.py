@@ -3,8 +3,7 @@ of success."""
 import math
 import shlex
 from collections import Counter
-from typing import (
-    Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple)
+from typing import Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from msgspec.structs import replace
 
