@@ -8,7 +8,7 @@ import os
 import re
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Iterable, Iterator, List, Mapping, NamedTuple, Optional, Pattern, Tuple
 
 from behavior_controller import extensions, folders
 from behavior_controller.errors import ConfigurationError, Fault
@@ -91,21 +91,15 @@ class Phrases:
     source: Source = Source("", "")
 
     @cached_property
-    def _by_first(self) -> Mapping[str, List[Tuple[Words, str]]]:
-        """The phrases by their first word, since utterances may be long.
+    def _meaning_of(self) -> Mapping[str, str]:
+        return {" ".join(phrase): meaning for meaning, phrases in self.meanings.items()
+                for phrase in phrases}
 
-        The longest phrase comes first, so that "why not" is not taken for its "not".
-        """
-        pairs = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES)
-                 for phrase in self.meanings[meaning]]
-        by_first: Dict[str, List[Tuple[Words, str]]] = {}
-        for phrase, meaning in sorted(pairs, key=lambda pair: -len(pair[0])):
-            by_first.setdefault(phrase[0], []).append((phrase, meaning))
-        return by_first
-
-    def speech(self, node: str) -> str:
-        """Return the text that a mission node says."""
-        return self.speeches[node]
+    @cached_property
+    def _phrase(self) -> Pattern[str]:
+        """Matches the longest phrase, so that "why not" is not taken for its "not"."""
+        longest_first = sorted(self._meaning_of, key=len, reverse=True)
+        return re.compile(rf"(?<!\S)(?:{'|'.join(longest_first)})(?!\S)")
 
     def utility(self, number: int) -> Optional[str]:
         """Return the text of the speech that says the same as release 1.0's utility phrase of that
@@ -118,32 +112,18 @@ class Phrases:
         ``Error…`` is not an answer."""
         if begins_with_error(utterance):
             return None
-        meanings = self._meanings_in(_sentence(utterance))
+        said = self._phrase.findall(" ".join(_sentence(utterance)))
+        meanings = {self._meaning_of[phrase] for phrase in said}
         return next((answer for answer in (NO, YES) if answer in meanings), None)
 
     def is_answer(self, utterance: str) -> bool:
         """Return whether a visitor said yes or no."""
         return self.spoken_answer(utterance) is not None
 
-    def _meanings_in(self, sentence: Words) -> List[str]:
-        meanings, at = [], 0
-        while at < len(sentence):
-            for phrase, meaning in self._by_first.get(sentence[at], ()):
-                if sentence[at:at + len(phrase)] == phrase:
-                    meanings.append(meaning)
-                    at += len(phrase)
-                    break
-            else:
-                at += 1
-        return meanings
-
     def pressed_answer(self, response: str) -> Optional[str]:
         """Return ``yes`` or ``no`` for a button's label or number (``1`` is the first), or None."""
-        pressed = response.strip().lower()
-        labels = [label.lower() for label in self.tablet_options]
-        if pressed in ("1", labels[0]):
-            return YES
-        return NO if pressed in ("2", labels[1]) else None
+        yes, no = map(str.lower, self.tablet_options)
+        return {"2": NO, no: NO, "1": YES, yes: YES}.get(response.strip().lower())
 
 
 def is_error(utterance: str) -> bool:
@@ -202,11 +182,10 @@ def _phrases(source: Source, keys: Tuple[Key, ...],
     """Return the phrases of a file with these keys, and of ``others``. Raises ConfigurationError
     with every fault of the first file that has any."""
     values, text = collected(source, keys).result(), source.text
-    faults = []
-    for one, other in itertools.combinations((YES, NO, UNCLEAR), 2):
-        for phrase in sorted(set(values[one]).intersection(values[other])):
-            text = f"\"{' '.join(phrase)}\" is in {one} and in {other}"
-            faults.append(Fault(source.file, 0, 0, text, "keep one of them"))
+    faults = [Fault(source.file, 0, 0, f"\"{' '.join(phrase)}\" is in {one} and in {other}",
+                    "keep one of them")
+              for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
+              for phrase in sorted(set(values[one]).intersection(values[other]))]
     if faults:
         raise ConfigurationError(faults)
     for added, its_keys in others:
