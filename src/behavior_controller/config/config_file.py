@@ -7,8 +7,8 @@ import math
 import os
 import re
 from dataclasses import dataclass, field, fields
-from typing import (Any, Callable, Collection, Dict, Generic, Iterable, List, Mapping, Optional,
-                    Sequence, Tuple, Type, TypeVar)
+from typing import (Any, Callable, Collection, Dict, Generic, List, Mapping, Optional, Sequence,
+                    Tuple, Type, TypeVar)
 
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.text import Source, Unreadable, did_you_mean, read_text

@@ -8,15 +8,15 @@ import os
 import re
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
 from behavior_controller import folders
 from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.config.config_file import (
-    Key, MOST_FAULTS, REQUIRED, Reader, boolean, collected, integer, number, one_of, parsed,
+    Key, MOST_FAULTS, REQUIRED, Reader, Value, boolean, collected, integer, number, one_of, parsed,
     read_lines, read_source, some_text)
-from behavior_controller.text import Source, Unreadable, count, did_you_mean, read_text
+from behavior_controller.text import Source, count, did_you_mean
 
 LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
 UTILITY_PHRASES = range(1, 9)
@@ -58,8 +58,6 @@ _ID = integer(0, 10 ** 9)
 _COUNT = integer(1, 999)
 _COORDINATE = number(-10000, 10000)
 _WORD = re.compile(r"\S+")
-
-Value = TypeVar("Value")
 
 
 _FILE = some_text("a file in the folder data beside the configuration's folder, or a path")
@@ -255,11 +253,11 @@ class _Environment(_EntryFile):
 
     def _tour(self, line: _Line, form: str) -> List[Tuple[Optional[int], Tuple[int, int]]]:
         """Return each id, and its place."""
-        number = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
+        stated = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
         listed = range(2, len(line.words))
-        if number is not None and number != len(listed):
-            said = count(number, "location", "locations")
-            self.fault(line.place(1), f"{_TOUR} says {said} and lists {len(listed)}", form)
+        if stated is not None and stated != len(listed):
+            locations = count(stated, "location", "locations")
+            self.fault(line.place(1), f"{_TOUR} says {locations} and lists {len(listed)}", form)
         return [(self.value(line, index, f"an id of {_TOUR}", _ID), line.place(index))
                 for index in listed]
 
@@ -345,11 +343,10 @@ def check(path: str) -> Optional[List[Fault]]:
 
     None if the file is neither: its keys decide.
     """
-    try:
-        source = Source(path, read_text(path))
-    except Unreadable:
+    source = attempt(lambda: read_source(path, "the file"), [])
+    if source is None or source.text.lstrip().startswith("<"):
         return None
-    kind = None if source.text.lstrip().startswith("<") else _kind(source.text)
+    kind = _kind(source.text)
     if kind == _CONFIGURATION:
         try:
             source = _source(source)

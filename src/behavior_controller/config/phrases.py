@@ -6,9 +6,9 @@ import glob
 import itertools
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Iterable, Iterator, List, Mapping, NamedTuple, Optional, Pattern, Tuple
+from typing import Iterable, List, Mapping, NamedTuple, Optional, Pattern, Tuple
 
 from behavior_controller import extensions, folders
 from behavior_controller.errors import ConfigurationError, Fault
@@ -143,9 +143,10 @@ def languages() -> List[str]:
 
 
 def load(language: str, mission: str = "") -> Phrases:
-    """Return the phrases of ``language``, for a mission that may have its own.
+    """Return the phrases of ``language``, for a mission that may have its own, and of each package
+    that has some.
 
-    Raises ConfigurationError with every fault.
+    Raises ConfigurationError with every fault of the first file that has any.
     """
     known = languages()
     if language not in known:
@@ -155,15 +156,14 @@ def load(language: str, mission: str = "") -> Phrases:
         raise ConfigurationError.of("language", f"there are no phrases in {language}", hint)
     name = f"phrases_{language}.ini"
     own = read_source(folders.of_mission(folders.data(name), mission), "the file of phrases")
-    return _phrases(own, KEYS, _of_packages(name))
-
-
-def _of_packages(name: str) -> Iterator[Tuple[Source, Tuple[Key, ...]]]:
-    """Yield the file of that name of each package that has phrases, and its keys."""
+    found = _phrases(own, KEYS)
     for extension in extensions.exported("phrases"):
         source = read_source(os.path.join(extension.folder, "data", name),
                              f"the file of phrases of the package {extension.package}")
-        yield source, _keys_of(extension.declared("SPEECHES", Speech))
+        added = collected(source, _keys_of(extension.declared("SPEECHES", Speech))).result()
+        both = Source(own.file, f"{found.source.text}\n{source.text}")
+        found = replace(found, speeches={**found.speeches, **added}, source=both)
+    return found
 
 
 def recorded(source: Source) -> Phrases:
@@ -177,21 +177,16 @@ def recorded(source: Source) -> Phrases:
     return _phrases(source, texts + KEYS[len(SPEECHES):])
 
 
-def _phrases(source: Source, keys: Tuple[Key, ...],
-             others: Iterable[Tuple[Source, Tuple[Key, ...]]] = ()) -> Phrases:
-    """Return the phrases of a file with these keys, and of ``others``. Raises ConfigurationError
-    with every fault of the first file that has any."""
-    values, text = collected(source, keys).result(), source.text
+def _phrases(source: Source, keys: Tuple[Key, ...]) -> Phrases:
+    """Return the phrases of a file with these keys. Raises ConfigurationError with every fault."""
+    values = collected(source, keys).result()
     faults = [Fault(source.file, 0, 0, f"\"{' '.join(phrase)}\" is in {one} and in {other}",
                     "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
               for phrase in sorted(set(values[one]).intersection(values[other]))]
     if faults:
         raise ConfigurationError(faults)
-    for added, its_keys in others:
-        values.update(collected(added, its_keys).result())
-        text += "\n" + added.text
     return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS},
                    (values["tabletYes"], values["tabletNo"]),
                    {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)},
-                   source._replace(text=text))
+                   source)
