@@ -24,7 +24,7 @@ from behavior_controller.bt.registry import Kind
 from behavior_controller.bt.linter.structure import by_place
 from behavior_controller.bt.linter.rules import RULES
 from behavior_controller.bt.loader.document import read
-from behavior_controller.errors import FaultsFound, MissionError
+from behavior_controller.errors import FaultsFound, MissionError, attempt
 from behavior_controller.missions.load import load_tree, missions
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.ros_arguments import CommandParser
@@ -197,10 +197,8 @@ def _root_of(path: str, subtree: str) -> Any:
     """Return the root of a tree of the file: at its first call in the mission, or alone if the
     mission does not call it."""
     alone = load_tree(path, main_tree=subtree)
-    try:
-        whole = load_tree(path)
-    except MissionError:
-        return alone.root  # several trees, of which none is the main one
+    # else there are several trees, of which none is the main one
+    whole = attempt(lambda: load_tree(path), []) or alone
     calls = (node.children[0] for node in whole.nodes
              if node.spec.kind is Kind.SUBTREE and node.element.attributes.get("ID") == subtree)
     return next(calls, alone.root)

@@ -47,7 +47,7 @@ def run(name: str, module: str, function: str = "main", redraws: bool = False) -
         lines = [str(error)]
     except (MemoryError, RecursionError):
         lines = ["there is too little memory for this"]
-    lines += map(str, extensions.doubts())
+    lines += map(str, extensions.doubts)
     if lines:
         _end(name, code, lines)
     sys.exit(code)

@@ -33,10 +33,13 @@ PLAIN: Dict[Any, Tuple[type, ...]] = {str: (str,), bool: (bool,), int: (int,), f
 IMPORT_LIMIT = 10.0
 """Seconds after which a tool gives up the import of an exported module, and ends."""
 
+doubts: List[Fault] = []
+"""A warning for each package.xml, of those read so far, that may export something and cannot be
+read."""
+
 _EXPORT = re.compile(rb"<([\w.-]+)\s[^<>]*\b(?:leaves|interface|phrases)\s*=")
 
 _under_way: List[Tuple[str, str]] = []  # the import that has not ended: package, export
-_doubts: List[Fault] = []
 _packages: Dict[str, str] = {}  # the package that exports a Python package
 
 
@@ -99,12 +102,6 @@ def exported(kind: str) -> Tuple[Extension, ...]:
                  for package, folder, exported_kind, module in _exports() if exported_kind == kind)
 
 
-def doubts() -> Tuple[Fault, ...]:
-    """Return a warning for each package.xml, of those read so far, that may export something and
-    cannot be read."""
-    return tuple(_doubts)
-
-
 def late(seconds: float, frame: Optional[FrameType] = None) -> Optional[BrokenExtension]:
     """Return the error of the import that has not ended after ``seconds``, or of other code of an
     extension.
@@ -114,12 +111,11 @@ def late(seconds: float, frame: Optional[FrameType] = None) -> Optional[BrokenEx
     if _under_way:
         return BrokenExtension(
             _under_way[0][0], f"{_under_way[0][1]}: its import has not ended within {seconds:g} s")
-    while frame is not None:
-        package = _package_of(frame)
+    for caller, line in traceback.walk_stack(frame) if frame is not None else ():
+        package = _package_of(caller)
         if package is not None:
-            return BrokenExtension(package, f"{place(frame.f_code.co_filename, frame.f_lineno)} "
+            return BrokenExtension(package, f"{place(caller.f_code.co_filename, line)} "
                                             f"has not returned within {seconds:g} s")
-        frame = frame.f_back
     return None
 
 
@@ -195,7 +191,7 @@ def _give_up() -> None:
 def _exports() -> Tuple[Tuple[str, str, str, str], ...]:
     """Return package, folder, kind and module of each export to us, by package; the first package
     of a name counts."""
-    _doubts.clear()
+    doubts.clear()
     exports: Dict[str, List[Tuple[str, str, str, str]]] = {}
     for folder in package_folders():
         path = os.path.join(folder, MANIFEST)
@@ -240,6 +236,6 @@ def _modules(package: str, path: str, manifest: bytes) -> List[Tuple[str, str]]:
 
 def _doubt(folder: str, text: str) -> None:
     """Warn of a package.xml that does not show whether it exports something."""
-    _doubts.append(Fault(
+    doubts.append(Fault(
         "package " + os.path.basename(folder), 0, 0,
         f"{os.path.join(folder, MANIFEST)} {text}; what it exports is left out", is_warning=True))

@@ -533,5 +533,5 @@ def test_the_delivered_phrases_are_those_of_the_other_missions(language):
             "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"
         ]))
     assert {key: text.strip() for key, text in keys.items()} == {
-        "utilityPhrase{}{}".format(language, number): phrases.load(language).speech(node)
+        "utilityPhrase{}{}".format(language, number): phrases.load(language).speeches[node]
         for number, node in same.items()}

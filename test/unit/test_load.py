@@ -38,7 +38,7 @@ def test_the_lab_tour_is_what_the_settings_name():
     context = loaded.context(FakeGateway(), FakeTopics(clock.now), Events(), health)
     assert (context.settings, context.phrases, context.policy, context.clock, context.health) == (
         loaded.settings, loaded.phrases, loaded.policy, clock, health)
-    assert context.phrases.speech("WelcomeSpeech").startswith("Muraho")
+    assert context.phrases.speeches["WelcomeSpeech"].startswith("Muraho")
 
 
 def test_a_mission_that_was_put_together_stays_as_it_is():

@@ -108,12 +108,12 @@ def test_pressed_answers(response, meaning):
     ("SayGoodByeSpeech", "goodbye"),
 ])
 def test_the_english_phrases_say_what_table_4_asks_for(node, words):
-    assert words in ENGLISH.speech(node).lower()
+    assert words in ENGLISH.speeches[node].lower()
 
 
 def test_each_utility_phrase_of_release_1_0_is_what_a_speech_says():
     assert [ENGLISH.utility(number) for number in range(1, 9)] == [
-        ENGLISH.speech(node)
+        ENGLISH.speeches[node]
         for node in ("PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech",
                      "WelcomeSpeech", "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech")
     ] + [None]
@@ -121,7 +121,7 @@ def test_each_utility_phrase_of_release_1_0_is_what_a_speech_says():
 
 def test_the_kinyarwanda_draft_is_complete_and_says_that_it_is_one():
     kinyarwanda = phrases.load("Kinyarwanda")
-    assert all(kinyarwanda.speech(speech.node) for speech in phrases.SPEECHES)
+    assert all(kinyarwanda.speeches[speech.node] for speech in phrases.SPEECHES)
     assert (kinyarwanda.spoken_answer("Yego"), kinyarwanda.spoken_answer("oya")) == ("yes", "no")
     with open(folders.data("phrases_Kinyarwanda.ini"), encoding="utf-8") as file:
         first = file.readline()
@@ -201,8 +201,8 @@ def faults_of_load(language="English"):
 def test_a_package_says_its_speech_in_its_own_file(package):
     (package / "phrases_English.ini").write_text("CuriousSpeech   Who are you?\n")
     found = phrases.load("English")
-    assert (found.speech("CuriousSpeech"), found.speech("WelcomeSpeech")) == (
-        "Who are you?", ENGLISH.speech("WelcomeSpeech"))
+    assert (found.speeches["CuriousSpeech"], found.speeches["WelcomeSpeech"]) == (
+        "Who are you?", ENGLISH.speeches["WelcomeSpeech"])
 
 
 def test_a_fault_of_a_package_is_in_its_file(package):

@@ -129,7 +129,7 @@ def test_the_phrases_are_those_of_the_culture_file_or_of_the_language(number):
         "PressYesNo", "FollowMe", "MaybeAnotherTime", "Welcome", "QueryTour", "HereIsTheDoor",
         "SayGoodBye"
     ]
-    expected = rig.mission.phrases.speech(speech[number - 1] + "Speech")
+    expected = rig.mission.phrases.speeches[speech[number - 1] + "Speech"]
     assert (result, rig.requests) == (SUCCESS, [Say(expected)])
 
 

@@ -330,13 +330,13 @@ ALL_KEYS = settings.KEYS + phrases.KEYS
 LIMITS = re.compile(r"from ([0-9.]+) to ([0-9.]+)|^([0-9]+) or ([0-9]+)$")
 
 
-@pytest.mark.parametrize("key", [key for key in ALL_KEYS if LIMITS.search(key.allowed)],
+@pytest.mark.parametrize("key", [key for key in ALL_KEYS if LIMITS.search(key.read.allowed)],
                          ids=lambda key: key.name)
 def test_a_key_takes_just_the_numbers_that_it_says(key):
-    low, high = [text for text in LIMITS.search(key.allowed).groups() if text]
+    low, high = [text for text in LIMITS.search(key.read.allowed).groups() if text]
     assert [key.read(text) for text in (low, high)] == [float(low), float(high)]
-    step = 0.0001 if key.allowed.startswith("a number") else 1
-    if "port" in key.allowed:
+    step = 0.0001 if key.read.allowed.startswith("a number") else 1
+    if "port" in key.read.allowed:
         assert key.read("0") == 0
         low = "0"
     for outside in (float(low) - step, float(high) + step):

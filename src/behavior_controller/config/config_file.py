@@ -7,8 +7,8 @@ import math
 import os
 import re
 from dataclasses import dataclass, field, fields
-from typing import (Any, Callable, Collection, Dict, Generic, Iterable, List, Mapping, Optional,
-                    Sequence, Tuple, Type, TypeVar)
+from typing import (Any, Callable, Collection, Dict, Generic, List, Mapping, Optional, Sequence,
+                    Tuple, Type, TypeVar)
 
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.text import Source, Unreadable, did_you_mean, read_text
@@ -149,11 +149,6 @@ class Key:
     meaning: str
 
     @property
-    def allowed(self) -> str:
-        """A description of the allowed values."""
-        return self.read.allowed
-
-    @property
     def default_text(self) -> str:
         """The default, as the documents show it."""
         return "required" if self.default is REQUIRED else to_text(self.default) or "empty"
@@ -173,11 +168,6 @@ def to_text(value: object) -> str:
     if type(value) is tuple:
         return ",".join(map(to_text, value))
     return "" if value is None else str(value)
-
-
-def help_lines(keys: Iterable[Key]) -> List[str]:
-    """Return a line for each key, with its name, its default, and its meaning."""
-    return [f"  {key.name:<26} {key.default_text:<12} {key.plain_meaning}" for key in keys]
 
 
 def key(read: Reader[Value], default: Value, meaning: str) -> Value:
@@ -228,13 +218,13 @@ def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[s
     return reader
 
 
-def read_source(path: str, what: str) -> Source:
+def read_source(path: str, what: str, hint: str = "") -> Source:
     """Return a text file that a person writes. Raises ConfigurationError; ``what`` describes the
     file in its text."""
     try:
         return Source(path, read_text(path))
     except Unreadable as error:
-        raise ConfigurationError.of(path, f"{what} cannot be read: {error}") from error
+        raise ConfigurationError.of(path, f"{what} cannot be read: {error}", hint) from error
 
 
 def read_lines(source: Source, faults: List[Fault], take: Callable[[int, str], None]) -> None:
@@ -297,7 +287,7 @@ class Collector:
         if not isinstance(value, (int, float, str)):
             self.given.setdefault(name, 0)
             self._fault(place, f"{name} cannot be of type {type(value).__name__}",
-                        f"allowed: {self.keys[name].allowed}")
+                        f"allowed: {self.keys[name].read.allowed}")
         else:
             self._value(name, str(value).lower() if isinstance(value, bool) else str(value), place)
 
@@ -314,10 +304,7 @@ class Collector:
 
     def _value(self, name: str, text: str, place: Place) -> None:
         self.given.setdefault(name, place[1])
-        before = len(self.faults)
-        value = parsed(self.keys[name].read, text, name, place, self.faults)
-        if len(self.faults) == before:
-            self.values[name] = value
+        self.values[name] = parsed(self.keys[name].read, text, name, place, self.faults)
 
     def _fault(self, place: Place, text: str, hint: str = "") -> None:
         self.faults.append(Fault(*place, text, hint))
@@ -328,7 +315,7 @@ class Collector:
         for key in self.keys.values():
             if key.default is REQUIRED and key.name not in self.given:
                 self._fault((self.path, 0, 0), f"the required key {key.name} is missing",
-                            f"add a line: {key.name} <{key.allowed}>")
+                            f"add a line: {key.name} <{key.read.allowed}>")
         if self.faults:
             raise ConfigurationError(self.faults)
         return {name: self.values.get(name, key.default) for name, key in self.keys.items()}

@@ -8,15 +8,15 @@ import os
 import re
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
 from behavior_controller import folders
 from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.config.config_file import (
-    Key, MOST_FAULTS, REQUIRED, Reader, boolean, collected, integer, number, one_of, parsed,
+    Key, MOST_FAULTS, REQUIRED, Reader, Value, boolean, collected, integer, number, one_of, parsed,
     read_lines, read_source, some_text)
-from behavior_controller.text import Source, Unreadable, did_you_mean, read_text
+from behavior_controller.text import Source, count, did_you_mean
 
 LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
 UTILITY_PHRASES = range(1, 9)
@@ -25,14 +25,13 @@ UTILITY_PHRASES = range(1, 9)
 LAST_REQUIRED = 7
 """The number of the last required phrase; the culture file of release 1.0 has no further ones."""
 
-_ENVIRONMENT, _CULTURE, _CONFIGURATION = "environment", "culture", "configuration"
-_VALUE_TYPES = "value types"
+_KINDS = _ENVIRONMENT, _CULTURE = "environment", "culture"
+_CONFIGURATION, _VALUE_TYPES = "configuration", "value types"
 _TYPE_NAMES = ("NUMBER", "WORD", "PHRASE", "UNDEFINED")
 """The values in a file of value types, which belongs to the release's own programs."""
 
-_CONFIGURATIONS = {
-    kind: f"{kind}KnowledgeBaseConfiguration.ini" for kind in (_ENVIRONMENT, _CULTURE)}
-"""The files in ``config`` that name the knowledge files."""
+_CONFIGURATIONS = {f"{kind}KnowledgeBaseConfiguration.ini": (kind,) for kind in _KINDS}
+"""The files in ``config`` that name the knowledge files, and of which kind these are."""
 
 _TOUR = "tourSpecification"
 _POSE, _NAME, _TARGET = "robotLocationPose", "robotLocationDescription", "gestureTarget"
@@ -48,8 +47,6 @@ _FORMS = {
     **{key: "<id> <text>" for keys in _MESSAGES.values() for key in keys},
     _TOUR: "<number of locations> <id of the first> … <id of the last>"}
 """The values of each key. The cultural knowledge of a location is not used."""
-_ENVIRONMENT_KEYS = tuple(_FORMS)
-_CULTURE_KEYS = (_LANGUAGE, *(key for keys in _PHRASES.values() for key in keys.values()))
 _ANY_PHRASE = re.compile(f"utilityPhrase({'|'.join(LANGUAGES)})[0-9]+")
 
 _NEAR = 0.9
@@ -61,8 +58,6 @@ _ID = integer(0, 10 ** 9)
 _COUNT = integer(1, 999)
 _COORDINATE = number(-10000, 10000)
 _WORD = re.compile(r"\S+")
-
-Value = TypeVar("Value")
 
 
 _FILE = some_text("a file in the folder data beside the configuration's folder, or a path")
@@ -193,8 +188,7 @@ class _EntryFile:
 class _Culture(_EntryFile):
     """The language and the phrases; all other keys are for other programs."""
 
-    keys = _CULTURE_KEYS
-    language: Optional[str] = None
+    keys = (_LANGUAGE, *(key for keys in _PHRASES.values() for key in keys.values()))
 
     def meant(self, key: str) -> str:
         return "" if _ANY_PHRASE.fullmatch(key) else super().meant(key)
@@ -202,13 +196,13 @@ class _Culture(_EntryFile):
     def taken(self, line: _Line, entry: str) -> Any:
         text, place = line.rest(1), (self.source.file, *line.place(1))
         if entry == _LANGUAGE:
-            self.language = parsed(_LANGUAGE_READER, text, _LANGUAGE, place, self.faults)
+            return parsed(_LANGUAGE_READER, text, _LANGUAGE, place, self.faults)
         return text
 
     def finish(self) -> None:
         """Report the missing phrases of the chosen language."""
         self.require(_LANGUAGE, f"<{_LANGUAGE_READER.allowed}>")
-        for number, key in _PHRASES[self.language].items() if self.language else ():
+        for number, key in _PHRASES.get(self.values.get(_LANGUAGE, ""), {}).items():
             if number <= LAST_REQUIRED:
                 self.require(key, "<text>")
             if self.values.get(key) == "":
@@ -225,7 +219,7 @@ class _Culture(_EntryFile):
 class _Environment(_EntryFile):
     """``languages`` are those of the tour; by default all languages of the file's messages."""
 
-    keys = _ENVIRONMENT_KEYS
+    keys = tuple(_FORMS)
 
     def __init__(self, source: Source, languages: Optional[Sequence[str]] = None):
         self.languages = languages
@@ -259,10 +253,10 @@ class _Environment(_EntryFile):
 
     def _tour(self, line: _Line, form: str) -> List[Tuple[Optional[int], Tuple[int, int]]]:
         """Return each id, and its place."""
-        count = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
+        stated = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
         listed = range(2, len(line.words))
-        if count is not None and count != len(listed):
-            locations = f"{count} location{'' if count == 1 else 's'}"
+        if stated is not None and stated != len(listed):
+            locations = count(stated, "location", "locations")
             self.fault(line.place(1), f"{_TOUR} says {locations} and lists {len(listed)}", form)
         return [(self.value(line, index, f"an id of {_TOUR}", _ID), line.place(index))
                 for index in listed]
@@ -304,14 +298,13 @@ class _Environment(_EntryFile):
 
     def exhibits(self, language: str) -> Tuple[Exhibit, ...]:
         """Return the tour, if there are no faults."""
-        before, after = _MESSAGES[language]
+        keys = (_NAME, *_MESSAGES[language], _POSE, _TARGET)
         exhibits = []
         for location, _ in self.values[_TOUR]:
-            name, pose, target, first, last = [
-                self.values.get(f"{key} {location}", "")
-                for key in (_NAME, _POSE, _TARGET, before, after)]
+            name, before, after, pose, target = [
+                self.values.get(f"{key} {location}", "") for key in keys]
             exhibits.append(Exhibit(
-                name, first, last, Location(*pose), Point(*target or (0.0, 0.0, 0.0))))
+                name, before, after, Location(*pose), Point(*target or (0.0, 0.0, 0.0))))
         return tuple(exhibits)
 
 
@@ -324,7 +317,7 @@ def load(mission: str = "") -> Knowledge:
     faults: List[Fault] = []
     environment, culture = [
         attempt(lambda: _source(read_source(path, "the configuration"), mission), faults)
-        for path in map(folders.config, _CONFIGURATIONS.values())]
+        for path in map(folders.config, _CONFIGURATIONS)]
     return read(environment, culture, faults=faults)
 
 
@@ -333,7 +326,7 @@ def read(environment: Optional[Source], culture: Optional[Source], *,
     """Return the knowledge of two files, given their texts. Raises ConfigurationError with every
     fault; ``faults`` are those of the files that could not be read."""
     chosen = _Culture(culture) if culture else None
-    language = chosen.language if chosen else None
+    language = chosen.values.get(_LANGUAGE) if chosen else None
     places = _Environment(environment, [language] if language else []) if environment else None
     findings = list(faults)
     for file in (places, chosen):
@@ -350,11 +343,10 @@ def check(path: str) -> Optional[List[Fault]]:
 
     None if the file is neither: its keys decide.
     """
-    try:
-        source = Source(path, read_text(path))
-    except Unreadable:
+    source = attempt(lambda: read_source(path, "the file"), [])
+    if source is None or source.text.lstrip().startswith("<"):
         return None
-    kind = None if source.text.lstrip().startswith("<") else _kind(source.text)
+    kind = _kind(source.text)
     if kind == _CONFIGURATION:
         try:
             source = _source(source)
@@ -378,14 +370,9 @@ def _source(configuration: Source, mission: str = "") -> Source:
     path = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(configuration.file))),
                         "data", name)
     hint = f"the key {_KNOWLEDGE_BASE} of {configuration.file} names it"
-    try:
-        source = read_source(folders.of_mission(path, mission), "the knowledge file")
-    except ConfigurationError as error:
-        raise ConfigurationError([fault._replace(hint=hint) for fault in error.faults]) from error
-    own_name = os.path.basename(configuration.file)
-    allowed = [kind for kind, file in _CONFIGURATIONS.items() if file == own_name]
+    source = read_source(folders.of_mission(path, mission), "the knowledge file", hint)
     kind = _kind(source.text)
-    if kind not in (allowed or _CONFIGURATIONS):
+    if kind not in _CONFIGURATIONS.get(os.path.basename(configuration.file), _KINDS):
         text = f"this is the {kind} file" if kind else "this is not a knowledge file of release 1.0"
         raise ConfigurationError.of(path, text, hint)
     return source
@@ -397,6 +384,6 @@ def _kind(text: str) -> Optional[str]:
     if values and values.issubset(_TYPE_NAMES):
         return _VALUE_TYPES
     keys = {line.key for line in _lines(text)}
-    kinds = {_ENVIRONMENT: _ENVIRONMENT_KEYS, _CULTURE: _CULTURE_KEYS,
+    kinds = {_ENVIRONMENT: _Environment.keys, _CULTURE: _Culture.keys,
              _CONFIGURATION: (_KNOWLEDGE_BASE,)}
     return next((kind for kind, known in kinds.items() if not keys.isdisjoint(known)), None)

@@ -6,9 +6,9 @@ import glob
 import itertools
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Iterable, List, Mapping, NamedTuple, Optional, Pattern, Tuple
 
 from behavior_controller import extensions, folders
 from behavior_controller.errors import ConfigurationError, Fault
@@ -91,21 +91,15 @@ class Phrases:
     source: Source = Source("", "")
 
     @cached_property
-    def _by_first(self) -> Mapping[str, List[Tuple[Words, str]]]:
-        """The phrases by their first word, since utterances may be long.
+    def _meaning_of(self) -> Mapping[str, str]:
+        return {" ".join(phrase): meaning for meaning, phrases in self.meanings.items()
+                for phrase in phrases}
 
-        The longest phrase comes first, so that "why not" is not taken for its "not".
-        """
-        pairs = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES)
-                 for phrase in self.meanings[meaning]]
-        by_first: Dict[str, List[Tuple[Words, str]]] = {}
-        for phrase, meaning in sorted(pairs, key=lambda pair: -len(pair[0])):
-            by_first.setdefault(phrase[0], []).append((phrase, meaning))
-        return by_first
-
-    def speech(self, node: str) -> str:
-        """Return the text that a mission node says."""
-        return self.speeches[node]
+    @cached_property
+    def _phrase(self) -> Pattern[str]:
+        """Matches the longest phrase, so that "why not" is not taken for its "not"."""
+        longest_first = sorted(self._meaning_of, key=len, reverse=True)
+        return re.compile(rf"(?<!\S)(?:{'|'.join(longest_first)})(?!\S)")
 
     def utility(self, number: int) -> Optional[str]:
         """Return the text of the speech that says the same as release 1.0's utility phrase of that
@@ -118,32 +112,18 @@ class Phrases:
         ``Error…`` is not an answer."""
         if begins_with_error(utterance):
             return None
-        meanings = self._meanings_in(_sentence(utterance))
+        said = self._phrase.findall(" ".join(_sentence(utterance)))
+        meanings = {self._meaning_of[phrase] for phrase in said}
         return next((answer for answer in (NO, YES) if answer in meanings), None)
 
     def is_answer(self, utterance: str) -> bool:
         """Return whether a visitor said yes or no."""
         return self.spoken_answer(utterance) is not None
 
-    def _meanings_in(self, sentence: Words) -> List[str]:
-        meanings, at = [], 0
-        while at < len(sentence):
-            for phrase, meaning in self._by_first.get(sentence[at], ()):
-                if sentence[at:at + len(phrase)] == phrase:
-                    meanings.append(meaning)
-                    at += len(phrase)
-                    break
-            else:
-                at += 1
-        return meanings
-
     def pressed_answer(self, response: str) -> Optional[str]:
         """Return ``yes`` or ``no`` for a button's label or number (``1`` is the first), or None."""
-        pressed = response.strip().lower()
-        labels = [label.lower() for label in self.tablet_options]
-        if pressed in ("1", labels[0]):
-            return YES
-        return NO if pressed in ("2", labels[1]) else None
+        yes, no = map(str.lower, self.tablet_options)
+        return {"2": NO, no: NO, "1": YES, yes: YES}.get(response.strip().lower())
 
 
 def is_error(utterance: str) -> bool:
@@ -163,9 +143,10 @@ def languages() -> List[str]:
 
 
 def load(language: str, mission: str = "") -> Phrases:
-    """Return the phrases of ``language``, for a mission that may have its own.
+    """Return the phrases of ``language``, for a mission that may have its own, and of each package
+    that has some.
 
-    Raises ConfigurationError with every fault.
+    Raises ConfigurationError with every fault of the first file that has any.
     """
     known = languages()
     if language not in known:
@@ -175,15 +156,14 @@ def load(language: str, mission: str = "") -> Phrases:
         raise ConfigurationError.of("language", f"there are no phrases in {language}", hint)
     name = f"phrases_{language}.ini"
     own = read_source(folders.of_mission(folders.data(name), mission), "the file of phrases")
-    return _phrases(own, KEYS, _of_packages(name))
-
-
-def _of_packages(name: str) -> Iterator[Tuple[Source, Tuple[Key, ...]]]:
-    """Yield the file of that name of each package that has phrases, and its keys."""
+    found = _phrases(own, KEYS)
     for extension in extensions.exported("phrases"):
         source = read_source(os.path.join(extension.folder, "data", name),
                              f"the file of phrases of the package {extension.package}")
-        yield source, _keys_of(extension.declared("SPEECHES", Speech))
+        added = collected(source, _keys_of(extension.declared("SPEECHES", Speech))).result()
+        both = Source(own.file, f"{found.source.text}\n{source.text}")
+        found = replace(found, speeches={**found.speeches, **added}, source=both)
+    return found
 
 
 def recorded(source: Source) -> Phrases:
@@ -197,22 +177,16 @@ def recorded(source: Source) -> Phrases:
     return _phrases(source, texts + KEYS[len(SPEECHES):])
 
 
-def _phrases(source: Source, keys: Tuple[Key, ...],
-             others: Iterable[Tuple[Source, Tuple[Key, ...]]] = ()) -> Phrases:
-    """Return the phrases of a file with these keys, and of ``others``. Raises ConfigurationError
-    with every fault of the first file that has any."""
-    values, text = collected(source, keys).result(), source.text
-    faults = []
-    for one, other in itertools.combinations((YES, NO, UNCLEAR), 2):
-        for phrase in sorted(set(values[one]).intersection(values[other])):
-            text = f"\"{' '.join(phrase)}\" is in {one} and in {other}"
-            faults.append(Fault(source.file, 0, 0, text, "keep one of them"))
+def _phrases(source: Source, keys: Tuple[Key, ...]) -> Phrases:
+    """Return the phrases of a file with these keys. Raises ConfigurationError with every fault."""
+    values = collected(source, keys).result()
+    faults = [Fault(source.file, 0, 0, f"\"{' '.join(phrase)}\" is in {one} and in {other}",
+                    "keep one of them")
+              for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
+              for phrase in sorted(set(values[one]).intersection(values[other]))]
     if faults:
         raise ConfigurationError(faults)
-    for added, its_keys in others:
-        values.update(collected(added, its_keys).result())
-        text += "\n" + added.text
     return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS},
                    (values["tabletYes"], values["tabletNo"]),
                    {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)},
-                   source._replace(text=text))
+                   source)

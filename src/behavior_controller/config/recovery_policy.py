@@ -92,17 +92,17 @@ def read(source: Source, specs: Iterable[MissionSpec]) -> Policy:
         raise ConfigurationError(reader.faults)
     most, seconds = reader.pairs["budget"]
     pause = reader.pairs.get("pause", (Policy.first_pause, Policy.longest_pause))
-    return Policy(tuple(reader.rules), int(most), seconds, source, *pause)
+    rules = tuple(rule for _, rule in reader.rules.values())
+    return Policy(rules, int(most), seconds, source, *pause)
 
 
 class _Reader:
     def __init__(self, path: str, nodes: Dict[str, MissionSpec]):
         self.path = path
         self.nodes = nodes
-        self.rules: List[Rule] = []
+        self.rules: Dict[Tuple[str, str], Tuple[int, Rule]] = {}  # of node and cause, with its line
         self.faults: List[Fault] = []
         self.pairs: Dict[str, Tuple[float, float]] = {}  # of the budget and the pauses
-        self.seen: Dict[Tuple[str, str], int] = {}
 
     def fault(self, line: int, text: str, hint: str = "") -> None:
         self.faults.append(Fault(self.path, line, 1 if line else 0, text, hint))
@@ -158,13 +158,12 @@ class _Reader:
     def _keep(self, number: int, rule: Rule) -> None:
         """Append a valid rule, unless it can never decide because of the rules before it."""
         for fits in itertools.product((rule.node, "*"), (rule.cause, "*")):
-            if fits in self.seen:
+            if fits in self.rules:
                 self.fault(number, f"{rule.node} {rule.cause} is never looked at: line "
-                                   f"{self.seen[fits]} decides before it",
+                                   f"{self.rules[fits][0]} decides before it",
                            "the first line that fits decides")
                 return
-        self.seen[rule.node, rule.cause] = number
-        self.rules.append(rule)
+        self.rules[rule.node, rule.cause] = number, rule
 
 
 def _is_count(text: str) -> bool:

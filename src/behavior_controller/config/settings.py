@@ -1,5 +1,6 @@
 """The controller's configuration: its keys, each with its type, default and meaning, as one frozen
 record."""
+import re
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple
@@ -147,20 +148,17 @@ def defaults(**given: Plain) -> Settings:
     return _settings({**values, **given})
 
 
+_PRIVATE = re.compile(f"_(?!_)(.*?){ASSIGNMENT}(.*)", re.DOTALL)
+
+
 def split_arguments(argv: Sequence[str]) -> Tuple[List[str], Dict[str, str]]:
     """Return the arguments for rospy, and key -> value of each ``_key:=value``.
 
     rospy would put the latter on the parameter server, where they outlive the process and a later
     process reads them.
     """
-    others: List[str] = []
-    given: Dict[str, str] = {}
-    for argument in argv:
-        name, is_assignment, value = argument.partition(ASSIGNMENT)
-        if is_assignment and name.startswith("_") and not name.startswith("__"):
-            given[name[1:]] = value
-        else:
-            others.append(argument)
+    others = [argument for argument in argv if not _PRIVATE.fullmatch(argument)]
+    given = {match[1]: match[2] for match in map(_PRIVATE.fullmatch, argv) if match}
     return others, given
 
 

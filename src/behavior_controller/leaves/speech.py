@@ -40,7 +40,7 @@ class FixedSpeech(SpeechLeaf):
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase."""
-        return Say(self.mission.phrases.speech(self.phrase), self.mission.language)
+        return Say(self.mission.phrases.speeches[self.phrase], self.mission.language)
 
 
 class Question(FixedSpeech):

@@ -27,7 +27,6 @@ from behavior_controller.execution.events import Events, Noticed
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.gateway import Topics
 from behavior_controller.execution.health import Health
-from behavior_controller.config.config_file import help_lines
 from behavior_controller.leaves import registry
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros import ros_interface
@@ -117,7 +116,8 @@ def run() -> NoReturn:
 
 def _explain(wish: str) -> int:
     """Print the version, or the usage and all keys."""
-    usage = [USAGE, "", "keys, their defaults and meanings:", *help_lines(KEYS)]
+    usage = [USAGE, "", "keys, their defaults and meanings:"]
+    usage += [f"  {key.name:<26} {key.default_text:<12} {key.plain_meaning}" for key in KEYS]
     print(f"{NAME} {version()}" if wish == "--version" else "\n".join(usage))
     return exit_codes.SUCCESS
 
@@ -215,7 +215,7 @@ class _Node:
         plan = self._apart(lambda: read_plan(clock, self._wake, self._console.tell), FILES)
         if plan.settings.ros_interface:
             ros_interface.types()
-        for doubt in extensions.doubts():
+        for doubt in extensions.doubts:
             self._console.warn(str(doubt))
         self._console.is_verbose = plan.settings.verbose_mode
         return plan, self._apart(lambda: _open_places(plan.settings), ADDRESSES)

@@ -30,7 +30,7 @@ def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeyp
                 for each in settings.KEYS + options.KEYS + options.OWN}.values():
         place, = [number for number, line in enumerate(usage) if line.split()[:1] == [key.name]]
         told = usage[place + 1].strip()
-        assert told.startswith("{} ({}; ".format(key.plain_meaning, key.allowed))
+        assert told.startswith("{} ({}; ".format(key.plain_meaning, key.read.allowed))
         assert key.default_text + ")" in told
         assert told.endswith(")") == (key.name not in ("arrivalRate", "recordDirectory"))
 

@@ -47,7 +47,7 @@ def test_each_visitor(by_voice, behaviour, outcome, asked, walks, is_told_goodby
     known = of_test.world.knowledge
     goals = [known.exhibits[2].location, known.home.location]
     assert drives(of_test) == (goals if walks else [])
-    goodbye = phrases.load("English", "reception").speech("SayGoodByeSpeech")
+    goodbye = phrases.load("English", "reception").speeches["SayGoodByeSpeech"]
     assert (goodbye in said(of_test)) is is_told_goodbye
 
 
@@ -124,4 +124,4 @@ def test_it_has_words_of_its_own_in_each_language(language):
     assert own.source.file == folders.data("reception_phrases_{}.ini".format(language))
     assert own.meanings == usual.meanings and own.tablet_options == usual.tablet_options
     assert set(own.speeches) == set(usual.speeches)
-    assert own.speech("QueryTourSpeech") != usual.speech("QueryTourSpeech")
+    assert own.speeches["QueryTourSpeech"] != usual.speeches["QueryTourSpeech"]

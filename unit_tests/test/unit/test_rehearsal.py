@@ -21,7 +21,7 @@ def play(behaviour, asr=True, mission=folders.mission("lab_tour")):
     yes, no = LANGUAGE.tablet_options
     home = KNOWLEDGE.home.location
     manners = Manners(behaviour,
-                      [LANGUAGE.speech(node) for node in ("QueryTourSpeech", "SayYesNoSpeech")],
+                      [LANGUAGE.speeches[node] for node in ("QueryTourSpeech", "SayYesNoSpeech")],
                       yes, no, (home.x, home.y))
     return on_stage(mission, {"asrEnabled": asr}, manners, KNOWLEDGE)
 

@@ -24,7 +24,7 @@ from unit_tests.robot.options import REAL
 LAB_TOUR = Stage(settings.defaults())
 M = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
 SAY = M.format("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>")
-SPOKEN = len(phrases.load("English").speech("WelcomeSpeech")) / LETTERS_A_SECOND
+SPOKEN = len(phrases.load("English").speeches["WelcomeSpeech"]) / LETTERS_A_SECOND
 
 
 def play(on=LAB_TOUR, silent=(), **changed):

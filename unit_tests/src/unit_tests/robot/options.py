@@ -368,7 +368,7 @@ def usage(of_rate: str = "") -> str:
         for declared in keys:
             value = config_file.to_text(values.get(declared.name, declared.default))
             default = "" if declared.default is REQUIRED else "default "
-            allowed = f"{declared.allowed}; {default}{declared.default_text}"
+            allowed = f"{declared.read.allowed}; {default}{declared.default_text}"
             text = f"      {declared.plain_meaning} ({allowed})"
             lines += [f"  {declared.name:<26} {value}".rstrip(),
                       "; ".join(filter(None, [text, remarks.get(declared.name)]))]

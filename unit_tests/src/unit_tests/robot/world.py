@@ -53,7 +53,7 @@ def world(behaviour: str, settings: Settings) -> World:
         language = phrases.load(settings.language, mission)
         knowledge = load_building(building_file(mission))
     asking = [speech for speech in phrases.SPEECHES if speech.asks]
-    questions = [language.speech(speech.node) for speech in asking]
+    questions = [language.speeches[speech.node] for speech in asking]
     questions += [utility[speech.utility] for speech in asking if speech.utility in utility]
     home = None if knowledge.home in knowledge.exhibits else knowledge.home.location[:2]
     manners = Manners(behaviour, questions, *language.tablet_options, home, knowledge.exhibits)
