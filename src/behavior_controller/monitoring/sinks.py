@@ -13,7 +13,7 @@ import textwrap
 import threading
 import time
 import unicodedata
-from typing import Any, Callable, Deque, Iterable, List
+from typing import Any, Callable, Deque, Iterable, List, NamedTuple
 
 from behavior_controller.text import LONGEST, clean
 
@@ -130,8 +130,15 @@ def drain(sinks: Iterable[Sink], seconds: float) -> None:
 # ----------------------------------------------------------------------------- the standard streams
 
 
+class ColouredLine(NamedTuple):
+    """A line without its end; the terminal's ``colours`` precede it, and end with it."""
+
+    colours: str
+    text: str
+
+
 class LineStream(io.TextIOBase):
-    """A text stream whose whole lines go into a sink as bytes."""
+    """A text stream whose whole lines go into a sink."""
 
     def __init__(self, sink: Sink, original: Any):
         """``original`` is the stream that this one replaces."""
@@ -142,16 +149,13 @@ class LineStream(io.TextIOBase):
         self._part = ""  # of a line that has not ended
 
     def write(self, text: str) -> int:
-        """Queue ``text``; characters that the terminal lacks, or that would control it, are
-        escaped."""
+        """Queue ``text``; characters that would control the terminal are escaped."""
         with self._lock:
-            whole, newline, self._part = (self._part + text).rpartition("\n")
-            for line in whole.split("\n") if newline else []:
+            *lines, self._part = (self._part + text).split("\n")
+            for line in lines:
                 colours = COLOURS.match(line).group()  # type: ignore[union-attr]
-                text = clean(line[len(colours):], LONGEST_LINE)
-                colours = colours.replace(RESET, "")
-                line = colours + text + (RESET if colours else "") + newline
-                self._sink.put(line.encode(self._original.encoding, "backslashreplace"))
+                shown = clean(line[len(colours):], LONGEST_LINE)
+                self._sink.put(ColouredLine(colours.replace(RESET, ""), shown))
         return len(text)
 
     def isatty(self) -> bool:
@@ -166,7 +170,7 @@ class LineStream(io.TextIOBase):
 NAMED = "]: behaviorController: "
 """What a terminal, which shows one program, does without; other readers get the node's name."""
 
-HEARTBEAT = ": running.\n"
+HEARTBEAT = ": running."
 """The end of the only line that keeps it (D3.2)."""
 
 
@@ -182,55 +186,41 @@ def take_over_streams() -> List[Sink]:
 
 
 def _stream_sink(stream: Any) -> Sink:
-    descriptor = stream.fileno()
+    def warning(text: str) -> ColouredLine:
+        return ColouredLine("", f"[WARN] [{time.strftime('%H:%M:%S')}]{NAMED}{text}")
 
-    def line(text: str) -> bytes:
-        return f"[WARN] [{time.strftime('%H:%M:%S')}]: behaviorController: {text}\n".encode()
+    def write(line: ColouredLine) -> None:
+        text, end = line.text, RESET if line.colours else ""
+        with contextlib.suppress(OSError):  # the terminal is gone
+            if stream.isatty():
+                if not text.endswith(HEARTBEAT):
+                    text = text.replace(NAMED, "]: ", 1)
+                text = fitted(text, os.get_terminal_size(stream.fileno()).columns)
+            data = f"{line.colours}{text}{end}\n".encode(stream.encoding, "backslashreplace")
+            _write_all(stream.fileno(), data)
 
-    def write(data: bytes) -> None:
-        if stream.isatty():
-            line = data.decode(stream.encoding)
-            if not line.endswith(HEARTBEAT):
-                line = line.replace(NAMED, "]: ", 1)
-            data = fitted(line, columns(descriptor)).encode(stream.encoding)
-        _write_all(descriptor, data)
-
-    return Sink("the terminal", write, line)
-
-
-def columns(descriptor: int) -> int:
-    """Return the width of a terminal in characters; 0 if it is unknown."""
-    try:
-        return os.get_terminal_size(descriptor).columns
-    except OSError:
-        return 0
+    return Sink("the terminal", write, warning)
 
 
-def fitted(line: str, width: int) -> str:
-    """Return a line with its end, broken between words into lines of at most ``width`` characters;
-    0: as it is."""
-    colours = COLOURS.match(line).group()  # type: ignore[union-attr]
-    text = line[len(colours):].rstrip("\n")
-    end = RESET if colours and text.endswith(RESET) else ""
-    text = text[:len(text) - len(end)]
+def fitted(text: str, width: int) -> str:
+    """Return a line broken between words into lines of at most ``width`` characters; 0: as it is.
+    """
     if any(unicodedata.east_asian_width(letter) in "WF" for letter in text):
         width //= 2  # such letters take two columns
     if len(text) <= width or width <= len(INDENT):
-        return line
-    is_path = "/" in max(text.split(), key=len)  # which is copied: the terminal breaks it
-    lines = textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False,
-                          break_long_words=not is_path)
-    return colours + "\n".join(lines) + end + "\n"
+        return text
+    is_path = "/" in max(text.split(), key=len, default="")  # is copied: the terminal breaks it
+    return "\n".join(textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False,
+                                   break_long_words=not is_path))
 
 
 def _write_all(descriptor: int, data: bytes) -> None:
-    """Write ``data`` without a time limit; nothing if the terminal is gone."""
-    with contextlib.suppress(OSError):
-        while data:
-            try:
-                data = data[os.write(descriptor, data):]
-            except BlockingIOError:  # another process has made the terminal non-blocking
-                select.select([], [descriptor], [])
+    """Write ``data`` without a time limit."""
+    while data:
+        try:
+            data = data[os.write(descriptor, data):]
+        except BlockingIOError:  # another process has made the terminal non-blocking
+            select.select([], [descriptor], [])
 
 
 # ------------------------------------------------------------------------------------------ logging

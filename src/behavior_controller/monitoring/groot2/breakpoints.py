@@ -146,8 +146,7 @@ class _SetHook:
 
     def __init__(self, hook: Hook):
         self.hook = hook
-        self.is_waiting = False  # a breakpoint that was reached
-        self.is_unlocked = False
+        self.is_unlocked = False  # a breakpoint that was reached
         self.is_reported = False  # the operator knows that it decides results
 
 
@@ -158,8 +157,8 @@ class _NodeHooks(NodeHook):
         self._node = node
         self._owner = owner
         self._set: Dict[int, _SetHook] = {}  # by position
-        # while the node waits at a breakpoint, its status before, and its result if it was ticked
-        self._held: Optional[Tuple[Any, Optional[Result]]] = None
+        # while the node waits: the breakpoint, its status before, and its result if it was ticked
+        self._held: Optional[Tuple[_SetHook, Any, Optional[Result]]] = None
 
     @property
     def is_holding(self) -> bool:  # type: ignore[override]
@@ -176,7 +175,7 @@ class _NodeHooks(NodeHook):
         place.is_reported = False
         place.hook = hook
         if not hook.enabled:
-            place.is_unlocked = place.is_waiting
+            self._unlock(place)
         result = "" if hook.mode == BREAKPOINT else " to " + hook.desired_status
         self._tell(hook, f"is set{result}" + ("" if hook.enabled else ", but disabled"))
 
@@ -188,8 +187,11 @@ class _NodeHooks(NodeHook):
             self._owner.gone.append(hook)  # it has removed itself already
             return
         place.hook = hook
-        place.is_unlocked = place.is_waiting
+        self._unlock(place)
         self._tell(hook, text)
+
+    def _unlock(self, place: _SetHook) -> None:
+        place.is_unlocked = self._held is not None and self._held[0] is place
 
     def remove(self, hook: Hook, reason: str) -> None:
         """Remove the hook at the same place, and let the node go on."""
@@ -212,9 +214,8 @@ class _NodeHooks(NodeHook):
         its tick."""
         held, self._held = self._held, None
         if held is not None:
-            status, result = held
-            waiting = self._set.get(BEFORE if result is None else AFTER)
-            if waiting is not None and waiting.is_waiting and not waiting.is_unlocked:
+            place, status, result = held
+            if place in self._set.values() and not place.is_unlocked:
                 self._held = held
                 return RUNNING
             self._report_hold(False)
@@ -238,13 +239,11 @@ class _NodeHooks(NodeHook):
         if place is None or not (place.hook.enabled or place.is_unlocked):
             return None
         if place.hook.mode == BREAKPOINT and not place.is_unlocked:
-            self._held = node.status, result
+            self._held = place, node.status, result
             self._report_hold(True)
-            if not place.is_waiting:
-                place.is_waiting = True
-                self._owner.reached(node.uid)
+            self._owner.reached(node.uid)
             return RUNNING
-        place.is_waiting = place.is_unlocked = False
+        place.is_unlocked = False
         return self._decide(place, result)
 
     def _decide(self, place: _SetHook, result: Optional[Result]) -> Optional[Result]:
@@ -268,9 +267,9 @@ class _NodeHooks(NodeHook):
         has none."""
         held, self._held = self._held, None
         for place in self._set.values():
-            place.is_waiting = place.is_unlocked = False
+            place.is_unlocked = False
         self._leave()
         if held is None:
             return True
         self._report_hold(False)
-        return held != (IDLE, None)
+        return held[1:] != (IDLE, None)
