@@ -101,25 +101,24 @@ class Hooks:
         for hook in newest.values():
             self._post(self._nodes[hook.uid].insert, hook)
 
-    def remove(self, position: int, uid: int, reason: str = "") -> bool:
-        """Remove a hook and let its node go on; return whether it existed. The operator gets the
+    def remove(self, place: HookPlace, reason: str = "") -> bool:
+        """Remove the hook there and let its node go on; return whether it existed. The operator gets the
         ``reason``."""
         self._take_gone_off()
-        hook = self._listed.pop((position, uid), None)
+        hook = self._listed.pop(place.key, None)
         if hook is not None:
-            self._post(self._nodes[uid].remove, hook, reason)
+            self._post(self._nodes[hook.uid].remove, hook, reason)
         return hook is not None
 
-    def unlock(self, position: int, uid: int, desired_status: Desired,
-               remove_when_done: bool) -> bool:
+    def unlock(self, given: Unlocking) -> bool:
         """Let a breakpoint go on with this result; return whether there is one."""
         self._take_gone_off()
-        hook = self._listed.get((position, uid))
+        hook = self._listed.get(given.key)
         if hook is None:
             return False
-        hook = self._listed[position, uid] = replace(
-            hook, desired_status=desired_status, once=hook.once or remove_when_done)
-        self._post(self._nodes[uid].release, hook, "lets the node go on")
+        hook = self._listed[hook.key] = replace(
+            hook, desired_status=given.desired_status, once=hook.once or given.remove_when_done)
+        self._post(self._nodes[hook.uid].release, hook, "lets the node go on")
         return True
 
     def disable_all(self) -> None:
@@ -130,7 +129,7 @@ class Hooks:
 
     def remove_all(self, reason: str = "") -> None:
         for hook in self.all():
-            self.remove(hook.position, hook.uid, reason)
+            self.remove(hook, reason)
 
     def _post(self, change: Callable[..., None], *arguments: Any) -> None:
         """Post a change to the tick thread and wake it."""

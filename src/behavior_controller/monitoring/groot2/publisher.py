@@ -18,7 +18,6 @@ from xml.etree import ElementTree
 import msgspec
 import zmq
 import zmq.asyncio
-from msgspec.structs import asdict
 
 from behavior_controller.bt.linter.structure import CONDITIONS
 from behavior_controller.bt.linter.palette import tree_nodes_model
@@ -42,9 +41,6 @@ MOST_TRANSITIONS = 1000
 HEARTBEAT = 5.0
 """Seconds without a request after which the client counts as gone: its breakpoints must not hold
 the robot."""
-
-CHECK_INTERVAL = 0.25
-"""Seconds between two checks for a client that is gone."""
 
 PACE = 0.002
 """The shortest time between two requests, in seconds: a client that floods must not slow the
@@ -87,7 +83,6 @@ class Groot2Publisher:
         self._lines = _Lines(warn)
         self._held = held
         self._shown: Optional[_Shown] = None
-        self._last_request = 0.0
         self._is_closed = False
         # of the requests, and of the breakpoints reached
         self._sockets = opened(
@@ -122,10 +117,8 @@ class Groot2Publisher:
         Front(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
         # without the check for a client that is gone, no breakpoint may hold the robot
         loop = asyncio.get_event_loop()
-        self._tasks = [
-            asyncio.ensure_future(endless) for endless in (self._serve(), self._check_client())]
-        for task in self._tasks:
-            task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
+        self._task = asyncio.ensure_future(self._serve())
+        self._task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
 
     def _end(self) -> None:
         self._context.destroy(0)
@@ -135,14 +128,6 @@ class Groot2Publisher:
             self._lines.warn("Groot2 is cut off by an internal error; its breakpoints and "
                              "replacements are removed")
 
-    async def _check_client(self) -> None:
-        """Remove the hooks of a client that is gone: they must not hold the robot."""
-        while True:
-            await asyncio.sleep(CHECK_INTERVAL)
-            shown, silence = self._shown, time.monotonic() - self._last_request
-            if shown is not None and silence >= HEARTBEAT:
-                shown.hooks.remove_all(": its client is gone")
-
     def _publish(self, uid: int) -> None:
         """Announce to the client that a breakpoint was reached."""
         header = struct.pack("<BBI", PROTOCOL, ord("N"), int.from_bytes(os.urandom(4), "little"))
@@ -150,10 +135,13 @@ class Groot2Publisher:
 
     async def _serve(self) -> None:
         """Answer requests one by one, at a limited rate; the parts before the empty one are the
-        sender's address."""
+        sender's address. Remove the hooks of a client that is gone: they must not hold the robot.
+        """
         while True:
+            while not await self._requests.poll(int(1000 * HEARTBEAT)):
+                if self._shown is not None:
+                    self._shown.hooks.remove_all(": its client is gone")
             parts = await self._requests.recv_multipart()
-            self._last_request = time.monotonic()
             self._front.note_request(parts[0])
             if b"" in parts[:-1]:
                 start = parts.index(b"") + 1
@@ -254,12 +242,12 @@ class _Shown:
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""
-        if not self.hooks.remove(**asdict(_read(frames, HookPlace))):
+        if not self.hooks.remove(_read(frames, HookPlace)):
             raise Refused("Node ID not found")
 
     def unlock(self, frames: List[bytes]) -> None:
         """``U``: a breakpoint may go on."""
-        if not self.hooks.unlock(**asdict(_read(frames, Unlocking))):
+        if not self.hooks.unlock(_read(frames, Unlocking)):
             raise Refused("Node ID not found")
 
     def dump_hooks(self, frames: List[bytes]) -> bytes:
