@@ -236,9 +236,8 @@ class _Stream(_Quiet):
         """Return what has changed since the last message."""
         board = self.page.board
         board.refresh()
-        versions = dict(board.versions)
-        parts = {name: board.part(name) for name, version in versions.items()
-                 if self._versions.get(name) != version}
+        seen, self._versions = self._versions, dict(board.versions)
+        parts = {name: board.part(name) for name, version in self._versions.items()
+                 if seen.get(name) != version}
         before, self._parts = self._parts, {**self._parts, **parts}
-        self._versions = versions
         return changes(before, self._parts)
