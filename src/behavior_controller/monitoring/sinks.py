@@ -64,17 +64,16 @@ class Sink:
         self._rest = rest
         self._since_rest = 0  # items written
         self._is_drained = False  # a thread waits until everything is written
-        self._waiting: Deque[Any] = collections.deque()
+        self._waiting: Deque[Any] = collections.deque()  # the first one is being written
         self._losses = itertools.count(1)
         self._lost = self._reported = 0  # how many items did not fit, and how many of them are told
-        self._is_busy = False
         self._news = threading.Condition()
         threading.Thread(target=self._work, name=name, daemon=True).start()
 
     def put(self, item: Any) -> None:
         """Queue ``item`` for writing; if the queue is full, count it as lost."""
         # both without the lock: the threads that report something must not wait for each other
-        if self._lost > self._reported or len(self._waiting) >= self._most:
+        if self._lost > self._reported or len(self._waiting) > self._most:
             self._lost = next(self._losses)
             return
         self._waiting.append(item)
@@ -88,32 +87,28 @@ class Sink:
         with self._news:
             self._is_drained = True
             self._news.notify_all()
-            self._news.wait_for(lambda: not (self._waiting or self._is_busy), seconds)
+            self._news.wait_for(lambda: not self._waiting, seconds)
             self._is_drained = False
 
     def _work(self) -> None:
         while True:
-            self._write(self._next())
-
-    def _next(self) -> Any:
-        """Wait until there is an item, and it is time to write it, and return it."""
-        with self._news:
-            self._is_busy = False
-            self._news.notify_all()
-            while not self._waiting or self._must_rest():
-                self._news.wait_for(
-                    lambda: self._waiting and (self._is_drained or not self._rest),
-                    self._rest or None)
-                self._since_rest = 0
-            self._since_rest += 1
-            self._is_busy = True
-            item = self._waiting.popleft()
-            lost = self._lost - self._reported
-            if lost > 0 and len(self._waiting) <= self._most // 2:
-                self._waiting.append(self._item(
-                    f"{lost} lines left out: {self._name} did not take them in time"))
-                self._reported += lost
-            return item
+            with self._news:
+                while not self._waiting or self._must_rest():
+                    self._news.wait_for(
+                        lambda: self._waiting and (self._is_drained or not self._rest),
+                        self._rest or None)
+                    self._since_rest = 0
+                self._since_rest += 1
+                lost = self._lost - self._reported
+                # at most half of them wait besides the first
+                if lost > 0 and len(self._waiting) - 1 <= self._most // 2:
+                    self._waiting.append(self._item(
+                        f"{lost} lines left out: {self._name} did not take them in time"))
+                    self._reported += lost
+            self._write(self._waiting[0])
+            with self._news:
+                self._waiting.popleft()
+                self._news.notify_all()
 
     def _must_rest(self) -> bool:
         most = AT_ONCE if len(self._waiting) < FLOOD else AT_ONCE_IN_FLOOD
@@ -144,7 +139,6 @@ class LineStream(io.TextIOBase):
         """``original`` is the stream that this one replaces."""
         self._sink = sink
         self._original = original
-        self._is_terminal = original.isatty()
         self._lock = threading.Lock()
         self._part = ""  # of a line that has not ended
 
@@ -160,7 +154,7 @@ class LineStream(io.TextIOBase):
 
     def isatty(self) -> bool:
         """Whether this is a terminal, so that lines may have colours: see https://no-color.org."""
-        return self._is_terminal and not os.environ.get("NO_COLOR")
+        return self._original.isatty() and not os.environ.get("NO_COLOR")
 
     def fileno(self) -> int:
         """Return the descriptor of the original."""

@@ -50,11 +50,7 @@ class Page:
         self.is_closing = False
         self._sockets = opened(address, [port], "no page in the browser", "monitorPort", warn)
         self._thread = LoopThread("page", self._sockets, self._begin)
-
-    @property
-    def is_served(self) -> bool:
-        """Whether the port could be opened."""
-        return self._thread.is_serving
+        self.is_served = self._thread.is_serving
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on, also to browsers already connected."""

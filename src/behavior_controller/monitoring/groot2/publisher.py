@@ -80,7 +80,8 @@ class Groot2Publisher:
         publisher's thread.
         """
         self._specs = specs
-        self._lines = _Lines(warn)
+        self._warn = warn
+        self._second_began, self._lines = 0.0, 0  # and the lines about hooks since
         self._held = held
         self._shown: Optional[_Shown] = None
         self._is_closed = False
@@ -94,7 +95,7 @@ class Groot2Publisher:
         before = self._shown
         # a hook reports on the tick thread
         hooks = Hooks(tree, partial(self._thread.call, self._publish),
-                      partial(self._thread.call, self._lines.tell), self._held)
+                      partial(self._thread.call, self._tell), self._held)
         self._shown = _Shown(tree, self._specs, hooks)
         if before is not None:
             before.hooks.remove_all(": another mission follows")
@@ -125,8 +126,20 @@ class Groot2Publisher:
         if self._shown is not None:
             self._shown.hooks.remove_all()
         if not self._is_closed:
-            self._lines.warn("Groot2 is cut off by an internal error; its breakpoints and "
-                             "replacements are removed")
+            self._warn("Groot2 is cut off by an internal error; its breakpoints and replacements "
+                       "are removed")
+
+    def _tell(self, text: str) -> None:
+        """Send the operator a line about hooks, which a client may change a thousand times a
+        second; of those that are too many only that there are more."""
+        now = time.monotonic()
+        if now - self._second_began >= 1.0:
+            self._second_began, self._lines = now, 0
+        self._lines += 1
+        if self._lines <= MOST_LINES:
+            self._warn(text)
+        elif self._lines == MOST_LINES + 1:
+            self._warn("Groot2: more changes of breakpoints and replacements within this second")
 
     def _publish(self, uid: int) -> None:
         """Announce to the client that a breakpoint was reached."""
@@ -168,25 +181,6 @@ class Groot2Publisher:
         payload = _COMMANDS[chr(kind)](shown, frames)
         header = struct.pack("<BBI", PROTOCOL, kind, number) + shown.uuid
         return [header] if payload is None else [header, payload]
-
-
-class _Lines:
-    """Limits the lines about hooks: a client may change hooks a thousand times a second."""
-
-    def __init__(self, warn: Callable[[str], None]):
-        self.warn = warn
-        self._began, self._count = 0.0, 0
-
-    def tell(self, text: str) -> None:
-        """Send a line to the operator; of those that are too many only that there are more."""
-        now = time.monotonic()
-        if now - self._began >= 1.0:
-            self._began, self._count = now, 0
-        self._count += 1
-        if self._count == MOST_LINES + 1:
-            text = "Groot2: more changes of breakpoints and replacements within this second"
-        if self._count <= MOST_LINES + 1:
-            self.warn(text)
 
 
 class _Shown:
