@@ -9,7 +9,7 @@ from behavior_controller.bt.engine.node import TickError
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.monitoring.groot2.breakpoints import (
-    AFTER, BEFORE, BREAKPOINT, Hook, Hooks, REPLACE)
+    AFTER, BEFORE, BREAKPOINT, Hook, HookPlace, Hooks, REPLACE, Unlocking)
 
 
 class Probe(ActionLeaf):
@@ -62,15 +62,15 @@ def hooked(body):
 def test_a_hook_that_went_by_itself_while_it_was_unlocked_is_gone():
     tree, hooks, lines = hooked("<Probe/>")
     hooks.insert([Hook(1, AFTER, REPLACE, True, True, "FAILURE")])
-    tree.root.during = lambda: hooks.unlock(AFTER, 1, "SUCCESS", False)
+    tree.root.during = lambda: hooks.unlock(Unlocking(1, AFTER, "SUCCESS", False))
     assert tree.tick_exactly_once() is FAILURE
     tree.root.during = lambda: None
     assert tree.tick_exactly_once() is SUCCESS
     assert hooks.all() == [] and "lets the node go on" not in "".join(lines)
 
 
-@pytest.mark.parametrize("ask", [lambda hooks: hooks.remove(AFTER, 1),
-                                 lambda hooks: hooks.unlock(AFTER, 1, "SUCCESS", False)])
+@pytest.mark.parametrize("ask", [lambda hooks: hooks.remove(HookPlace(1, AFTER)),
+                                 lambda hooks: hooks.unlock(Unlocking(1, AFTER, "SUCCESS", False))])
 def test_a_hook_that_went_by_itself_is_not_there_any_more(ask):
     tree, hooks, _ = hooked("<Probe/>")
     hooks.insert([Hook(1, AFTER, REPLACE, True, True, "FAILURE")])
@@ -146,7 +146,7 @@ def test_the_operator_is_told_that_a_hook_is_removed():
     tree, hooks, lines = hooked("<Busy/>")
     hooks.insert([Hook(1, AFTER, BREAKPOINT, True, False, "SUCCESS")])
     tree.tick_exactly_once()
-    hooks.remove(AFTER, 1)
+    hooks.remove(HookPlace(1, AFTER))
     tree.tick_exactly_once()
     assert lines[-1] == "Groot2: breakpoint after {} is removed".format(tree.root.full_path)
 
@@ -168,11 +168,11 @@ def sets(position=BEFORE, mode=BREAKPOINT, once=False, enabled=True, status="FAI
 
 
 def unlocks(status="SKIPPED", remove=False, position=BEFORE):
-    return lambda hooks: hooks.unlock(position, 1, status, remove)
+    return lambda hooks: hooks.unlock(Unlocking(1, position, status, remove))
 
 
 WAITS, DISABLES, REMOVES_ALL = (lambda hooks: None), Hooks.disable_all, Hooks.remove_all
-REMOVES = lambda hooks: hooks.remove(BEFORE, 1, ": so")  # noqa: E731
+REMOVES = lambda hooks: hooks.remove(HookPlace(1, BEFORE), ": so")  # noqa: E731
 HOLDS = ["breakpoint before is set"]
 DECIDES = "breakpoint before decides FAILURE and the node is not run"
 
@@ -254,17 +254,17 @@ def test_a_node_without_hooks_is_left_alone_again():
     hooks.insert([Hook(1, AFTER, BREAKPOINT, True, True, "SKIPPED")])
     assert tree.tick_exactly_once(
     ) is RUNNING and tree.root.hook is not None and tree.root.hook.is_holding
-    hooks.unlock(AFTER, 1, "SKIPPED", False)
+    hooks.unlock(Unlocking(1, AFTER, "SKIPPED", False))
     assert tree.tick_exactly_once() is SUCCESS and tree.root.hook is None
     hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
     assert tree.tick_exactly_once() is RUNNING
-    hooks.remove(BEFORE, 1)
+    hooks.remove(HookPlace(1, BEFORE))
     tree.sleep(0.0)  # the tick thread carries it out
     assert tree.root.hook.is_holding
     tree.halt()
     assert tree.root.hook is None
     hooks.insert([Hook(1, BEFORE, REPLACE, False, True, "SKIPPED")])
-    hooks.remove(BEFORE, 1)
+    hooks.remove(HookPlace(1, BEFORE))
     tree.sleep(0.0)
     assert tree.root.hook is None
 

@@ -13,7 +13,7 @@ import textwrap
 import threading
 import time
 import unicodedata
-from typing import Any, Callable, Deque, Iterable, List
+from typing import Any, Callable, Deque, Iterable, List, NamedTuple
 
 from behavior_controller.text import LONGEST, clean
 
@@ -64,17 +64,16 @@ class Sink:
         self._rest = rest
         self._since_rest = 0  # items written
         self._is_drained = False  # a thread waits until everything is written
-        self._waiting: Deque[Any] = collections.deque()
+        self._waiting: Deque[Any] = collections.deque()  # the first one is being written
         self._losses = itertools.count(1)
         self._lost = self._reported = 0  # how many items did not fit, and how many of them are told
-        self._is_busy = False
         self._news = threading.Condition()
         threading.Thread(target=self._work, name=name, daemon=True).start()
 
     def put(self, item: Any) -> None:
         """Queue ``item`` for writing; if the queue is full, count it as lost."""
         # both without the lock: the threads that report something must not wait for each other
-        if self._lost > self._reported or len(self._waiting) >= self._most:
+        if self._lost > self._reported or len(self._waiting) > self._most:
             self._lost = next(self._losses)
             return
         self._waiting.append(item)
@@ -88,32 +87,28 @@ class Sink:
         with self._news:
             self._is_drained = True
             self._news.notify_all()
-            self._news.wait_for(lambda: not (self._waiting or self._is_busy), seconds)
+            self._news.wait_for(lambda: not self._waiting, seconds)
             self._is_drained = False
 
     def _work(self) -> None:
         while True:
-            self._write(self._next())
-
-    def _next(self) -> Any:
-        """Wait until there is an item, and it is time to write it, and return it."""
-        with self._news:
-            self._is_busy = False
-            self._news.notify_all()
-            while not self._waiting or self._must_rest():
-                self._news.wait_for(
-                    lambda: self._waiting and (self._is_drained or not self._rest),
-                    self._rest or None)
-                self._since_rest = 0
-            self._since_rest += 1
-            self._is_busy = True
-            item = self._waiting.popleft()
-            lost = self._lost - self._reported
-            if lost > 0 and len(self._waiting) <= self._most // 2:
-                self._waiting.append(self._item(
-                    f"{lost} lines left out: {self._name} did not take them in time"))
-                self._reported += lost
-            return item
+            with self._news:
+                while not self._waiting or self._must_rest():
+                    self._news.wait_for(
+                        lambda: self._waiting and (self._is_drained or not self._rest),
+                        self._rest or None)
+                    self._since_rest = 0
+                self._since_rest += 1
+                lost = self._lost - self._reported
+                # at most half of them wait besides the first
+                if lost > 0 and len(self._waiting) - 1 <= self._most // 2:
+                    self._waiting.append(self._item(
+                        f"{lost} lines left out: {self._name} did not take them in time"))
+                    self._reported += lost
+            self._write(self._waiting[0])
+            with self._news:
+                self._waiting.popleft()
+                self._news.notify_all()
 
     def _must_rest(self) -> bool:
         most = AT_ONCE if len(self._waiting) < FLOOD else AT_ONCE_IN_FLOOD
@@ -130,33 +125,36 @@ def drain(sinks: Iterable[Sink], seconds: float) -> None:
 # ----------------------------------------------------------------------------- the standard streams
 
 
+class ColouredLine(NamedTuple):
+    """A line without its end; the terminal's ``colours`` precede it, and end with it."""
+
+    colours: str
+    text: str
+
+
 class LineStream(io.TextIOBase):
-    """A text stream whose whole lines go into a sink as bytes."""
+    """A text stream whose whole lines go into a sink."""
 
     def __init__(self, sink: Sink, original: Any):
         """``original`` is the stream that this one replaces."""
         self._sink = sink
         self._original = original
-        self._is_terminal = original.isatty()
         self._lock = threading.Lock()
         self._part = ""  # of a line that has not ended
 
     def write(self, text: str) -> int:
-        """Queue ``text``; characters that the terminal lacks, or that would control it, are
-        escaped."""
+        """Queue ``text``; characters that would control the terminal are escaped."""
         with self._lock:
-            whole, newline, self._part = (self._part + text).rpartition("\n")
-            for line in whole.split("\n") if newline else []:
+            *lines, self._part = (self._part + text).split("\n")
+            for line in lines:
                 colours = COLOURS.match(line).group()  # type: ignore[union-attr]
-                text = clean(line[len(colours):], LONGEST_LINE)
-                colours = colours.replace(RESET, "")
-                line = colours + text + (RESET if colours else "") + newline
-                self._sink.put(line.encode(self._original.encoding, "backslashreplace"))
+                shown = clean(line[len(colours):], LONGEST_LINE)
+                self._sink.put(ColouredLine(colours.replace(RESET, ""), shown))
         return len(text)
 
     def isatty(self) -> bool:
         """Whether this is a terminal, so that lines may have colours: see https://no-color.org."""
-        return self._is_terminal and not os.environ.get("NO_COLOR")
+        return self._original.isatty() and not os.environ.get("NO_COLOR")
 
     def fileno(self) -> int:
         """Return the descriptor of the original."""
@@ -166,7 +164,7 @@ class LineStream(io.TextIOBase):
 NAMED = "]: behaviorController: "
 """What a terminal, which shows one program, does without; other readers get the node's name."""
 
-HEARTBEAT = ": running.\n"
+HEARTBEAT = ": running."
 """The end of the only line that keeps it (D3.2)."""
 
 
@@ -182,55 +180,41 @@ def take_over_streams() -> List[Sink]:
 
 
 def _stream_sink(stream: Any) -> Sink:
-    descriptor = stream.fileno()
+    def warning(text: str) -> ColouredLine:
+        return ColouredLine("", f"[WARN] [{time.strftime('%H:%M:%S')}]{NAMED}{text}")
 
-    def line(text: str) -> bytes:
-        return f"[WARN] [{time.strftime('%H:%M:%S')}]: behaviorController: {text}\n".encode()
+    def write(line: ColouredLine) -> None:
+        text, end = line.text, RESET if line.colours else ""
+        with contextlib.suppress(OSError):  # the terminal is gone
+            if stream.isatty():
+                if not text.endswith(HEARTBEAT):
+                    text = text.replace(NAMED, "]: ", 1)
+                text = fitted(text, os.get_terminal_size(stream.fileno()).columns)
+            data = f"{line.colours}{text}{end}\n".encode(stream.encoding, "backslashreplace")
+            _write_all(stream.fileno(), data)
 
-    def write(data: bytes) -> None:
-        if stream.isatty():
-            line = data.decode(stream.encoding)
-            if not line.endswith(HEARTBEAT):
-                line = line.replace(NAMED, "]: ", 1)
-            data = fitted(line, columns(descriptor)).encode(stream.encoding)
-        _write_all(descriptor, data)
-
-    return Sink("the terminal", write, line)
-
-
-def columns(descriptor: int) -> int:
-    """Return the width of a terminal in characters; 0 if it is unknown."""
-    try:
-        return os.get_terminal_size(descriptor).columns
-    except OSError:
-        return 0
+    return Sink("the terminal", write, warning)
 
 
-def fitted(line: str, width: int) -> str:
-    """Return a line with its end, broken between words into lines of at most ``width`` characters;
-    0: as it is."""
-    colours = COLOURS.match(line).group()  # type: ignore[union-attr]
-    text = line[len(colours):].rstrip("\n")
-    end = RESET if colours and text.endswith(RESET) else ""
-    text = text[:len(text) - len(end)]
+def fitted(text: str, width: int) -> str:
+    """Return a line broken between words into lines of at most ``width`` characters; 0: as it is.
+    """
     if any(unicodedata.east_asian_width(letter) in "WF" for letter in text):
         width //= 2  # such letters take two columns
     if len(text) <= width or width <= len(INDENT):
-        return line
-    is_path = "/" in max(text.split(), key=len)  # which is copied: the terminal breaks it
-    lines = textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False,
-                          break_long_words=not is_path)
-    return colours + "\n".join(lines) + end + "\n"
+        return text
+    is_path = "/" in max(text.split(), key=len, default="")  # is copied: the terminal breaks it
+    return "\n".join(textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False,
+                                   break_long_words=not is_path))
 
 
 def _write_all(descriptor: int, data: bytes) -> None:
-    """Write ``data`` without a time limit; nothing if the terminal is gone."""
-    with contextlib.suppress(OSError):
-        while data:
-            try:
-                data = data[os.write(descriptor, data):]
-            except BlockingIOError:  # another process has made the terminal non-blocking
-                select.select([], [descriptor], [])
+    """Write ``data`` without a time limit."""
+    while data:
+        try:
+            data = data[os.write(descriptor, data):]
+        except BlockingIOError:  # another process has made the terminal non-blocking
+            select.select([], [descriptor], [])
 
 
 # ------------------------------------------------------------------------------------------ logging

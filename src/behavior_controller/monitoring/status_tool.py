@@ -198,19 +198,17 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
 
 
 def fitted(text: List[str], width: int, height: int) -> List[str]:
-    """Return the lines of a window: the heads wrapped, the rows of the tree cut, and of these the
-    ones around the running leaf.
+    """Return the lines of a window: all are wrapped, and of the tree those around the running leaf
+    are shown.
     """
-    rows = [line for line in text if line.lstrip().startswith(tuple(SIGNS.values()))]
-    heads = [part for line in text[:len(text) - len(rows)]
-             for part in textwrap.wrap(line, width, break_on_hyphens=False)]
-    room = max(0, height - 1 - len(heads))
+    wrapper = textwrap.TextWrapper(width, subsequent_indent="    ", break_on_hyphens=False)
+    wrapped = [part for line in text for part in wrapper.wrap(line)]
     running = (SIGNS["R"], SIGNS[AGAIN])
-    here = max((at for at, row in enumerate(rows) if row.lstrip()[0] in running), default=0)
-    first = max(0, min(here - room // 2, len(rows) - room))
-    shown = [row if len(row) <= width else row[:width - 1] + "…"
-             for row in rows[first:first + room]]
-    return (heads + shown)[:max(1, height - 1)]
+    head = next((at for at, row in enumerate(wrapped) if row[0] in SIGNS.values()), len(wrapped))
+    here = max((at for at, row in enumerate(wrapped) if row.lstrip()[0] in running), default=0)
+    room = max(0, height - 1 - head)
+    first = max(head, min(here - room // 2, len(wrapped) - room))
+    return [*wrapped[:head], *wrapped[first:first + room]][:max(1, height - 1)]
 
 
 def _troubles(state: ShownState) -> Iterator[str]:

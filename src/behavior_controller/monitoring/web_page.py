@@ -7,7 +7,6 @@ lie beside this module.
 import asyncio
 import ipaddress
 import os
-import re
 import socket
 import time
 from typing import Any, Callable, Dict, Optional, Set, cast
@@ -15,7 +14,7 @@ from typing import Any, Callable, Dict, Optional, Set, cast
 import msgspec
 from tornado.http1connection import HTTP1Connection
 from tornado.httpserver import HTTPServer
-from tornado.httputil import HTTPServerRequest
+from tornado.httputil import HTTPServerRequest, split_host_and_port
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
@@ -46,16 +45,12 @@ class Page:
         """Start to serve; if the port is taken, ``warn`` gets one line and nothing is served."""
         self.board = board
         self.streams: Set[_Stream] = set()
-        self.hosts = _Hosts(address)
+        self.host_names = _host_names(address.lower())
         self.connections = Connections(MOST_CONNECTIONS)
         self.is_closing = False
         self._sockets = opened(address, [port], "no page in the browser", "monitorPort", warn)
         self._thread = LoopThread("page", self._sockets, self._begin)
-
-    @property
-    def is_served(self) -> bool:
-        """Whether the port could be opened."""
-        return self._thread.is_serving
+        self.is_served = self._thread.is_serving
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on, also to browsers already connected."""
@@ -106,35 +101,11 @@ class _Server(HTTPServer):
             super().handle_stream(stream, address)
 
 
-class _Hosts:
-    """The names under which a browser may ask for the page.
-
-    A foreign site can point a name of its own at this computer and then read, in the operator's
-    browser, whatever answers to that name (DNS rebinding). So the page answers to no name that it
-    does not know to be this computer's.
-    """
-
-    def __init__(self, address: str):
-        own = socket.gethostname().lower()
-        self._names = {"localhost"}
-        if _ip(address) is None:
-            self._names.add(address.lower())
-        if not _is_loopback(address):
-            self._names.update((own, own + ".local"))
-
-    def __contains__(self, request: HTTPServerRequest) -> bool:
-        """Whether the host that a request asks for is the address that it came to, or a name of
-        this computer."""
-        match = re.fullmatch(r"\[?([0-9A-Za-z.:_-]+?)\]?(:[0-9]+)?",
-                             request.headers.get("Host", ""))
-        if match is None:
-            return False
-        host = match.group(1).lower()
-        if host in self._names or _is_loopback(host):
-            return True
-        stream = _stream(request)
-        return _ip(host) is not None and not stream.closed() and _ip(host) == _ip(
-            stream.socket.getsockname()[0])
+def _host_names(address: str) -> Set[str]:
+    """Return the names, besides localhost, under which a browser may ask for the page."""
+    own = socket.gethostname().lower()
+    names = {address} if _ip(address) is None else set()
+    return names if _is_loopback(address) else names | {own, own + ".local"}
 
 
 def _stream(request: HTTPServerRequest) -> IOStream:
@@ -146,15 +117,15 @@ def _ip(text: str) -> Any:
     """Return an IP address, or None for a name; an IPv4 address that came to an IPv6 socket is one
     of IPv4."""
     try:
-        address = ipaddress.ip_address(text.split("%")[0])
+        address = ipaddress.ip_address(text)
     except ValueError:
         return None
     return getattr(address, "ipv4_mapped", None) or address
 
 
-def _is_loopback(text: str) -> bool:
-    address = _ip(text)
-    return text.lower() == "localhost" if address is None else address.is_loopback
+def _is_loopback(host: str) -> bool:
+    address = _ip(host)
+    return host == "localhost" if address is None else address.is_loopback
 
 
 class _Quiet(RequestHandler):
@@ -169,14 +140,31 @@ class _Quiet(RequestHandler):
         self.page.connections.use(_stream(self.request))
 
     def prepare(self) -> None:
-        """Refuse a request for another computer's name."""
+        """Refuse a request for another computer's name.
+
+        A foreign site can point a name of its own at this computer and then read, in the operator's
+        browser, whatever answers to that name (DNS rebinding). So the page answers to no name that
+        it does not know to be this computer's.
+        """
         self.note_use()
-        if self.request not in self.page.hosts:
+        if not self._is_for_this_computer():
             self.set_status(403)
             self.set_header("Content-Type", "text/plain; charset=utf-8")
             self.finish("This page answers to the address of its computer and to localhost, and to "
                         "the name that monitorAddress gives, but not to the name that was asked "
                         "for.\n")
+
+    def _is_for_this_computer(self) -> bool:
+        """Whether the host that is asked for is the address that the request came to, or a name of
+        this computer."""
+        asked = self.request.headers.get("Host", "").lower()
+        host = split_host_and_port(asked)[0].strip("[]")
+        if host in self.page.host_names or _is_loopback(host):
+            return True
+        stream = _stream(self.request)
+        if stream.closed() or _ip(host) is None:
+            return False
+        return _ip(host) == _ip(stream.socket.getsockname()[0].split("%")[0])
 
     def set_default_headers(self) -> None:
         """Forbid content from other sites, caching, and frames of other pages around this one."""
@@ -244,9 +232,8 @@ class _Stream(_Quiet):
         """Return what has changed since the last message."""
         board = self.page.board
         board.refresh()
-        versions = dict(board.versions)
-        parts = {name: board.part(name) for name, version in versions.items()
-                 if self._versions.get(name) != version}
+        seen, self._versions = self._versions, dict(board.versions)
+        parts = {name: board.part(name) for name, version in self._versions.items()
+                 if seen.get(name) != version}
         before, self._parts = self._parts, {**self._parts, **parts}
-        self._versions = versions
         return changes(before, self._parts)

@@ -101,25 +101,24 @@ class Hooks:
         for hook in newest.values():
             self._post(self._nodes[hook.uid].insert, hook)
 
-    def remove(self, position: int, uid: int, reason: str = "") -> bool:
-        """Remove a hook and let its node go on; return whether it existed. The operator gets the
+    def remove(self, place: HookPlace, reason: str = "") -> bool:
+        """Remove the hook there and let its node go on; return whether it existed. The operator gets the
         ``reason``."""
         self._take_gone_off()
-        hook = self._listed.pop((position, uid), None)
+        hook = self._listed.pop(place.key, None)
         if hook is not None:
-            self._post(self._nodes[uid].remove, hook, reason)
+            self._post(self._nodes[hook.uid].remove, hook, reason)
         return hook is not None
 
-    def unlock(self, position: int, uid: int, desired_status: Desired,
-               remove_when_done: bool) -> bool:
+    def unlock(self, given: Unlocking) -> bool:
         """Let a breakpoint go on with this result; return whether there is one."""
         self._take_gone_off()
-        hook = self._listed.get((position, uid))
+        hook = self._listed.get(given.key)
         if hook is None:
             return False
-        hook = self._listed[position, uid] = replace(
-            hook, desired_status=desired_status, once=hook.once or remove_when_done)
-        self._post(self._nodes[uid].release, hook, "lets the node go on")
+        hook = self._listed[hook.key] = replace(
+            hook, desired_status=given.desired_status, once=hook.once or given.remove_when_done)
+        self._post(self._nodes[hook.uid].release, hook, "lets the node go on")
         return True
 
     def disable_all(self) -> None:
@@ -130,7 +129,7 @@ class Hooks:
 
     def remove_all(self, reason: str = "") -> None:
         for hook in self.all():
-            self.remove(hook.position, hook.uid, reason)
+            self.remove(hook, reason)
 
     def _post(self, change: Callable[..., None], *arguments: Any) -> None:
         """Post a change to the tick thread and wake it."""
@@ -146,8 +145,7 @@ class _SetHook:
 
     def __init__(self, hook: Hook):
         self.hook = hook
-        self.is_waiting = False  # a breakpoint that was reached
-        self.is_unlocked = False
+        self.is_unlocked = False  # a breakpoint that was reached
         self.is_reported = False  # the operator knows that it decides results
 
 
@@ -158,8 +156,8 @@ class _NodeHooks(NodeHook):
         self._node = node
         self._owner = owner
         self._set: Dict[int, _SetHook] = {}  # by position
-        # while the node waits at a breakpoint, its status before, and its result if it was ticked
-        self._held: Optional[Tuple[Any, Optional[Result]]] = None
+        # while the node waits: the breakpoint, its status before, and its result if it was ticked
+        self._held: Optional[Tuple[_SetHook, Any, Optional[Result]]] = None
 
     @property
     def is_holding(self) -> bool:  # type: ignore[override]
@@ -176,7 +174,7 @@ class _NodeHooks(NodeHook):
         place.is_reported = False
         place.hook = hook
         if not hook.enabled:
-            place.is_unlocked = place.is_waiting
+            self._unlock(place)
         result = "" if hook.mode == BREAKPOINT else " to " + hook.desired_status
         self._tell(hook, f"is set{result}" + ("" if hook.enabled else ", but disabled"))
 
@@ -188,8 +186,11 @@ class _NodeHooks(NodeHook):
             self._owner.gone.append(hook)  # it has removed itself already
             return
         place.hook = hook
-        place.is_unlocked = place.is_waiting
+        self._unlock(place)
         self._tell(hook, text)
+
+    def _unlock(self, place: _SetHook) -> None:
+        place.is_unlocked = self._held is not None and self._held[0] is place
 
     def remove(self, hook: Hook, reason: str) -> None:
         """Remove the hook at the same place, and let the node go on."""
@@ -212,9 +213,8 @@ class _NodeHooks(NodeHook):
         its tick."""
         held, self._held = self._held, None
         if held is not None:
-            status, result = held
-            waiting = self._set.get(BEFORE if result is None else AFTER)
-            if waiting is not None and waiting.is_waiting and not waiting.is_unlocked:
+            place, status, result = held
+            if place in self._set.values() and not place.is_unlocked:
                 self._held = held
                 return RUNNING
             self._report_hold(False)
@@ -238,13 +238,11 @@ class _NodeHooks(NodeHook):
         if place is None or not (place.hook.enabled or place.is_unlocked):
             return None
         if place.hook.mode == BREAKPOINT and not place.is_unlocked:
-            self._held = node.status, result
+            self._held = place, node.status, result
             self._report_hold(True)
-            if not place.is_waiting:
-                place.is_waiting = True
-                self._owner.reached(node.uid)
+            self._owner.reached(node.uid)
             return RUNNING
-        place.is_waiting = place.is_unlocked = False
+        place.is_unlocked = False
         return self._decide(place, result)
 
     def _decide(self, place: _SetHook, result: Optional[Result]) -> Optional[Result]:
@@ -268,9 +266,9 @@ class _NodeHooks(NodeHook):
         has none."""
         held, self._held = self._held, None
         for place in self._set.values():
-            place.is_waiting = place.is_unlocked = False
+            place.is_unlocked = False
         self._leave()
         if held is None:
             return True
         self._report_hold(False)
-        return held != (IDLE, None)
+        return held[1:] != (IDLE, None)

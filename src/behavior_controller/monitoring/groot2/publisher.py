@@ -18,7 +18,6 @@ from xml.etree import ElementTree
 import msgspec
 import zmq
 import zmq.asyncio
-from msgspec.structs import asdict
 
 from behavior_controller.bt.linter.structure import CONDITIONS
 from behavior_controller.bt.linter.palette import tree_nodes_model
@@ -42,9 +41,6 @@ MOST_TRANSITIONS = 1000
 HEARTBEAT = 5.0
 """Seconds without a request after which the client counts as gone: its breakpoints must not hold
 the robot."""
-
-CHECK_INTERVAL = 0.25
-"""Seconds between two checks for a client that is gone."""
 
 PACE = 0.002
 """The shortest time between two requests, in seconds: a client that floods must not slow the
@@ -84,10 +80,10 @@ class Groot2Publisher:
         publisher's thread.
         """
         self._specs = specs
-        self._lines = _Lines(warn)
+        self._warn = warn
+        self._second_began, self._lines = 0.0, 0  # and the lines about hooks since
         self._held = held
         self._shown: Optional[_Shown] = None
-        self._last_request = 0.0
         self._is_closed = False
         # of the requests, and of the breakpoints reached
         self._sockets = opened(
@@ -99,7 +95,7 @@ class Groot2Publisher:
         before = self._shown
         # a hook reports on the tick thread
         hooks = Hooks(tree, partial(self._thread.call, self._publish),
-                      partial(self._thread.call, self._lines.tell), self._held)
+                      partial(self._thread.call, self._tell), self._held)
         self._shown = _Shown(tree, self._specs, hooks)
         if before is not None:
             before.hooks.remove_all(": another mission follows")
@@ -122,26 +118,28 @@ class Groot2Publisher:
         Front(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
         # without the check for a client that is gone, no breakpoint may hold the robot
         loop = asyncio.get_event_loop()
-        self._tasks = [
-            asyncio.ensure_future(endless) for endless in (self._serve(), self._check_client())]
-        for task in self._tasks:
-            task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
+        self._task = asyncio.ensure_future(self._serve())
+        self._task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
 
     def _end(self) -> None:
         self._context.destroy(0)
         if self._shown is not None:
             self._shown.hooks.remove_all()
         if not self._is_closed:
-            self._lines.warn("Groot2 is cut off by an internal error; its breakpoints and "
-                             "replacements are removed")
+            self._warn("Groot2 is cut off by an internal error; its breakpoints and replacements "
+                       "are removed")
 
-    async def _check_client(self) -> None:
-        """Remove the hooks of a client that is gone: they must not hold the robot."""
-        while True:
-            await asyncio.sleep(CHECK_INTERVAL)
-            shown, silence = self._shown, time.monotonic() - self._last_request
-            if shown is not None and silence >= HEARTBEAT:
-                shown.hooks.remove_all(": its client is gone")
+    def _tell(self, text: str) -> None:
+        """Send the operator a line about hooks, which a client may change a thousand times a
+        second; of those that are too many only that there are more."""
+        now = time.monotonic()
+        if now - self._second_began >= 1.0:
+            self._second_began, self._lines = now, 0
+        self._lines += 1
+        if self._lines <= MOST_LINES:
+            self._warn(text)
+        elif self._lines == MOST_LINES + 1:
+            self._warn("Groot2: more changes of breakpoints and replacements within this second")
 
     def _publish(self, uid: int) -> None:
         """Announce to the client that a breakpoint was reached."""
@@ -150,10 +148,13 @@ class Groot2Publisher:
 
     async def _serve(self) -> None:
         """Answer requests one by one, at a limited rate; the parts before the empty one are the
-        sender's address."""
+        sender's address. Remove the hooks of a client that is gone: they must not hold the robot.
+        """
         while True:
+            while not await self._requests.poll(int(1000 * HEARTBEAT)):
+                if self._shown is not None:
+                    self._shown.hooks.remove_all(": its client is gone")
             parts = await self._requests.recv_multipart()
-            self._last_request = time.monotonic()
             self._front.note_request(parts[0])
             if b"" in parts[:-1]:
                 start = parts.index(b"") + 1
@@ -180,25 +181,6 @@ class Groot2Publisher:
         payload = _COMMANDS[chr(kind)](shown, frames)
         header = struct.pack("<BBI", PROTOCOL, kind, number) + shown.uuid
         return [header] if payload is None else [header, payload]
-
-
-class _Lines:
-    """Limits the lines about hooks: a client may change hooks a thousand times a second."""
-
-    def __init__(self, warn: Callable[[str], None]):
-        self.warn = warn
-        self._began, self._count = 0.0, 0
-
-    def tell(self, text: str) -> None:
-        """Send a line to the operator; of those that are too many only that there are more."""
-        now = time.monotonic()
-        if now - self._began >= 1.0:
-            self._began, self._count = now, 0
-        self._count += 1
-        if self._count == MOST_LINES + 1:
-            text = "Groot2: more changes of breakpoints and replacements within this second"
-        if self._count <= MOST_LINES + 1:
-            self.warn(text)
 
 
 class _Shown:
@@ -254,12 +236,12 @@ class _Shown:
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""
-        if not self.hooks.remove(**asdict(_read(frames, HookPlace))):
+        if not self.hooks.remove(_read(frames, HookPlace)):
             raise Refused("Node ID not found")
 
     def unlock(self, frames: List[bytes]) -> None:
         """``U``: a breakpoint may go on."""
-        if not self.hooks.unlock(**asdict(_read(frames, Unlocking))):
+        if not self.hooks.unlock(_read(frames, Unlocking)):
             raise Refused("Node ID not found")
 
     def dump_hooks(self, frames: List[bytes]) -> bytes:

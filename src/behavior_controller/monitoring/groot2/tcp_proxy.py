@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import socket
 import uuid
+from contextlib import suppress
 from typing import Any, AsyncIterator, Awaitable, Dict, Optional
 
 import zmq
@@ -84,7 +85,7 @@ class Front(TCPServer):
     def disconnect(self, name: bytes) -> None:
         """End what ``connect`` has begun."""
         self._clients.pop(name, None)
-        with contextlib.suppress(zmq.ZMQError):  # ZeroMQ has noticed the lost connection
+        with suppress(zmq.ZMQError):  # ZeroMQ has noticed the lost connection
             self._zmq_socket.disconnect("ipc://@" + name.decode())
 
     def handle_stream(self, stream: IOStream, address: Any) -> Optional[Awaitable[None]]:
@@ -103,17 +104,19 @@ class _Client:
 
     async def serve(self) -> None:
         """Copy in both directions until either side ends, for any reason."""
-        try:
+        # a closed stream's error is an OSError
+        with contextlib.closing(self._stream), suppress(asyncio.TimeoutError, OSError):
             # a silent client costs ZeroMQ nothing
-            first = await asyncio.wait_for(self._stream.read_bytes(CHUNK, partial=True), FIRST_BYTE)
-            async with self._front.turn:
-                await asyncio.sleep(PACE)
+            first = await asyncio.wait_for(self._read(), FIRST_BYTE)
             async with self._front.links, self._link() as link:
                 await self._copy(first, link)
-        except (asyncio.TimeoutError, OSError):  # a closed stream's error is an OSError
-            pass
-        finally:
-            self._stream.close()
+
+    async def _read(self) -> bytes:
+        """Return the client's next bytes, at a limited rate."""
+        chunk = await self._stream.read_bytes(CHUNK, partial=True)
+        async with self._front.turn:
+            await asyncio.sleep(PACE)
+        return chunk
 
     @contextlib.asynccontextmanager
     async def _link(self) -> AsyncIterator[IOStream]:
@@ -142,20 +145,18 @@ class _Client:
             out.cancel()
 
     async def _copy_in(self, chunk: bytes, link: IOStream) -> None:
-        """Copy the client's bytes, with limits on rate and amount."""
+        """Copy the client's bytes, with a limit on the amount."""
         while True:
             self.unanswered += len(chunk)
             if self.unanswered > self._front.most_unanswered:
                 raise StreamClosedError
             await link.write(chunk)
-            async with self._front.turn:
-                await asyncio.sleep(PACE)
-            chunk = await self._stream.read_bytes(CHUNK, partial=True)
+            chunk = await self._read()
 
     async def _copy_out(self, link: IOStream) -> None:
         """Copy ZeroMQ's bytes until it ends; while the client does not read them, no more are read.
         """
-        with contextlib.suppress(asyncio.TimeoutError, StreamClosedError):
+        with suppress(asyncio.TimeoutError, StreamClosedError):
             while True:
                 await asyncio.wait_for(self._copy_chunk_out(link), LONGEST_IDLE)
         self._stream.close()
@@ -165,7 +166,7 @@ class _Client:
         self.unanswered = max(0, self.unanswered - len(chunk))
         if not self._stream.closed():
             self._front.connections.use(self._stream)
-            with contextlib.suppress(StreamClosedError):
+            with suppress(StreamClosedError):
                 await self._stream.write(chunk)
 
 
