@@ -111,8 +111,8 @@ def of_test(options: Options, others: Sequence[str] = (CONTROLLER, REPORT)) -> L
     """Return the claims of all nodes of a test with these options: the simulated ones and
     ``others``."""
     robot = options.world.settings.interface
-    return [_claim(node, node, options) for node in behaviour.nodes(robot)
-            if node not in options.real_nodes] + [Claim(node, _resolved(node)) for node in others]
+    simulated = [node for node in behaviour.nodes(robot) if node in options.arguments.simulated]
+    return [_claim(node, node, options) for node in [*simulated, *others]]
 
 
 def of_process(node: str, options: Options) -> List[Claim]:

@@ -11,7 +11,7 @@ from behavior_controller.robot.requests import Answer, Request
 
 from unit_tests.robot import behaviour
 from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS
+from unit_tests.robot.behaviour import FOREIGN, Fields, TOPICS
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED, Faults
 from unit_tests.robot.journal import JournalEntry, REPEAT
 from unit_tests.robot.world import World
@@ -96,17 +96,17 @@ class SimulatedNode:
         package declares.
         """
         fault = behaviour.possible(self._faults.next(), service, response_fields)
-        simulated = SERVICES.get(service.request)
-        objection = simulated.object_to(fields) if simulated is not None else None
+        simulated = behaviour.simulated(service)
+        objection = simulated.object_to(fields)
         is_refused_at_once = objection is not None or fault in (EXCEPTION, CRASH, UNANSWERED)
         takes_time = self._test.takes_time and not is_refused_at_once
-        seconds = behaviour.usual_seconds(service, fields) if takes_time else 0.0
+        seconds = simulated.seconds(fields) if takes_time else 0.0
         entry = JournalEntry(self._stamp(), self.name, resource, self._faults.calls, fields, fault,
                              objection, seconds)
         self._write(entry)
         if not entry.done:
             return Reply(entry, None)
-        return Reply(entry, service.rehearse(request) if simulated is None else
+        return Reply(entry, service.rehearse(request) if simulated is FOREIGN else
                      simulated.answer(fields, self.world))
 
     def message(self, resource: str) -> Optional[Fields]:

@@ -183,7 +183,7 @@ class VirtualNode(SimulatedNode):
             return
         fields = self.message(offers.publisher)
         if fields is not None and offers.topic is not None:
-            robot.topics.publish(offers.topic, TOPICS[offers.topic.name].value(fields))
+            robot.topics.publish(offers.topic, behaviour.read(offers.topic, fields))
 
 
 class VirtualTopics(FakeTopics):
