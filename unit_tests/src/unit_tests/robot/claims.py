@@ -168,25 +168,18 @@ def check_controller(options: Options) -> None:
 def check_test(options: Options) -> None:
     """Raise ``Taken`` if a test with these options would displace a node, ``NodesMissing`` if the
     master is mute."""
-    try:
+    with suppress(NoMaster):  # roslaunch starts one
         others, _ = find_others(of_test(options), options.arguments)
-    except NoMaster:
-        return  # roslaunch starts one
-    if others:
-        raise Taken(others, False)
+        if others:
+            raise Taken(others, False)
 
 
 def note_replacement(node: str, options: Options, reason: str) -> None:
     """Write how this process' node was replaced, if the master ends it for that ``reason``, for the
     report, which asks the master only now and then."""
-    if NAME_IS_TAKEN not in reason or not options.arguments.is_launched:
-        return
-    own = [claim for claim in of_process(node, options) if claim.node == node]
-    line = "node {} was replaced during the test by another one, which is gone".format(own[0].name)
-    with suppress(NodesMissing):
-        others = find_others(own, options.arguments)[0]
-        line = others[0].replacement if others else line
-    note(options.arguments.folder, REPLACED, line)
+    if NAME_IS_TAKEN in reason and options.arguments.is_launched:
+        gone = f"node {_resolved(node)} was replaced during the test by another one, which is gone"
+        note(options.arguments.folder, REPLACED, replacement(options) or gone)
 
 
 def replacement(options: Options) -> str:

@@ -161,9 +161,7 @@ NAMES = list(dict.fromkeys(declared.name for declared in KEYS + settings.KEYS + 
 def defaults(**given: object) -> Configuration:
     """Return a configuration of the required keys alone, changed by ``given`` (camelCase)."""
     values = {declared.name: declared.default for declared in KEYS}
-    values.update(arrivalRate=math.inf, verboseMode=False)
-    values.update(given)
-    return filled(Configuration, values)
+    return filled(Configuration, {**values, "arrivalRate": math.inf, "verboseMode": False, **given})
 
 
 # ------------------------------------------------------------------------- what a process was given

@@ -5,6 +5,7 @@ What its nodes decide is decided by ``simulated_node``, with the same seeds as i
 """
 import math
 import os
+import re
 from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple, Union
@@ -56,6 +57,9 @@ _ORDER = 1e-6
 """
 
 Result = Union[Answer, Failure]
+
+_FIELD = re.compile(r"^\s*[\w/\[\]]+\s+(\w+)\s*(?:#|$)", re.MULTILINE)
+"""A field in the file of a type, and its name; a constant is none."""
 
 FILES = {Service: "srv", Action: "action", Publication: "msg"}
 """The folder and ending of the file of a type."""
@@ -131,7 +135,7 @@ class VirtualNode(SimulatedNode):
         super().__init__(name, robot.test, robot.world, robot.stamp, robot.write)
         self._robot = robot
         self.is_away = False
-        self._listens_until = -math.inf  # an action returns nothing later
+        self.listens_until = -math.inf  # an action returns nothing later
         self._times: Iterator[float] = iter(())
         self._timer: Optional[Timer] = None  # of its next message, if it publishes
 
@@ -167,10 +171,6 @@ class VirtualNode(SimulatedNode):
         self._times = self.arrivals().times(self._robot.clock.now())
         self._await_next()
 
-    def listen(self, seconds: float) -> None:
-        """Return what is heard by the action for that time."""
-        self._listens_until = self._robot.clock.now() + seconds
-
     def _await_next(self) -> None:
         clock = self._robot.clock
         gap = max(next(self._times) - clock.now(), self._robot.shortest_gap)
@@ -179,7 +179,7 @@ class VirtualNode(SimulatedNode):
     def _publish_next(self) -> None:
         robot, offers = self._robot, self.offers
         self._await_next()
-        if offers.action is not None and robot.clock.now() > self._listens_until:
+        if offers.action is not None and robot.clock.now() > self.listens_until:
             return
         fields = self.message(offers.publisher)
         if fields is not None and offers.topic is not None:
@@ -220,7 +220,7 @@ class VirtualTopics(FakeTopics):
 
     def listen(self, topic: Topic, seconds: float) -> None:
         """Have a robot that hears by an action listen for that time."""
-        self._robot.node(topic.node).listen(seconds)
+        self._robot.node(topic.node).listens_until = self._robot.clock.now() + seconds
 
 
 # -------------------------------------------------------------------------------------------- calls
@@ -338,9 +338,4 @@ def slots(service: Service) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
         return (), ()
     with open(path, encoding="utf-8") as file:
         asked, answered = (file.read() + "\n---\n").split("---")[:2]
-    return _names(asked), _names(answered)
-
-
-def _names(text: str) -> Tuple[str, ...]:
-    words = (line.partition("#")[0].split() for line in text.splitlines())
-    return tuple(line[1] for line in words if len(line) == 2)
+    return tuple(_FIELD.findall(asked)), tuple(_FIELD.findall(answered))
