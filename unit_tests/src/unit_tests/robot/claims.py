@@ -96,12 +96,11 @@ class NoMaster(NodesMissing):
 
 
 class Taken(ConfigurationError):
-    """Living nodes hold what is claimed. ``is_under_way``: other nodes of the launch run, and go on
-    without this one."""
+    """Living nodes hold what is claimed."""
 
-    def __init__(self, holders: Sequence[Holder], is_under_way: bool):
-        super().__init__([holder.fault for holder in holders])
-        self.is_under_way = is_under_way
+
+class OneTaken(Taken):
+    """They hold what one node claims: others of the launch run, and go on without it."""
 
 
 # ---------------------------------------------------------------------------------- what is claimed
@@ -152,9 +151,9 @@ def check(node: str, options: Options) -> None:
     """
     others, is_under_way = find_others(of_process(node, options), options.arguments)
     if is_under_way or not options.arguments.is_in_launch:
-        others, is_under_way = [holder for holder in others if holder.claim.node == node], True
+        others = [holder for holder in others if holder.claim.node == node]
     if others:
-        raise Taken(others, is_under_way)
+        raise (OneTaken if is_under_way else Taken)([holder.fault for holder in others])
 
 
 def check_controller(options: Options) -> None:
@@ -171,7 +170,7 @@ def check_test(options: Options) -> None:
     with suppress(NoMaster):  # roslaunch starts one
         others, _ = find_others(of_test(options), options.arguments)
         if others:
-            raise Taken(others, False)
+            raise Taken([holder.fault for holder in others])
 
 
 def note_replacement(node: str, options: Options, reason: str) -> None:

@@ -136,7 +136,6 @@ class VirtualNode(SimulatedNode):
         self._robot = robot
         self.is_away = False
         self.listens_until = -math.inf  # an action returns nothing later
-        self._times: Iterator[float] = iter(())
         self._timer: Optional[Timer] = None  # of its next message, if it publishes
 
     # ------------------------------------------------------------------------------------- presence
@@ -168,17 +167,16 @@ class VirtualNode(SimulatedNode):
 
     def publish(self) -> None:
         """Publish from now on, as a node does when it starts."""
-        self._times = self.arrivals().times(self._robot.clock.now())
-        self._await_next()
+        self._await_next(self.arrivals().times(self._robot.clock.now()))
 
-    def _await_next(self) -> None:
-        clock = self._robot.clock
-        gap = max(next(self._times) - clock.now(), self._robot.shortest_gap)
-        self._timer = self._robot.after(gap, self._publish_next)
+    def _await_next(self, times: Iterator[float]) -> None:
+        robot = self._robot
+        gap = max(next(times) - robot.clock.now(), robot.shortest_gap)
+        self._timer = robot.after(gap, partial(self._publish_next, times))
 
-    def _publish_next(self) -> None:
+    def _publish_next(self, times: Iterator[float]) -> None:
         robot, offers = self._robot, self.offers
-        self._await_next()
+        self._await_next(times)
         if offers.action is not None and robot.clock.now() > self.listens_until:
             return
         fields = self.message(offers.publisher)
@@ -271,13 +269,12 @@ class _VirtualCall:
         else:
             try:
                 reply = self._carried_out(node)
+                seconds = reply.entry.seconds or (0.0 if reply.is_at_once else HANDLING)
+                result = None if reply.entry.fault == UNANSWERED else self._result(reply)
             except Unsendable as error:
                 result = self._failure(Cause.TYPE_MISMATCH, str(error))
             except Unusable as error:
                 result = self._failure(Cause.UNUSABLE_ANSWER, str(error))
-            else:
-                seconds = reply.entry.seconds or (0.0 if reply.is_at_once else HANDLING)
-                result = None if reply.entry.fault == UNANSWERED else self._result(reply)
         # a dropped call no longer has timers
         if result is not None and self._timers[1].callback is not None:
             self._timers.append(robot.after(seconds, partial(self._finish, result)))
