@@ -142,12 +142,11 @@ class VirtualNode(SimulatedNode):
 
     def crash(self) -> None:
         """Be unreachable for a while."""
-        after = self._robot.after
         self.is_away = True
         if self._timer is not None:
             self._timer.cancel()
-        after(NOTICED, lambda: self._report(False))
-        after(AWAY, self._return)
+        self._robot.after(NOTICED, lambda: self._report(False))
+        self._robot.after(AWAY, self._return)
 
     def _return(self) -> None:
         self.is_away = False
