@@ -91,9 +91,9 @@ def test_a_wrong_argument_of_the_controller_or_of_roslaunch_is_a_fault_too(given
 
 
 def test_the_nodes_that_are_real(given):
-    assert read().real_nodes == frozenset()
+    assert read().arguments.simulated == list(NODES)
     given("use_real_textToSpeech:=true", "use_real_faceDetection:=false")
-    assert read().real_nodes == {"textToSpeech"}
+    assert set(NODES) - set(read().arguments.simulated) == {"textToSpeech"}
 
 
 READ_FILES = """

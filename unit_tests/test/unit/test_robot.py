@@ -18,7 +18,7 @@ from behavior_controller.config.settings import defaults
 from unit_tests.robot.faults import CRASH, REFUSED, WRONG
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.behaviour import (
-    NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, services, usual_seconds)
+    NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, services, simulated)
 from unit_tests.robot.virtual_robot import response, slots
 from unit_tests.robot.visitor import (
     BEHAVIOURS, DECLINES, ENGAGES, Manners, NOTHING_HEARD, NO_GAZE, SILENT, SMALL_TALK, Visitor)
@@ -124,11 +124,11 @@ def test_a_gesture_may_be_as_short_as_it_likes():
                           ({"message": "x" * 28, "language": "English"}, Say, 0.0),
                           ({"state": "disabled"}, SetAnimation, 0.2)))
 def test_a_gesture_takes_its_time_and_a_second_has_fourteen_letters(request_fields, kind, seconds):
-    assert usual_seconds(INTERFACE.service(kind), request_fields) == pytest.approx(seconds)
+    assert simulated(INTERFACE.service(kind)).seconds(request_fields) == pytest.approx(seconds)
 
 
 def test_another_packages_service_takes_a_second():
-    assert usual_seconds(LAMP, {"colour": "red"}) == 1.0
+    assert simulated(LAMP).seconds({"colour": "red"}) == 1.0
 
 
 @pytest.mark.parametrize("kind, response, fault", (

@@ -15,7 +15,7 @@ from behavior_controller.robot.gateway import Sample
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
 from unit_tests.judge.reference import Duty, is_asked_again
 from unit_tests.robot import journal
-from unit_tests.robot.behaviour import TOPICS
+from unit_tests.robot.behaviour import TOPICS, read
 
 
 @dataclass(eq=False)
@@ -103,7 +103,7 @@ class JournalMessages:
 
     def __init__(self, facts: Facts, topic: Topic, offset: float):
         self._lines: List[Tuple[float, Any]] = [
-            (line.time, TOPICS[topic.name].value(line.content)) for line in facts.journal
+            (line.time, read(topic, line.content)) for line in facts.journal
             if line.node == topic.node and line.call == 0]
         self._crashes = [line.time for line in facts.crashes if line.node == topic.node]
         self._offset, self._late = offset, facts.late

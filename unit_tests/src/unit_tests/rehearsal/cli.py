@@ -180,8 +180,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Exit with one line if options contradict each other."""
+def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
+    """Return the options of the command. Exits with one line if they are wrong, or contradict each
+    other."""
+    parser = _parser()
+    options = parser.parse_intermixed_args(argv)
     ways = [name for name in ("faults", "planned", "silent", "runs") if getattr(options, name)]
     if len(ways) > 1 and ways != ["planned", "silent"]:
         parser.error(f"--{ways[0]} and --{ways[-1]} exclude each other")
@@ -190,13 +193,6 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
             parser.error(f"--{name} is for --runs")
     if options.kinds and (options.planned or options.silent or options.faults == NONE):
         parser.error("--kinds is for --faults and --runs")
-
-
-def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
-    """Return the options of the command. Exits with one line if they are wrong."""
-    parser = _parser()
-    options = parser.parse_intermixed_args(argv)
-    _check(parser, options)
     return options
 
 

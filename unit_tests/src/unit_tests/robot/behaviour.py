@@ -1,6 +1,7 @@
 """What the simulated nodes do with each kind of request and what they publish, for every interface.
 """
 import math
+from types import SimpleNamespace
 from typing import Any, Callable, Collection, Dict, List, Mapping, NamedTuple, Optional, Union
 
 from msgspec.structs import asdict
@@ -119,6 +120,14 @@ SERVICES: Mapping[type, SimulatedService] = {
 }
 """Kind of request -> what the robot does with it."""
 
+FOREIGN = SimulatedService(lambda request: None, seconds=lambda request: 1.0)
+"""A service that another package declares, which answers as ``Service.rehearse`` says."""
+
+
+def simulated(service: Service) -> SimulatedService:
+    """Return what the robot does with a request to a service."""
+    return SERVICES.get(service.request, FOREIGN)
+
 
 def nonsense(success: Success) -> Optional[Plain]:
     """Return a value of the outcome field that has no meaning; None if each of its values has one.
@@ -128,19 +137,13 @@ def nonsense(success: Success) -> Optional[Plain]:
     return 7 if isinstance(success.done, int) else "perhaps"
 
 
-def usual_seconds(service: Service, request: Fields) -> float:
-    """Return about how long a real robot takes for a request with these fields."""
-    return SERVICES[service.request].seconds(request) if service.request in SERVICES else 1.0
-
-
 def possible(fault: Optional[str], service: Service,
              response_fields: Collection[str]) -> Optional[str]:
     """Return the fault of a call whose response has these fields: a refusal where no answer can be
     nonsense. A message that is published has no answer: it is refused where no node subscribes."""
     if isinstance(service, Publication):
         return REFUSED if fault else None
-    simulated = SERVICES.get(service.request)
-    brings = len(response_fields) > 1 and simulated is not None and simulated.nonsense is not None
+    brings = len(response_fields) > 1 and simulated(service).nonsense is not None
     has_nonsense = service.success is not None and nonsense(service.success) is not None
     return fault if fault != WRONG or brings or has_nonsense else REFUSED
 
@@ -155,8 +158,7 @@ def response(service: Service, answer: Optional[Answer], fault: Optional[str] = 
     if fault == WRONG:
         senseless = nonsense(success)
         outcome = success.done if senseless is None else senseless
-        simulated = SERVICES.get(service.request)
-        answer = simulated.nonsense if simulated is not None else None
+        answer = simulated(service).nonsense
     return dict(asdict(answer or Answer()), **{success.field: outcome})
 
 
@@ -167,14 +169,10 @@ Value = Union[Faces, AttentionStatus, str]
 
 class SimulatedTopic(NamedTuple):
     """A topic. ``content`` is the content of its next message, None without a message; ``fields``
-    are the message's.
-
-    ``value`` is the content of a message with such fields.
-    """
+    are the message's."""
 
     content: Callable[[World], Optional[Value]]
     fields: Callable[[Any], Fields]
-    value: Callable[[Fields], Value]
 
 
 def _faces(world: World) -> Faces:
@@ -206,14 +204,16 @@ def _utterance(world: World) -> Optional[str]:
 TOPICS: Mapping[str, SimulatedTopic] = {
     d543.FACES.name: SimulatedTopic(
         _faces,
-        lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)},
-        lambda fields: Faces(tuple(fields["face_label_id"]), tuple(fields["mutualGaze"]))),
-    d543.ATTENTION.name: SimulatedTopic(
-        _attention, lambda status: status._asdict(), lambda fields: AttentionStatus(**fields)),
-    d543.SPEECH.name: SimulatedTopic(
-        _utterance, lambda text: {"data": text}, lambda fields: str(fields["data"]))
+        lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}),
+    d543.ATTENTION.name: SimulatedTopic(_attention, lambda status: status._asdict()),
+    d543.SPEECH.name: SimulatedTopic(_utterance, lambda text: {"data": text})
 }
 """Canonical name -> the topic, of any robot."""
+
+
+def read(topic: Topic, fields: Fields) -> Any:
+    """Return what the controller reads from a message with these fields."""
+    return topic.read(SimpleNamespace(**fields))
 
 
 # -------------------------------------------------------------------------------------------- nodes

@@ -96,12 +96,11 @@ class NoMaster(NodesMissing):
 
 
 class Taken(ConfigurationError):
-    """Living nodes hold what is claimed. ``is_under_way``: other nodes of the launch run, and go on
-    without this one."""
+    """Living nodes hold what is claimed."""
 
-    def __init__(self, holders: Sequence[Holder], is_under_way: bool):
-        super().__init__([holder.fault for holder in holders])
-        self.is_under_way = is_under_way
+
+class OneTaken(Taken):
+    """They hold what one node claims: others of the launch run, and go on without it."""
 
 
 # ---------------------------------------------------------------------------------- what is claimed
@@ -111,8 +110,8 @@ def of_test(options: Options, others: Sequence[str] = (CONTROLLER, REPORT)) -> L
     """Return the claims of all nodes of a test with these options: the simulated ones and
     ``others``."""
     robot = options.world.settings.interface
-    return [_claim(node, node, options) for node in behaviour.nodes(robot)
-            if node not in options.real_nodes] + [Claim(node, _resolved(node)) for node in others]
+    simulated = [node for node in behaviour.nodes(robot) if node in options.arguments.simulated]
+    return [_claim(node, node, options) for node in [*simulated, *others]]
 
 
 def of_process(node: str, options: Options) -> List[Claim]:
@@ -152,9 +151,9 @@ def check(node: str, options: Options) -> None:
     """
     others, is_under_way = find_others(of_process(node, options), options.arguments)
     if is_under_way or not options.arguments.is_in_launch:
-        others, is_under_way = [holder for holder in others if holder.claim.node == node], True
+        others = [holder for holder in others if holder.claim.node == node]
     if others:
-        raise Taken(others, is_under_way)
+        raise (OneTaken if is_under_way else Taken)([holder.fault for holder in others])
 
 
 def check_controller(options: Options) -> None:
@@ -168,25 +167,18 @@ def check_controller(options: Options) -> None:
 def check_test(options: Options) -> None:
     """Raise ``Taken`` if a test with these options would displace a node, ``NodesMissing`` if the
     master is mute."""
-    try:
+    with suppress(NoMaster):  # roslaunch starts one
         others, _ = find_others(of_test(options), options.arguments)
-    except NoMaster:
-        return  # roslaunch starts one
-    if others:
-        raise Taken(others, False)
+        if others:
+            raise Taken([holder.fault for holder in others])
 
 
 def note_replacement(node: str, options: Options, reason: str) -> None:
     """Write how this process' node was replaced, if the master ends it for that ``reason``, for the
     report, which asks the master only now and then."""
-    if NAME_IS_TAKEN not in reason or not options.arguments.is_launched:
-        return
-    own = [claim for claim in of_process(node, options) if claim.node == node]
-    line = "node {} was replaced during the test by another one, which is gone".format(own[0].name)
-    with suppress(NodesMissing):
-        others = find_others(own, options.arguments)[0]
-        line = others[0].replacement if others else line
-    note(options.arguments.folder, REPLACED, line)
+    if NAME_IS_TAKEN in reason and options.arguments.is_launched:
+        gone = f"node {_resolved(node)} was replaced during the test by another one, which is gone"
+        note(options.arguments.folder, REPLACED, replacement(options) or gone)
 
 
 def replacement(options: Options) -> str:

@@ -14,7 +14,7 @@ import sys
 import textwrap
 from dataclasses import dataclass
 from functools import partial
-from typing import (Callable, Collection, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple,
+from typing import (Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple,
                     Optional, Sequence, Tuple, TypeVar)
 
 from behavior_controller import folders as controller_folders, ros_arguments
@@ -58,14 +58,13 @@ Value = TypeVar("Value")
 # ------------------------------------------------------------------------------------- declarations
 
 
-def _several(read_one: Callable[[str], Value],
-             least: int = 0) -> Callable[[str], Tuple[Value, ...]]:
-    def read_all(text: str) -> Tuple[Value, ...]:
-        values = tuple(read_one(word) for word in re.split(r"[,\s]+", text) if word)
-        if len(values) < least:
-            raise ValueError(text)
-        return values
-    return read_all
+def _several(allowed: str, read_one: Callable[[str], Value]) -> Reader[Tuple[Value, ...]]:
+    """Return a reader of values with commas or spaces between them."""
+    return Reader(allowed, lambda text: tuple(map(read_one, re.findall(r"[^,\s]+", text))))
+
+
+def _some_of(names: Sequence[str]) -> Reader[Tuple[str, ...]]:
+    return _several(f"some of {', '.join(names)}, with commas between them", one_of(*names))
 
 
 _BEHAVIOURS = one_of(*BEHAVIOURS, RANDOM, *ALIASES)
@@ -74,11 +73,6 @@ _SEED = integer(0, SEEDS - 1)
 
 def _quoted(names: Iterable[str]) -> str:
     return ", ".join(map("`{}`".format, names))
-
-
-def _some_of(names: Sequence[str], least: int = 0) -> Reader[Tuple[str, ...]]:
-    return Reader("some of {}, with commas between them".format(", ".join(names)),
-                  _several(one_of(*names), least))
 
 
 @dataclass(frozen=True)
@@ -100,13 +94,13 @@ class Configuration:
         Reader(_SEED.allowed + ", or nothing", lambda text: _SEED(text) if text else None), None,
         "the same seed, the same faults and gaps between messages; empty: random, and printed")
     fault_kinds: Tuple[str, ...] = key(
-        _some_of(KINDS, 1), (REFUSED,),
+        dataclasses.replace(_some_of(KINDS), is_allowed=re.compile(r"[^,\s]").search), (REFUSED,),
         f"in which ways calls go wrong: {_quoted(KINDS)}, with commas between them")
     planned_faults: Tuple[PlannedFault, ...] = key(
-        Reader(
+        _several(
             "node:call or node:call:kind, with commas between them, where node is one of {}, "
             "call counts from 1 and kind is one of {}".format(", ".join(SERVERS), ", ".join(KINDS)),
-            _several(lambda word: parse_planned_fault(word, SERVERS))), (),
+            lambda word: parse_planned_fault(word, SERVERS)), (),
         "calls that go wrong in any case, such as `robotNavigation:3, textToSpeech:1:crash`")
     recognise_by: str = key(
         one_of(TOPIC, ACTION), TOPIC,
@@ -167,9 +161,7 @@ NAMES = list(dict.fromkeys(declared.name for declared in KEYS + settings.KEYS + 
 def defaults(**given: object) -> Configuration:
     """Return a configuration of the required keys alone, changed by ``given`` (camelCase)."""
     values = {declared.name: declared.default for declared in KEYS}
-    values.update(arrivalRate=math.inf, verboseMode=False)
-    values.update(given)
-    return filled(Configuration, values)
+    return filled(Configuration, {**values, "arrivalRate": math.inf, "verboseMode": False, **given})
 
 
 # ------------------------------------------------------------------------- what a process was given
@@ -199,7 +191,7 @@ class Arguments(NamedTuple):
 
     @property
     def simulated(self) -> List[str]:
-        """The nodes that the launch file starts, in its order."""
+        """The nodes that the launch file starts, in its order: those that are not real."""
         return [node for node in NODES if self.values.get(USE_REAL[node], "").lower() != "true"]
 
 
@@ -265,7 +257,6 @@ class Options:
     arguments: Arguments
     test: Configuration  # with a seed and a visitor
     world: World  # with the controller's settings
-    real_nodes: FrozenSet[str]  # those that are not simulated
 
 
 def read(arguments: Arguments) -> Options:
@@ -278,8 +269,7 @@ def read(arguments: Arguments) -> Options:
     faults: List[Fault] = []
     test = attempt(lambda: _drawn(load_test(values), values), faults)
     controller = attempt(lambda: load_controller(values), faults)
-    own = attempt(lambda: collected(
-        Source("", ""), OWN, {}, _chosen(values, OF_THE_TEST)).result(), faults)
+    faults += collected(Source("", ""), OWN, {}, _chosen(values, OF_THE_TEST)).faults
     if values.get("recordDirectory") == "none":
         faults.append(Fault("argument recordDirectory", 0, 0, "a test needs its record",
                             "leave it out, or name a folder for a copy"))
@@ -288,10 +278,9 @@ def read(arguments: Arguments) -> Options:
         behaviour = test.visitor_behaviour if test is not None else ENGAGES
         around = attempt(partial(world, behaviour, controller), faults)
         faults += _not_of_robot(test, controller.interface) if test is not None else ()
-    if faults or test is None or around is None or own is None:
+    if faults or test is None or around is None:
         raise ConfigurationError(faults)
-    return Options(arguments, test, around, frozenset(
-        node for node in NODES if own[USE_REAL[node]]))
+    return Options(arguments, test, around)
 
 
 def load_test(values: Mapping[str, str]) -> Configuration:

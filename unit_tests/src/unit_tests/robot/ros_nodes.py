@@ -85,8 +85,7 @@ def _shut_down_at_a_signal() -> None:
 def _refuse(name: str, arguments: Arguments, error: BehaviorControllerError) -> NoReturn:
     """Do not start. Of a launch that is refused as a whole the last node says why and ends it,
     unless a report does."""
-    is_under_way = isinstance(error, claims.Taken) and error.is_under_way
-    is_whole = arguments.is_in_launch and not is_under_way
+    is_whole = arguments.is_in_launch and not isinstance(error, claims.OneTaken)
     if is_roslaunch(parent_command()) and not arguments.is_launched:
         # roslaunch starts it last: a roslaunch that is ended before that may leave some behind
         is_last = name == arguments.simulated[-1]

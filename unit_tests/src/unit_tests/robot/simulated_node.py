@@ -11,7 +11,7 @@ from behavior_controller.robot.requests import Answer, Request
 
 from unit_tests.robot import behaviour
 from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS
+from unit_tests.robot.behaviour import FOREIGN, Fields, TOPICS
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED, Faults
 from unit_tests.robot.journal import JournalEntry, REPEAT
 from unit_tests.robot.world import World
@@ -43,15 +43,11 @@ def offers_of(node: str, interface: Interface, test: Configuration) -> Offers:
 
 class Reply(NamedTuple):
     """What a node does with a request. ``answer`` is the content of a positive answer; None: the
-    answer is no."""
+    answer is no. ``is_at_once``: the node does not start what it was asked for."""
 
     entry: JournalEntry
     answer: Optional[Answer]
-
-    @property
-    def is_at_once(self) -> bool:
-        """Whether the node does not start what it was asked for."""
-        return self.entry.fault in (EXCEPTION, CRASH) or self.entry.objection is not None
+    is_at_once: bool
 
     @property
     def exception(self) -> str:
@@ -96,18 +92,19 @@ class SimulatedNode:
         package declares.
         """
         fault = behaviour.possible(self._faults.next(), service, response_fields)
-        simulated = SERVICES.get(service.request)
-        objection = simulated.object_to(fields) if simulated is not None else None
-        is_refused_at_once = objection is not None or fault in (EXCEPTION, CRASH, UNANSWERED)
-        takes_time = self._test.takes_time and not is_refused_at_once
-        seconds = behaviour.usual_seconds(service, fields) if takes_time else 0.0
+        simulated = behaviour.simulated(service)
+        objection = simulated.object_to(fields)
+        is_at_once = objection is not None or fault in (EXCEPTION, CRASH, UNANSWERED)
+        takes_time = self._test.takes_time and not is_at_once
+        seconds = simulated.seconds(fields) if takes_time else 0.0
         entry = JournalEntry(self._stamp(), self.name, resource, self._faults.calls, fields, fault,
                              objection, seconds)
         self._write(entry)
-        if not entry.done:
-            return Reply(entry, None)
-        return Reply(entry, service.rehearse(request) if simulated is None else
-                     simulated.answer(fields, self.world))
+        answer: Optional[Answer] = None
+        if entry.done:
+            answer = (service.rehearse(request) if simulated is FOREIGN
+                      else simulated.answer(fields, self.world))
+        return Reply(entry, answer, is_at_once)
 
     def message(self, resource: str) -> Optional[Fields]:
         """Return the fields of the next message, None if there is none, and write it to the

@@ -5,6 +5,7 @@ What its nodes decide is decided by ``simulated_node``, with the same seeds as i
 """
 import math
 import os
+import re
 from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple, Union
@@ -56,6 +57,9 @@ _ORDER = 1e-6
 """
 
 Result = Union[Answer, Failure]
+
+_FIELD = re.compile(r"^\s*[\w/\[\]]+\s+(\w+)\s*(?:#|$)", re.MULTILINE)
+"""A field in the file of a type, and its name; a constant is none."""
 
 FILES = {Service: "srv", Action: "action", Publication: "msg"}
 """The folder and ending of the file of a type."""
@@ -131,20 +135,18 @@ class VirtualNode(SimulatedNode):
         super().__init__(name, robot.test, robot.world, robot.stamp, robot.write)
         self._robot = robot
         self.is_away = False
-        self._listens_until = -math.inf  # an action returns nothing later
-        self._times: Iterator[float] = iter(())
+        self.listens_until = -math.inf  # an action returns nothing later
         self._timer: Optional[Timer] = None  # of its next message, if it publishes
 
     # ------------------------------------------------------------------------------------- presence
 
     def crash(self) -> None:
         """Be unreachable for a while."""
-        after = self._robot.after
         self.is_away = True
         if self._timer is not None:
             self._timer.cancel()
-        after(NOTICED, lambda: self._report(False))
-        after(AWAY, self._return)
+        self._robot.after(NOTICED, lambda: self._report(False))
+        self._robot.after(AWAY, self._return)
 
     def _return(self) -> None:
         self.is_away = False
@@ -164,26 +166,21 @@ class VirtualNode(SimulatedNode):
 
     def publish(self) -> None:
         """Publish from now on, as a node does when it starts."""
-        self._times = self.arrivals().times(self._robot.clock.now())
-        self._await_next()
+        self._await_next(self.arrivals().times(self._robot.clock.now()))
 
-    def listen(self, seconds: float) -> None:
-        """Return what is heard by the action for that time."""
-        self._listens_until = self._robot.clock.now() + seconds
+    def _await_next(self, times: Iterator[float]) -> None:
+        robot = self._robot
+        gap = max(next(times) - robot.clock.now(), robot.shortest_gap)
+        self._timer = robot.after(gap, partial(self._publish_next, times))
 
-    def _await_next(self) -> None:
-        clock = self._robot.clock
-        gap = max(next(self._times) - clock.now(), self._robot.shortest_gap)
-        self._timer = self._robot.after(gap, self._publish_next)
-
-    def _publish_next(self) -> None:
+    def _publish_next(self, times: Iterator[float]) -> None:
         robot, offers = self._robot, self.offers
-        self._await_next()
-        if offers.action is not None and robot.clock.now() > self._listens_until:
+        self._await_next(times)
+        if offers.action is not None and robot.clock.now() > self.listens_until:
             return
         fields = self.message(offers.publisher)
         if fields is not None and offers.topic is not None:
-            robot.topics.publish(offers.topic, TOPICS[offers.topic.name].value(fields))
+            robot.topics.publish(offers.topic, behaviour.read(offers.topic, fields))
 
 
 class VirtualTopics(FakeTopics):
@@ -220,7 +217,7 @@ class VirtualTopics(FakeTopics):
 
     def listen(self, topic: Topic, seconds: float) -> None:
         """Have a robot that hears by an action listen for that time."""
-        self._robot.node(topic.node).listen(seconds)
+        self._robot.node(topic.node).listens_until = self._robot.clock.now() + seconds
 
 
 # -------------------------------------------------------------------------------------------- calls
@@ -271,13 +268,12 @@ class _VirtualCall:
         else:
             try:
                 reply = self._carried_out(node)
+                seconds = reply.entry.seconds or (0.0 if reply.is_at_once else HANDLING)
+                result = None if reply.entry.fault == UNANSWERED else self._result(reply)
             except Unsendable as error:
                 result = self._failure(Cause.TYPE_MISMATCH, str(error))
             except Unusable as error:
                 result = self._failure(Cause.UNUSABLE_ANSWER, str(error))
-            else:
-                seconds = reply.entry.seconds or (0.0 if reply.is_at_once else HANDLING)
-                result = None if reply.entry.fault == UNANSWERED else self._result(reply)
         # a dropped call no longer has timers
         if result is not None and self._timers[1].callback is not None:
             self._timers.append(robot.after(seconds, partial(self._finish, result)))
@@ -338,9 +334,4 @@ def slots(service: Service) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
         return (), ()
     with open(path, encoding="utf-8") as file:
         asked, answered = (file.read() + "\n---\n").split("---")[:2]
-    return _names(asked), _names(answered)
-
-
-def _names(text: str) -> Tuple[str, ...]:
-    words = (line.partition("#")[0].split() for line in text.splitlines())
-    return tuple(line[1] for line in words if len(line) == 2)
+    return tuple(_FIELD.findall(asked)), tuple(_FIELD.findall(answered))

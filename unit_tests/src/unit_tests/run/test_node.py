@@ -24,6 +24,7 @@ from unit_tests.rehearsal import arrival_waits
 from unit_tests import folders
 from unit_tests.robot import claims, options
 from unit_tests.run.controller import read_errors, read_exit_code
+from unit_tests.robot.behaviour import NODES
 from unit_tests.judge.facts import Facts
 from unit_tests.robot.journal import Journal, JournalEntry, Tail
 from unit_tests.judge.junit import to_xml
@@ -100,7 +101,8 @@ def _test(own: Options) -> int:
     folder = own.arguments.folder
     began = time.monotonic()
     facts = wait_for_end(folder, test, world, lambda: claims.replacement(own))
-    facts = facts._replace(cut_off=facts.cut_off or claims.replacement(own), real=own.real_nodes)
+    facts = facts._replace(cut_off=facts.cut_off or claims.replacement(own),
+                           real=frozenset(NODES).difference(own.arguments.simulated))
     with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
         stage = Stage(world.settings, world=world)
         facts = facts._replace(mission=stage.mission,
