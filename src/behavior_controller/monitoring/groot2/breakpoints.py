@@ -102,8 +102,8 @@ class Hooks:
             self._post(self._nodes[hook.uid].insert, hook)
 
     def remove(self, place: HookPlace, reason: str = "") -> bool:
-        """Remove the hook there and let its node go on; return whether it existed. The operator gets the
-        ``reason``."""
+        """Remove the hook there and let its node go on; return whether it existed. The operator
+        gets the ``reason``."""
         self._take_gone_off()
         hook = self._listed.pop(place.key, None)
         if hook is not None:
