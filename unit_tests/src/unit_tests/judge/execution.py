@@ -278,6 +278,10 @@ class Execution(TaskContext):
         try:
             if tick.first:
                 self.clock.run_due()
+                halted = self.traversal.changes
+                # what a timer halts between two traversals is not on record
+                if list(tick.changes[:len(halted)]) != halted:
+                    halted.clear()
             result = self.tree.root.execute()
         except BehaviorControllerError as error:
             if not isinstance(getattr(error, "cause", error), BehaviorControllerError):

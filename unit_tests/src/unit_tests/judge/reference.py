@@ -613,7 +613,7 @@ class RecoveryTask(Task):
         spec = self.course.registry.find(node_id)
         node: Any = spec.factory(node_id)
         node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
-        for name in ("uid", "full_path", "blackboard", "services", "course"):
+        for name in ("full_path", "blackboard", "services", "course"):
             setattr(node, name, getattr(self, name))
         return node
 

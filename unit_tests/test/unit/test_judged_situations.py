@@ -1,0 +1,171 @@
+"""The judge of small missions, each made for one situation that no delivered mission meets: a sound
+controller passes, and what is changed in its record is objected to."""
+from unittest import mock
+
+import pytest
+from msgspec.structs import replace
+
+from behavior_controller.bt.loader.document import parse
+from behavior_controller.config import recovery_policy, settings
+from behavior_controller.execution.events import (
+    Asked, LeafFinished, Message, StillHearing, Tick)
+from behavior_controller.monitoring.record.replay import replay
+from behavior_controller.text import Source
+
+from unit_tests.judge.verdict import judge
+from unit_tests.rehearsal.play import Stage
+from unit_tests.robot.virtual_robot import VirtualTopics
+
+from plays import changed, facts, of_test_with
+
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
+<Sequence><{}/>{}</Sequence></BehaviorTree></root>"""
+
+RELEASE = {"robotInterface": "release-1.0"}
+
+
+def of_mission(steps, faults=(), chosen=(), **test):
+    """Return the facts of a mission of these steps with the chosen keys of the controller."""
+    on = settings.defaults(**dict(chosen))
+    start = "StartOfTree" if dict(chosen) == RELEASE else "START_OF_TREE"
+    return facts(faults, on=Stage(on, [parse(MISSION.format(start, steps))]), **test)
+
+
+def objections(of_test):
+    return judge(of_test).objections
+
+
+def ends(of_test, node):
+    """Return how a node ended, each time."""
+    return [line.event.status for line in of_test.run.lines
+            if isinstance(line.event, LeafFinished) and line.event.node == node]
+
+
+def times(of_test, kind):
+    """Return the events of a kind and their times."""
+    return [(line.time, line.event) for line in of_test.run.lines if isinstance(line.event, kind)]
+
+
+# ------------------------------------------------------------------------------------- interruption
+
+
+SPEECH_HALTED = '<Timeout msec="500"><WelcomeSpeech/></Timeout>'
+UNANSWERED = ["textToSpeech:1:unanswered"]
+
+
+def test_a_request_that_is_halted_ends_and_its_answer_is_awaited_no_more():
+    of_test = of_mission(SPEECH_HALTED, UNANSWERED)
+    assert str(replay(list(of_test.run.lines))).startswith("the same path: 1 pass")
+    assert ends(of_test, "WelcomeSpeech") == ["IDLE"] and objections(of_test) == ()
+    silent = changed(of_test, lambda line: [] if isinstance(line.event, LeafFinished)
+                     and line.event.status == "IDLE" else [line])
+    assert "WelcomeSpeech ended with IDLE; on record is nothing" in objections(silent)[0]
+
+
+# ------------------------------------------------------------------------------------------ waiting
+
+
+ASKED_AGAIN = [
+    '<ReactiveSequence><IsYesNoUttered/><Sleep msec="4000"/></ReactiveSequence>',
+    '<ReactiveFallback><IsYesNoUttered/><Sleep msec="4000"/></ReactiveFallback>',
+    '<WhileDoElse><IsYesNoUttered/><AlwaysSuccess/><Sleep msec="4000"/></WhileDoElse>',
+    '<ReactiveFallback><Inverter><IsYesNoUttered/></Inverter><AlwaysSuccess/></ReactiveFallback>']
+WAITS = [
+    '<ReactiveSequence><AlwaysSuccess/><IsYesNoUttered/></ReactiveSequence>',
+    '<WhileDoElse><AlwaysSuccess/><IsYesNoUttered/><AlwaysSuccess/></WhileDoElse>',
+    '<Sequence><IsYesNoUttered/><AlwaysSuccess/></Sequence>']
+
+
+@pytest.mark.parametrize("steps, is_asked_again", [
+    *((steps, True) for steps in ASKED_AGAIN), *((steps, False) for steps in WAITS)])
+def test_a_condition_waits_unless_a_reactive_control_asks_it_again(steps, is_asked_again):
+    """A silent visitor is waited for 3 s, by the condition itself or not at all."""
+    of_test = of_mission(steps, chosen={"conditionWait": 3.0}, visitor_behaviour="silent")
+    assert objections(of_test) == ()
+    began = times(of_test, Tick)[0][0]
+    ended = next(line.time for line in of_test.run.lines if isinstance(line.event, LeafFinished)
+                 and line.event.node == "IsYesNoUttered")
+    assert ended - began == pytest.approx(0.0 if is_asked_again else 3.0, abs=0.1)
+
+
+LATE_LOOK = '<QueryTourSpeech/><Sleep msec="9000"/><IsYesNoUttered/>'
+
+
+def test_an_utterance_does_not_become_too_old_and_a_face_does():
+    heard = of_mission(LATE_LOOK, visitor_behaviour="engages")
+    arrived = times(heard, Message)[0][1].arrived
+    read = [event.at for _, event in times(heard, Tick) if event.at >= arrived][0]
+    assert read - arrived > settings.defaults().topic_max_age
+    assert ends(heard, "IsYesNoUttered") == ["SUCCESS"] and objections(heard) == ()
+    seen = of_mission("<ScanningOvertAttentionMode/><IsVisitorDiscovered/>",
+                      chosen={"conditionWait": 90.0})
+    assert ends(seen, "IsVisitorDiscovered") == ["SUCCESS"] and objections(seen) == ()
+
+    def older(line):
+        event = line.event
+        is_face = isinstance(event, Message) and event.topic == "/faceDetection/data"
+        return [replace(line, event=replace(event, arrived=event.arrived - 2.5))
+                if is_face else line]
+    assert "nothing more had to be; on record is IsVisitorDiscovered SUCCESS" in " ".join(
+        objections(changed(seen, older)))
+
+
+def hearing(seconds):
+    """Have the robot hear something for so many seconds from its first question on, as one that
+    hears by an action."""
+    began = []
+
+    def is_hearing(self, topic):
+        began.append(self._robot.clock.now())
+        is_so = began[-1] - began[0] < seconds
+        if is_so:
+            self._robot.note(StillHearing(topic.name))
+        return is_so
+    return mock.patch.object(VirtualTopics, "is_hearing", is_hearing)
+
+
+@pytest.mark.parametrize("steps, status", [("<GetVisitorResponse/>", "SUCCESS"),
+                                           ("<IsYesNoUttered/>", "FAILURE")])
+def test_what_is_still_heard_is_waited_for_as_long_as_its_result_may_take(steps, status):
+    """10 s to listen, and 10 s for what began within them."""
+    with hearing(10.0):
+        of_test = of_mission(steps, chosen=RELEASE, visitor_behaviour="silent",
+                             recognise_by="action")
+    assert ends(of_test, steps[1:-2]) == [status] and objections(of_test) == ()
+    ticks = times(of_test, Tick)
+    assert ticks[-1][0] - ticks[0][0] == pytest.approx(20.0, abs=0.1)
+
+    def late(line):
+        if line.time < ticks[-1][0] - 0.01:
+            return [line]
+        event = line.event
+        if isinstance(event, Tick):
+            event = replace(event, at=event.at + 5.0)
+        return [replace(line, time=line.time + 5.0, event=event)]
+    assert any("was due 5.0 s before" in text for text in objections(changed(of_test, late)))
+    by_topic = objections(of_test_with(of_test, recognise_by="topic"))
+    assert any("/speechEvent/text is no action that goes on hearing" in text for text in by_topic)
+
+
+# --------------------------------------------------------------------------------------- substitutes
+
+
+POLICY = "budget 9 60\nFollowMeSpeech * 1 0.5 {}\n* * 0 0 skip\n"
+STEP = "<Fallback><FollowMeSpeech/><HandleFallBack/></Fallback>"
+
+
+@pytest.mark.parametrize("substitute, more, outcome", [
+    ("QueryTourSpeech", (), "substituted"), ("SocialOvertAttentionMode", (), "substituted"),
+    ("SocialOvertAttentionMode", ("overtAttention:1",), "skipped")])
+def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
+    text = POLICY.format(substitute)
+
+    def load(path, specs):
+        return recovery_policy.read(Source(path, text), specs)
+    with mock.patch.object(recovery_policy, "load", load):
+        of_test = of_mission(STEP, ["textToSpeech:1", "textToSpeech:2", *more])
+    asked = [type(event.request).__name__ for _, event in times(of_test, Asked)]
+    assert asked[:3] == ["Say", "Say", "Say" if substitute == "QueryTourSpeech" else
+                         "SetAttention"]
+    assert [recovery.outcome for recovery in of_test.run.recoveries] == [outcome]
+    assert objections(of_test) == ()
