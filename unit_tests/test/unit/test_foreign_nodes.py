@@ -11,7 +11,8 @@ from behavior_controller import extensions, leaves
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.registry import Direction, Port
 from behavior_controller.config import settings
-from behavior_controller.execution.events import EntriesWritten, HealthChanged, Tick
+from behavior_controller.execution.events import (
+    EntriesWritten, HealthChanged, LeafFinished, Tick)
 from behavior_controller.leaves.base import InstantAction, leaf_spec
 from behavior_controller.robot.declarations import Publication
 from behavior_controller.robot.requests import Say
@@ -86,6 +87,15 @@ def test_what_comes_of_its_result_is_judged():
             return [replace(line, event=replace(line.event, changes=changes))]
         return [line]
     assert not judge(changed(of_test, failed)).passed
+
+
+def test_an_end_of_it_on_record_that_its_status_is_not_is_objected_to():
+    def failed(line):
+        is_its = isinstance(line.event, LeafFinished) and line.event.node == "CountVisits"
+        event = replace(line.event, status="FAILURE") if is_its else line.event
+        return [replace(line, event=event)]
+    text, = judge(changed(of_mission(INNER.format(""), "{parity}"), failed)).objections
+    assert "CountVisits ended with SUCCESS; on record is FAILURE although it did not fail" in text
 
 
 CRASH = ("textToSpeech:1:crash",)

@@ -10,6 +10,7 @@ from behavior_controller.config import recovery_policy, settings
 from behavior_controller.execution.events import (
     Asked, LeafFinished, Message, StillHearing, Tick)
 from behavior_controller.monitoring.record.replay import replay
+from behavior_controller.robot.gateway import Cause
 from behavior_controller.text import Source
 
 from unit_tests.judge.verdict import judge
@@ -60,6 +61,38 @@ def test_a_request_that_is_halted_ends_and_its_answer_is_awaited_no_more():
     silent = changed(of_test, lambda line: [] if isinstance(line.event, LeafFinished)
                      and line.event.status == "IDLE" else [line])
     assert "WelcomeSpeech ended with IDLE; on record is nothing" in objections(silent)[0]
+
+
+# ------------------------------------------------------------------------------------------ results
+
+
+def test_a_call_that_outlasts_its_deadline_needs_no_fault_and_another_one_does():
+    """The greeting is spoken in more than 1.5 s, as on a robot."""
+    slow = of_mission("<WelcomeSpeech/>", chosen={"textToSpeechDeadline": 1.5}, call_times="real")
+    failed, = [event for _, event in times(slow, LeafFinished) if event.status == "FAILURE"]
+    assert failed.failure.cause is Cause.NO_ANSWER and objections(slow) == ()
+    quick = [line._replace(seconds=0.1) if line.node == "textToSpeech" else line
+             for line in slow.journal]
+    waited, result = objections(slow._replace(journal=quick))
+    assert "was waited for 1.5 s; it was due after 0.1 s, its deadline is 1.5 s" in waited
+    assert "was carried out; on record is no-answer" in result
+
+
+def test_a_node_that_refuses_what_makes_no_sense_is_objected_to_once():
+    of_test = of_mission(STEP, ["textToSpeech:1"])
+    refused = next(line for line in of_test.journal if line.fault)
+
+    def objections_to(**facts_of_line):
+        return objections(of_test._replace(journal=[
+            line._replace(**facts_of_line) if line == refused else line
+            for line in of_test.journal]))
+    assert objections(of_test) == ()
+    text, = objections_to(fault=None, objection="nonsense")
+    assert "makes no sense: nonsense" in text
+    texts = objections_to(fault="exception", objection="nonsense")
+    assert len(texts) == 2 and "was made to fail (exception)" in texts[1]
+    text, = objections_to(fault=None)
+    assert "was carried out; on record is refused" in text
 
 
 # ------------------------------------------------------------------------------------------ waiting

@@ -13,7 +13,7 @@ from behavior_controller.execution.events import (
     SafeStateReported, StepStarted, StopChanged, Tick, TreeShown)
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, GoTo, Say
+from behavior_controller.robot.requests import Answer, GoTo, Location, Say
 from behavior_controller.text import Source
 
 from unit_tests.judge.junit import to_xml
@@ -255,7 +255,12 @@ def test_another_request_than_the_mission_has():
     of_test = changed(facts(), first(
         Asked, lambda event: replace(event, request=Say("Hello")), is_request(Say)))
     assert_objects(of_test, "after EnableAnimateBehavior, WelcomeSpeech was due: saying “Hello, ",
-                   "what was asked: saying “Hello”")
+                   "what was asked: saying “Hello” (text is 'Hello' instead of 'Hello, ")
+    driven = changed(facts(), first(
+        Asked, lambda event: replace(event, request=GoTo(Location(1.0, 2.0, 3.0))),
+        is_request(Say)))
+    text, = [text for text in objections(driven) if "WelcomeSpeech was due" in text]
+    assert " instead of " not in text.partition("; what was asked")[2]
 
 
 def test_a_request_that_was_not_made():
