@@ -8,7 +8,8 @@ from msgspec.structs import replace
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import recovery_policy, settings
 from behavior_controller.execution.events import (
-    Asked, LeafFinished, Message, StillHearing, Tick)
+    Asked, LeafFinished, Message, PassFinished, PassStarted, SafeStateReported, StillHearing,
+    Tick)
 from behavior_controller.monitoring.record.replay import replay
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.text import Source
@@ -30,6 +31,13 @@ def of_mission(steps, faults=(), chosen=(), **test):
     on = settings.defaults(**dict(chosen))
     start = "StartOfTree" if dict(chosen) == RELEASE else "START_OF_TREE"
     return facts(faults, on=Stage(on, [parse(MISSION.format(start, steps))]), **test)
+
+
+def policy(text):
+    """Have the missions read this recovery policy."""
+    def load(path, specs):
+        return recovery_policy.read(Source(path, text), specs)
+    return mock.patch.object(recovery_policy, "load", load)
 
 
 def objections(of_test):
@@ -93,6 +101,20 @@ def test_a_node_that_refuses_what_makes_no_sense_is_objected_to_once():
     assert len(texts) == 2 and "was made to fail (exception)" in texts[1]
     text, = objections_to(fault=None)
     assert "was carried out; on record is refused" in text
+
+
+@pytest.mark.parametrize("uid, place", [(1, ""), (2, " (in Sequence)"), (3, " (in Sequence)")])
+def test_a_status_that_had_to_be_another_is_placed_in_its_control(uid, place):
+    of_test = of_mission("<WelcomeSpeech/>")
+
+    def failed(line):
+        if isinstance(line.event, Tick):
+            changes = [(number, "F" if (number, letter) == (uid, "S") else letter)
+                       for number, letter in line.event.changes]
+            line = replace(line, event=replace(line.event, changes=changes))
+        return [line]
+    assert f"had to be SUCCESS{place}; on record is " in " ".join(
+        objections(changed(of_test, failed)))
 
 
 # ------------------------------------------------------------------------------------------ waiting
@@ -191,14 +213,45 @@ STEP = "<Fallback><FollowMeSpeech/><HandleFallBack/></Fallback>"
     ("QueryTourSpeech", (), "substituted"), ("SocialOvertAttentionMode", (), "substituted"),
     ("SocialOvertAttentionMode", ("overtAttention:1",), "skipped")])
 def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
-    text = POLICY.format(substitute)
-
-    def load(path, specs):
-        return recovery_policy.read(Source(path, text), specs)
-    with mock.patch.object(recovery_policy, "load", load):
+    with policy(POLICY.format(substitute)):
         of_test = of_mission(STEP, ["textToSpeech:1", "textToSpeech:2", *more])
     asked = [type(event.request).__name__ for _, event in times(of_test, Asked)]
     assert asked[:3] == ["Say", "Say", "Say" if substitute == "QueryTourSpeech" else
                          "SetAttention"]
     assert [recovery.outcome for recovery in of_test.run.recoveries] == [outcome]
     assert objections(of_test) == ()
+
+
+# ----------------------------------------------------------------------------- the end of a pass
+
+
+@pytest.mark.parametrize("then, outcome, is_awaited", [("giveUp", "FAILURE", True),
+                                                       ("skip", "SUCCESS", False)])
+def test_a_pass_waits_for_what_is_gone_if_the_last_one_failed_for_it(then, outcome, is_awaited):
+    """Another pass begins 1 s after a short one at the earliest."""
+    with policy("budget 9 60\n* * 0 0 {}\n".format(then)):
+        of_test = of_mission(STEP, ["textToSpeech:1:crash"], mission_runs=2)
+    (ended, first), _ = times(of_test, PassFinished)
+    began, second = times(of_test, PassStarted)[1]
+    assert first.outcome == outcome and objections(of_test) == ()
+    assert (began - ended > 2.0) is is_awaited
+
+    def late(line):
+        event = line.event
+        if line.time < began:
+            return [line]
+        if isinstance(event, (Tick, PassStarted)):
+            event = replace(event, at=event.at + 5.0)
+        return [replace(line, time=line.time + 5.0, event=event)]
+    assert any("pass 2 was due" in text for text in objections(changed(of_test, late)))
+
+
+def test_what_a_node_answers_to_the_safe_state_after_the_end_is_awaited_no_more():
+    """The simulated nodes go on for a while."""
+    of_test = of_mission("<WelcomeSpeech/>", ["animateBehavior:1:unanswered"])
+    assert times(of_test, SafeStateReported)[0][1].parts[1].failure is not None
+    last = of_test.journal[-1]
+    assert objections(of_test) == ()
+    more = [line for line in of_test.journal if line.node == "speechEvent" and not line.call][:1]
+    assert objections(of_test._replace(journal=list(of_test.journal) + [
+        line._replace(time=last.time + 30.0) for line in more])) == ()
