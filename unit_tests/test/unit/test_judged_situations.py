@@ -12,6 +12,7 @@ from behavior_controller.execution.events import (
     Tick)
 from behavior_controller.monitoring.record.replay import replay
 from behavior_controller.robot.gateway import Cause
+from behavior_controller.robot.requests import GoTo
 from behavior_controller.text import Source
 
 from unit_tests.judge.verdict import judge
@@ -220,6 +221,22 @@ def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
                          "SetAttention"]
     assert [recovery.outcome for recovery in of_test.run.recoveries] == [outcome]
     assert objections(of_test) == ()
+
+
+TOUR = """<RetrieveListOfExhibits/><Repeat num_cycles="7"><ForceSuccess><Fallback><Sequence>
+<IsListWithExhibit/><SelectExhibit/><Navigate/></Sequence><HandleFallBack/></Fallback>
+</ForceSuccess></Repeat>"""
+
+
+def test_the_last_exhibit_that_is_left_goes_back_to_the_list_once():
+    """Each drive is refused: five exhibits are tried, and the last one once more."""
+    faults = ["robotNavigation:{}".format(call) for call in range(1, 8)]
+    with policy("budget 20 60\n* * 0 0 giveUp\n"):
+        of_test = of_mission(TOUR, faults)
+    goals = [event.request.goal for _, event in times(of_test, Asked)
+             if isinstance(event.request, GoTo)]
+    places = [exhibit.location for exhibit in of_test.world.knowledge.exhibits]
+    assert goals == [*places, places[-1]] and objections(of_test) == ()
 
 
 # ----------------------------------------------------------------------------- the end of a pass
