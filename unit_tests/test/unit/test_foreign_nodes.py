@@ -10,10 +10,11 @@ from msgspec.structs import replace
 from behavior_controller import extensions, leaves
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.registry import Direction, Port
+from behavior_controller.bt.status import SKIPPED
 from behavior_controller.config import settings
 from behavior_controller.execution.events import (
     EntriesWritten, HealthChanged, LeafFinished, Tick)
-from behavior_controller.leaves.base import InstantAction, leaf_spec
+from behavior_controller.leaves.base import InstantAction, WorkingLeaf, leaf_spec
 from behavior_controller.robot.declarations import Publication
 from behavior_controller.robot.requests import Say
 
@@ -39,6 +40,24 @@ class CountVisits(InstantAction):
             self.clear_output("parity")
 
 
+class Ponder(WorkingLeaf):
+    """``<Ponder/>``: takes two seconds."""
+
+    def work(self):
+        """Wait."""
+        yield from self.pause(2.0)
+        return self.succeeded()
+
+
+class Pass(WorkingLeaf):
+    """``<Pass/>``: is skipped."""
+
+    def work(self):
+        """Skip it, without a wait."""
+        yield from ()
+        return SKIPPED
+
+
 INNER = '<SubTree ID="Inner"{}/>'
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
 <Sequence><START_OF_TREE/>{}<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback></Sequence>
@@ -49,13 +68,18 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M
 @pytest.fixture(autouse=True)
 def package():
     module = ModuleType("counting")
-    module.SPECS = (leaf_spec("CountVisits", CountVisits, "Counts the visits."),)
+    module.SPECS = (leaf_spec("CountVisits", CountVisits, "Counts the visits."),
+                    leaf_spec("Ponder", Ponder, "Takes two seconds."),
+                    leaf_spec("Pass", Pass, "Is skipped."))
     CountVisits.visits = 0
     with mock.patch.object(extensions, "exported", lambda kind: [
             extensions.Extension("counting", "counting", module)] if kind == "leaves" else []):
         leaves.specs.cache_clear()
         yield
     leaves.specs.cache_clear()
+
+PONDERING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
+<Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree></root>"""
 
 
 def of_mission(inner, entry):
@@ -96,6 +120,19 @@ def test_an_end_of_it_on_record_that_its_status_is_not_is_objected_to():
         return [replace(line, event=event)]
     text, = judge(changed(of_mission(INNER.format(""), "{parity}"), failed)).objections
     assert "CountVisits ended with SUCCESS; on record is FAILURE although it did not fail" in text
+
+
+@pytest.mark.parametrize("steps, seconds, outcome", [
+    ("<Ponder/>", 2.0, "SUCCESS"), ('<Timeout msec="500"><Ponder/></Timeout>', 0.5, "FAILURE"),
+    ('<Parallel success_count="2"><Ponder/><WelcomeSpeech/></Parallel>', 2.0, "SUCCESS"),
+    ('<Parallel success_count="1"><Ponder/><Sleep msec="900"/></Parallel>', 0.9, "SUCCESS"),
+    ('<Repeat num_cycles="2"><Ponder/></Repeat>', 4.0, "SUCCESS"),
+    ("<Sequence><Pass/><Ponder/></Sequence>", 2.0, "SUCCESS")])
+def test_one_that_takes_its_time_runs_as_long_as_on_record(steps, seconds, outcome):
+    of_test = facts(on=Stage(settings.defaults(), [parse(PONDERING.format(steps))]))
+    visit, = of_test.run.visits
+    assert (visit.outcome, visit.seconds) == (outcome, pytest.approx(seconds, abs=0.1))
+    assert judge(of_test).objections == ()
 
 
 CRASH = ("textToSpeech:1:crash",)

@@ -20,7 +20,7 @@ class Foreign(reference.Asking):
         for port in self.spec.ports:
             if port.direction is not Direction.IN:
                 self.course.entries.copy(self, port.name)
-        if letter == "R" or not letter and self.status is RUNNING:
+        if letter == "R":
             return RUNNING
         if not letter:
             return SKIPPED if self.status is IDLE else self.status

@@ -89,7 +89,7 @@ def _ports(text: str) -> Iterator[Port]:
         name, _, entry = word[1:].partition(":")
         entry = entry or name
         default = None if word[0] == "?" else "{@" + entry + "}"
-        yield Port(name, TYPES.get(entry, TEXT), _DIRECTIONS[word[0]], default, is_optional=True)
+        yield Port(name, TYPES.get(entry, TEXT), _DIRECTIONS[word[0]], default)
 
 
 # ------------------------------------------------------------------------------ what a node goes by
