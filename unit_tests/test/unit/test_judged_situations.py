@@ -203,7 +203,7 @@ def test_what_is_still_heard_is_waited_for_as_long_as_its_result_may_take(steps,
     assert any("/speechEvent/text is no action that goes on hearing" in text for text in by_topic)
 
 
-# --------------------------------------------------------------------------------------- substitutes
+# -------------------------------------------------------------------------------------- substitutes
 
 
 POLICY = "budget 9 60\nFollowMeSpeech * 1 0.5 {}\n* * 0 0 skip\n"

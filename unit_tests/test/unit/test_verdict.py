@@ -52,6 +52,7 @@ def test_a_sound_tour_passes_with_each_visitor(behaviour, outcome):
 def test_a_test_that_passes_says_how_many_calls_were_made_to_fail():
     verdict = judge(facts([REFUSED, "robotNavigation:1:exception"]))
     assert verdict.passed and ": 1 pass ended" in str(verdict) and " 2 of " in str(verdict)
+    assert "the budget" not in str(verdict)
 
 
 def test_a_mission_that_gives_up_ends_as_it_had_to():
@@ -435,7 +436,7 @@ def test_the_safe_state_is_reported_as_it_was_reached():
 def test_a_pass_that_begins_without_the_pause_after_a_spent_budget():
     of_test = facts(failure_rate=0.5, mission_runs=5)
     pause = next(line for line in of_test.run.lines if isinstance(line.event, Paused))
-    assert judge(of_test).passed
+    assert judge(of_test).passed and "the budget of recoveries was spent" in str(judge(of_test))
 
     def at_once(line):
         is_meant = isinstance(line.event, PassStarted) and line.time > pause.time
