@@ -5,7 +5,7 @@ import itertools
 import os
 import sys
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from behavior_controller import exit_codes, folders, leaves, ros_arguments
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
@@ -249,7 +249,7 @@ class _Replay(FakeGateway):
         elif result is not RUNNING:
             self._tree.halt()
 
-    def _differences(self, recorded: List[Tuple[str, str]]) -> Iterator[str]:
+    def _differences(self, recorded: Sequence[Tuple[str, str]]) -> Iterator[str]:
         """Yield the first difference of statuses, and that of requests."""
         pairs = itertools.zip_longest(recorded, self._statuses)
         yield next((f"recorded is {_words(was)}, now it is {_words(now)}"
