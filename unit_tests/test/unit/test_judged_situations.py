@@ -233,6 +233,13 @@ def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
     assert objections(of_test) == ()
 
 
+def test_a_recovery_below_another_control_deals_with_what_failed_before_that():
+    of_test = of_mission("""<Fallback><FollowMeSpeech/><Sequence><HandleFallBack/>
+<AlwaysSuccess/></Sequence></Fallback>""", ["textToSpeech:1"])
+    assert [recovery.outcome for recovery in of_test.run.recoveries] == ["skipped"]
+    assert objections(of_test) == ()
+
+
 TOUR = """<RetrieveListOfExhibits/><Repeat num_cycles="7"><ForceSuccess><Fallback><Sequence>
 <IsListWithExhibit/><SelectExhibit/><Navigate/></Sequence><HandleFallBack/></Fallback>
 </ForceSuccess></Repeat>"""
