@@ -114,6 +114,14 @@ def test_a_node_that_refuses_what_makes_no_sense_is_objected_to_once():
     assert "was carried out; on record is refused" in text
 
 
+@pytest.mark.parametrize("node", ["DescribeExhibitSpeech", "DescribeExhibitSpeech_1", "Navigate",
+                                  "SelectExhibit", "PerformDeicticGesture"])
+def test_a_node_without_its_exhibit_has_no_data(node):
+    of_test = of_mission("<{}/>".format(node))
+    failed, = [event for _, event in times(of_test, LeafFinished) if event.node == node]
+    assert failed.failure.cause is Cause.MISSING_DATA and objections(of_test) == ()
+
+
 @pytest.mark.parametrize("uid, place", [(1, ""), (2, " (in Sequence)"), (3, " (in Sequence)")])
 def test_a_status_that_had_to_be_another_is_placed_in_its_control(uid, place):
     of_test = of_mission("<WelcomeSpeech/>")
