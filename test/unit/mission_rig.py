@@ -19,6 +19,7 @@ EXHIBITS = tuple(
             Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n in (1, 2))
 ENTRANCE = Exhibit("entrance", "", "", Location(7.0, 8.0, 180.0), Point(7.5, 8.5, 1.5))
 HOME = Exhibit("home", "", "", Location(0.5, 0.25, 0.0), Point(0.0, 0.0, 0.0))
+MOST_ROUNDS = 100  # of a runner without a wait; without a limit such a test would not end
 CAUSES = [
     Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
     Cause.HANDLER_EXCEPTION, Cause.TYPE_MISMATCH
@@ -73,17 +74,28 @@ class Rig(Trial):
     def run(self, visitor, runs=1, **options):
         """Run passes; ``visitor(rig)`` acts whenever the mission waits; ``options`` are the
         runner's. Return the code."""
-        rig = self
+        rig, publish, rounds = self, self.mission.health.publish, []
+
+        def go_round(events):  # the runner publishes at each tick and before each wait
+            rounds.append(events)
+            assert len(rounds) < MOST_ROUNDS, "the runner does not wait"
+            publish(events)
 
         class Waiting(runner.Runner):
             def wait(self, seconds):
+                rounds.clear()
                 if seconds != runner.GIVE_WAY:
                     visitor(rig)
+
+        self.mission.health.publish = go_round
 
         options.setdefault("is_stopped", lambda: False)
         self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs),
                               **options)
-        return self.runner.run()
+        try:
+            return self.runner.run()
+        finally:
+            self.mission.health.publish = publish
 
 
 def one_leaf(element, answer=lambda request: NotImplemented, **changed):

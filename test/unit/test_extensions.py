@@ -1,15 +1,19 @@
 """Do missions find what other packages add, and is each way of exporting it wrong told in one line?
 """
+import contextlib
 import os
 import re
 import shutil
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from xml.etree import ElementTree
 
 import pytest
+
+from behavior_controller import extensions
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
@@ -345,6 +349,21 @@ def test_an_import_that_does_not_end_is_one_line_within_its_limit(tmp_path, tool
         2,
         '{}: package a: interface="a.leaves": its import has not ended within 10 s\n'.format(tool))
     assert time.monotonic() - began < 20.0
+
+
+@pytest.mark.parametrize("module, error", [("", None), ("1 / 0", ZeroDivisionError)])
+def test_an_import_that_has_ended_is_no_longer_watched(tmp_path, monkeypatch, module, error):
+    # its watch would end the program during a later import, long before that one's limit
+    name = "watched_" + ("badly" if module else "well")
+    (tmp_path / (name + ".py")).write_text(module)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = set(threading.enumerate())
+    with pytest.raises(error) if error else contextlib.nullcontext():
+        extensions._imported("a", LEAVES, name)
+    for watch in set(threading.enumerate()) - before:
+        watch.join(5.0)
+        assert not watch.is_alive()
+    assert extensions.late(10.0) is None
 
 
 @pytest.mark.parametrize("tool, arguments", TOOLS[:2])

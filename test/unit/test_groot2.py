@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 import types
+import uuid
 import xml.etree.ElementTree as ElementTree
 
 import msgspec
@@ -788,6 +789,19 @@ def test_a_client_that_pings_is_answered(served):
     assert events.poll(2000) == 0
     sock.disable_monitor()
     context.destroy(0)
+
+
+def test_a_link_that_zeromq_does_not_make_holds_nothing_up(monkeypatch):
+    monkeypatch.setattr(tcp_proxy, "FIRST_BYTE", 0.1)
+
+    async def accept():
+        with socket.socket(socket.AF_UNIX) as listener:
+            listener.bind(b"\0test-" + uuid.uuid4().bytes)
+            listener.listen(1)
+            with pytest.raises(asyncio.TimeoutError):
+                await tcp_proxy._accept(listener)
+
+    asyncio.run(accept(), debug=True)  # so that a socket that would block is refused
 
 
 def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_unanswered():

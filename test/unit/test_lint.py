@@ -174,6 +174,7 @@ def test_what_cannot_be_meant(rule):
     '<Sequence><Inverter><KeepRunningUntilFailure><Act/></KeepRunningUntilFailure></Inverter><Act/>'
     '</Sequence>',
     '<ReactiveFallback><Cond/><ForceFailure><Sleep msec="5"/></ForceFailure></ReactiveFallback>',
+    "<ReactiveSequence><Begin/><AlwaysSuccess/><Cond/></ReactiveSequence>",
     '<Sequence><In in="{given}"/><In in="{@given}"/><In in="literal"/></Sequence>',
     '<Sequence><In in="{x}"/><Out out="{x}"/></Sequence>',
     '<Sequence><In in="{x}"/><SetBlackboard output_key="x" value="1"/></Sequence>',

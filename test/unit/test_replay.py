@@ -11,15 +11,16 @@ from msgspec.structs import replace
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
 from behavior_controller.execution.events import (Answered, Asked, HealthChanged, LeafFinished,
-                                                  Line, Lost, PassFinished, PassStarted, RunStarted,
-                                                  Tick)
+                                                  Line, Lost, Message, PassFinished, PassStarted,
+                                                  RunStarted, Tick)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
-from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH
+from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.requests import AttentionStatus, Faces, GoTo, Say, SetAttention
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record.recorder import Record, new_folder
-from behavior_controller.monitoring.record.replay import main, read_record, replay
+from behavior_controller.monitoring.record.replay import (
+    RecordedTopics, main, read_record, replay)
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
 from recorded_tours import recorded_day
 
@@ -96,6 +97,20 @@ def test_a_mission_that_follows_in_the_same_record_knows_the_messages_from_befor
     record.close()
     outcome = replay(read_record(record.path))
     assert (outcome.divergence, outcome.passes) == ("", 2)
+
+
+def test_a_message_is_returned_from_the_read_on_that_was_the_first_to_return_it():
+    topics = RecordedTopics(INTERFACE)
+    for read, text in ((1, "a"), (2, "b"), (2, "c"), (4, "d")):
+        topics.take(Message(SPEECH.name, read, text, 5.0))
+    topics.begin()
+    assert topics.recent(FACES) == ()  # reads of another topic do not count
+    for heard in ("a", "abc", "abc", "abcd", "abcd"):
+        assert [sample.value for sample in topics.recent(SPEECH)] == list(heard)
+    topics.take(Message(SPEECH.name, 2, "e", 6.0))
+    topics.begin()  # of the next traversal, whose reads are counted anew
+    for heard in ("abcd", "abcde"):
+        assert [sample.value for sample in topics.recent(SPEECH)] == list(heard)
 
 
 def edited(path, old, new):

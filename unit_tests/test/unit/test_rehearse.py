@@ -788,6 +788,17 @@ def test_the_bar_grows_with_the_plays_until_ctrl_c(capsys, monkeypatch, tmp_path
     assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
 
 
+def test_the_time_left_is_that_of_the_runs_left_at_the_pace_so_far(monkeypatch):
+    terminal, times = io.StringIO(), iter([100.0, 110.0, 140.0, 160.0])
+    terminal.isatty = lambda: True
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(cli, "time", SimpleNamespace(monotonic=times.__next__))
+    assert list(cli.with_progress("abc", of=9)) == list("abc")
+    # 10 s, 20 s and 20 s for each of the 8, 7 and 6 others
+    assert re.findall(r"simulated runs, (.*?) left", terminal.getvalue()) == [
+        "1 min 20 s", "2 min 20 s", "2 min 0 s"]
+
+
 def start(*words, complaints):
     """Start the command as a process in its own process group."""
     command = os.path.join(HERE, "..", "..", "nodes", "rehearseMission")

@@ -134,15 +134,16 @@ def _repaired_attribute(name: str, value: str) -> str:
 def _check_outside(text: str, first: int, end: int) -> None:
     """Refuse text before the ``first`` element and after its ``end``, except comments and similar.
     """
-    for begin, stop in ((text.startswith("\ufeff"), first), (end or len(text), len(text))):
+    begin = len("\ufeff") if text.startswith("\ufeff") else 0
+    outside = (("before", begin, first), ("after the end of", end or len(text), len(text)))
+    for where, begin, stop in outside:
         for match in _OUTSIDE.finditer(text, begin, stop):
             if match.group("wrong"):
                 what = "an element" if match.group("wrong") == "<" else "text"
-                where = "after the end of" if begin > 1 else "before"
                 wrong = f"{what} {where} the first element"
                 hint = "a file holds one <root> and nothing else"
-                outside = MarkupFault(rules.OUTSIDE_ROOT, wrong, match.start(), hint)
-                raise (diagnosis(text) or [outside])[0]
+                fault = MarkupFault(rules.OUTSIDE_ROOT, wrong, match.start(), hint)
+                raise (diagnosis(text) or [fault])[0]
 
 
 def stray_text(text: str) -> Iterator[MarkupFault]:
