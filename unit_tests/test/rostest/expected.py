@@ -9,11 +9,11 @@ from behavior_controller.config import phrases
 from unit_tests.robot.world import building_file, load_building
 
 KNOWLEDGE = load_building(building_file())
-SPEECH = phrases.load("English").speech
+SPEECHES = phrases.load("English").speeches
 
 
 def say(phrase):
-    return ("textToSpeech", SPEECH(phrase))
+    return ("textToSpeech", SPEECHES[phrase])
 
 
 def describe(text):
