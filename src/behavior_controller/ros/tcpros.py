@@ -9,7 +9,6 @@ nodes (https://wiki.ros.org/ROS/Master_API, .../Slave_API).
 """
 import http.client
 import contextlib
-import math
 import socket
 import struct
 import threading
@@ -95,18 +94,17 @@ class Trouble(BehaviorControllerError):
 
 
 class _TimedSocket(socket.socket):
-    """A socket whose operations all end by one ``deadline`` (monotonic seconds; infinity: none)."""
+    """A socket whose operations all end by one ``deadline`` (monotonic seconds)."""
 
-    deadline = math.inf
+    deadline: float
     has_received = False  # whether the peer has sent anything
 
     def limit(self) -> None:
         """Let the next operation end by the deadline."""
-        if self.deadline < math.inf:
-            left = self.deadline - time.monotonic()
-            if left <= 0.0:
-                raise socket.timeout("timed out")
-            self.settimeout(left)
+        left = self.deadline - time.monotonic()
+        if left <= 0.0:
+            raise socket.timeout("timed out")
+        self.settimeout(left)
 
     def connect(self, address: Any) -> None:
         self.limit()

@@ -9,7 +9,6 @@ import asyncio
 import contextlib
 import socket
 import uuid
-from contextlib import suppress
 from typing import Any, AsyncIterator, Awaitable, Dict, Optional
 
 import zmq
@@ -85,7 +84,7 @@ class Front(TCPServer):
     def disconnect(self, name: bytes) -> None:
         """End what ``connect`` has begun."""
         self._clients.pop(name, None)
-        with suppress(zmq.ZMQError):  # ZeroMQ has noticed the lost connection
+        with contextlib.suppress(zmq.ZMQError):  # ZeroMQ has noticed the lost connection
             self._zmq_socket.disconnect("ipc://@" + name.decode())
 
     def handle_stream(self, stream: IOStream, address: Any) -> Optional[Awaitable[None]]:
@@ -105,7 +104,7 @@ class _Client:
     async def serve(self) -> None:
         """Copy in both directions until either side ends, for any reason."""
         # a closed stream's error is an OSError
-        with contextlib.closing(self._stream), suppress(asyncio.TimeoutError, OSError):
+        with contextlib.closing(self._stream), contextlib.suppress(asyncio.TimeoutError, OSError):
             # a silent client costs ZeroMQ nothing
             first = await asyncio.wait_for(self._read(), FIRST_BYTE)
             async with self._front.links, self._link() as link:
@@ -156,7 +155,7 @@ class _Client:
     async def _copy_out(self, link: IOStream) -> None:
         """Copy ZeroMQ's bytes until it ends; while the client does not read them, no more are read.
         """
-        with suppress(asyncio.TimeoutError, StreamClosedError):
+        with contextlib.suppress(asyncio.TimeoutError, StreamClosedError):
             while True:
                 await asyncio.wait_for(self._copy_chunk_out(link), LONGEST_IDLE)
         self._stream.close()
@@ -166,7 +165,7 @@ class _Client:
         self.unanswered = max(0, self.unanswered - len(chunk))
         if not self._stream.closed():
             self._front.connections.use(self._stream)
-            with suppress(StreamClosedError):
+            with contextlib.suppress(StreamClosedError):
                 await self._stream.write(chunk)
 
 
