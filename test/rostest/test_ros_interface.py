@@ -32,10 +32,14 @@ CALLERS = 8
 
 
 class Heard:
-    """The messages of a topic, to wait for."""
+    """The messages of a topic, to wait for; a failure shows ``lines``, which the node has written.
+
+    To be made before the node starts: rospy may lose a publisher that registers while it
+    subscribes, since it takes the master's older answer for the newer one.
+    """
 
     def __init__(self, name, kind, read):
-        self.all, self._news = [], threading.Condition()
+        self.all, self._news, self.lines = [], threading.Condition(), None
         self._subscriber = rospy.Subscriber(name, kind, lambda message: self._take(read(message)))
 
     def _take(self, value):
@@ -47,8 +51,8 @@ class Heard:
         """Return the first value from number ``start`` on that is ``wanted``."""
         with self._news:
             if not self._news.wait_for(lambda: any(map(wanted, self.all[start:])), BUSY * 10):
-                raise AssertionError("the wanted message did not come, only {}".format(
-                    self.all[start:][-5:]))
+                raise AssertionError("the wanted message did not come, only {}\n{}".format(
+                    self.all[start:][-5:], self.lines.text()))
             return next(filter(wanted, self.all[start:]))
 
     def close(self):
@@ -73,8 +77,12 @@ class TestRosInterface(unittest.TestCase):
         self.addCleanup(robot.stop)
         self.now = Heard(NODE + "/state", String, lambda message: json.loads(message.data))
         self.addCleanup(self.now.close)
+        self.diagnostics = Heard("/diagnostics", DiagnosticArray,
+                                 lambda message: {each.name: each.level for each in message.status})
+        self.addCleanup(self.diagnostics.close)
         controller = Controller(self.package)
         self.addCleanup(controller.close)
+        self.now.lines = self.diagnostics.lines = controller.lines
         return robot, controller
 
     def call(self, name):
@@ -162,16 +170,13 @@ class TestRosInterface(unittest.TestCase):
 
     def test_a_node_that_dies_shows_in_the_diagnostics(self):
         robot, controller = self.start(TOUR)
-        heard = Heard("/diagnostics", DiagnosticArray,
-                      lambda message: {each.name: each.level for each in message.status})
-        self.addCleanup(heard.close)
         own = "behaviorController: "
-        first = heard.wait_for(lambda levels: own + "mission" in levels)
+        first = self.diagnostics.wait_for(lambda levels: own + "mission" in levels)
         self.assertEqual(set(first.values()), {0})
         self.assertLessEqual({own + name for name in ("recovery", "master", "/textToSpeech")},
                              set(first))
         robot.kill()
-        heard.wait_for(lambda levels: levels[own + "/textToSpeech"] == 2)
+        self.diagnostics.wait_for(lambda levels: levels[own + "/textToSpeech"] == 2)
 
     def test_an_operator_who_cannot_start_is_a_mistake(self):
         _, controller = self.start(TOUR, rosInterface="false")
