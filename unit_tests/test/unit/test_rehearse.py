@@ -456,6 +456,16 @@ def test_without_faults_a_mission_that_never_succeeds_is_found(tmp_path, capsys)
     assert cli.main([str(path), "--faults", "none", "--visitors", "noGaze", "--jobs", "1"]) == 0
 
 
+@pytest.mark.parametrize("words, code", [
+    ("--failureRate 0", exit_codes.FINDINGS), ("--failureRate 0.5", exit_codes.SUCCESS),
+    ("--failureRate 0 --visitors noGaze", exit_codes.SUCCESS)])
+def test_runs_without_a_failure_show_a_mission_that_never_succeeds(tmp_path, words, code):
+    path = tmp_path / "m.xml"
+    path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><AlwaysFailure/></BehaviorTree>"
+                    "</root>")
+    assert cli.main([str(path), "--runs", "2", "--jobs", "1", *words.split()]) == code
+
+
 @pytest.mark.parametrize("words, told", [
     (["lab_tuor"], " lab_tour?"),
     (["no/such/file.xml"], "no/such/file.xml"),

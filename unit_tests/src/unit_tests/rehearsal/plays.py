@@ -67,6 +67,11 @@ class Scene(NamedTuple):
         return not (self.planned or self.silent or self.seed)
 
     @property
+    def is_faultless(self) -> bool:
+        """Whether nothing goes wrong in the scene, planned or at random."""
+        return not (self.planned or self.silent or self.rate)
+
+    @property
     def is_listed(self) -> bool:
         """Whether its calls are wanted."""
         return self.is_traced or len(self.planned) < 2 and not self.seed
