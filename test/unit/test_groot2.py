@@ -125,8 +125,9 @@ def served(request, monkeypatch):
     warnings, clients = [], []
     port = free_ports()
     monkeypatch.setattr(groot2, "HEARTBEAT", getattr(request, "param", 60.0))
-    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, lambda event: None)
-    publisher.port, publisher.warnings = port, warnings
+    events = []
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, events.append)
+    publisher.port, publisher.warnings, publisher.events = port, warnings, events
 
     def client():
         clients.append(Client(port))
@@ -317,6 +318,7 @@ def test_a_halt_ends_a_breakpoint(served):
     served.client().ask("I", hook(1, mode=0))
     assert tree.tick_exactly_once() is RUNNING
     tree.halt()
+    assert [event.is_held for event in served.events] == [True, False]
     assert tree.is_idle and len(SCRIPTS["a"]) == 1
     assert tree.tick_exactly_once() is RUNNING  # and the next pass comes to it again
 

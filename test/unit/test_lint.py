@@ -9,6 +9,7 @@ import harness as conformance
 import pytest
 
 from behavior_controller import folders
+from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.facts import outcomes
 from behavior_controller.bt.linter.structure import MOST_FAULTS
 from behavior_controller.bt.linter.walker import check, lint
@@ -591,6 +592,19 @@ def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, code):
 
 def test_a_literal_that_a_subtree_only_writes_is_read_by_no_port():
     assert warnings('<SubTree ID="Sub" x="so on"/>', tree("Sub", '<Aim to="{x}"/>')) == []
+
+
+@pytest.mark.parametrize("body, is_before", [
+    ("<Script code='n := 3'/><SetBlackboard output_key='n' value='x'/>", True),
+    ("<Sequence _onSuccess='n := 3'><Act/></Sequence><SetBlackboard output_key='n' value='x'/>",
+     True),
+    ("<SetBlackboard output_key='n' value='x'/><Script code='n := 3'/>", False),
+    ("<Sequence _onSuccess='n := 3'><SetBlackboard output_key='n' value='x'/></Sequence>", False),
+    ("<Sequence _onSuccess='n := 3'><Act/><SetBlackboard output_key='n' value='x'/></Sequence>",
+     False)])
+def test_a_text_empties_what_a_script_before_it_has_made(body, is_before):
+    found = {code for _, _, code in warnings("<Sequence>" + body + "</Sequence>")}
+    assert (rules.TEXT_EMPTIES.code in found) is is_before
 
 
 @pytest.mark.parametrize("name", ["HandleFallBack", "HandleFallback"])

@@ -520,8 +520,8 @@ def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
 
 
 UNITS = {
-    "ms": 1, "msec": 1, "s": 1000, "sec": 1000, "Second": 1000, "seconds": 1000, "min": 60_000,
-    "minute": 60_000, "minutes": 60_000, "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000
+    "ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000, "seconds": 1000,
+    "min": 60_000, "minute": 60_000, "minutes": 60_000, "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000
 }
 
 
@@ -530,7 +530,8 @@ UNITS = {
                     "the number is of milliseconds: 1.5{} is {:.0f}".format(unit, 1.5 * length))
                    for unit, length in UNITS.items() if length > 1] +
     [('<Sleep msec="20 {}"/>'.format(unit),
-      "the number is of milliseconds: 20 {} is 20".format(unit)) for unit in ("ms", "msec")] + [
+      "the number is of milliseconds: 20 {} is 20".format(unit))
+     for unit, length in UNITS.items() if length == 1] + [
           ('<Sleep msec="0,5 s "/>', "the number is of milliseconds: 0,5 s  is 500"),
           ('<Sleep msec="2 rounds"/>', "the type is uint"),
           ('<Typed number="2 s"/>', "the type is int"),

@@ -439,6 +439,16 @@ def test_a_script_that_fails_in_the_halt_of_a_timer_ends_its_pass_and_the_next_o
     assert rig.tree.is_idle and rig.clock.next_due() is None
 
 
+def test_a_run_that_asks_for_the_safe_state_is_stopping():
+    seen = []
+    rig = one_leaf("<AlwaysSuccess/>", lambda request: seen.append(runner.is_stopping) or Answer())
+    runner = Runner(Running(rig.tree, rig.mission, "m.xml", 1), lambda: False)
+    rig.tree.wake.wait = lambda seconds: rig.clock.set_to(rig.clock.now() + (seconds or 0.0))
+    assert not runner.is_stopping
+    runner.run()
+    assert seen == [True] * len(SAFE)
+
+
 def test_a_callback_that_fails_after_its_pass_fails_no_other():
     rig = one_leaf("<AlwaysSuccess/>")
     rig.clock.call_after(0.5, lambda: 1 / 0)

@@ -15,7 +15,7 @@ from behavior_controller.execution.events import (
     Paused, Recovered, Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported,
     Sources, StepStarted, StopChanged, Suspended, LeafSummary)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import FAILING, GONE
+from behavior_controller.execution.health import FAILING, GONE, NEW
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Prompt, Say, SetAttention)
 from behavior_controller.execution.fold import KEPT
@@ -25,7 +25,7 @@ from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisit
 from behavior_controller.monitoring.moment import card
 from behavior_controller.monitoring.parts import card_line
 from behavior_controller.monitoring.story import (
-    KINDS, Story, stop_name, how_it_ended, ordinal, safe_state, why as in_words,
+    KINDS, Story, condition, stop_name, how_it_ended, ordinal, safe_state, why as in_words,
     why_failed)
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record.recorder import Record
@@ -1009,6 +1009,12 @@ def test_a_weaker_trouble_has_no_sentence_while_a_stronger_one_lasts():
     back, works = replace(gone, is_well=True), replace(failing, is_well=True)
     told = [len(story.take(1.0, event)) for event in (gone, failing, works, back, failing, gone)]
     assert told == [1, 0, 0, 1, 1, 1]
+
+
+@pytest.mark.parametrize("respect, words", [(NEW, "is new"), (GONE, "is asleep")])
+def test_the_trouble_of_a_master_in_few_words(respect, words):
+    change = HealthChanged("master", "http://m:11311", "", False, "is asleep", "so", respect)
+    assert condition(change).endswith(words)
 
 
 def test_a_visitor_is_not_blamed_for_what_the_robot_went_on_without():
