@@ -369,11 +369,13 @@ def test_an_import_that_has_ended_is_no_longer_watched(tmp_path, monkeypatch, mo
 def test_what_holds_the_work_up_is_named_with_its_package(tmp_path, monkeypatch):
     (tmp_path / "slow_leaves.py").write_text(
         "import sys\nfrom behavior_controller import extensions\nDURING = extensions.late(2.5)\n"
-        "def stuck(): return extensions.late(2.5, sys._getframe())\ndef broken(): 1 / 0\nSPECS = ()")
+        "def stuck(): return extensions.late(2.5, sys._getframe())\n"
+        "def broken(): 1 / 0\nSPECS = ()")
     monkeypatch.syspath_prepend(str(tmp_path))
     module = extensions._loaded("a", str(tmp_path), "leaves", "slow_leaves").module
     assert str(module.DURING).startswith('package a: leaves="slow_leaves": ')
-    assert str(module.stuck()).startswith("package a: ") and "slow_leaves.py:4" in str(module.stuck())
+    stuck = str(module.stuck())
+    assert stuck.startswith("package a: ") and "slow_leaves.py:4" in stuck
     with pytest.raises(ZeroDivisionError) as raised:
         module.broken()
     assert extensions.raising(raised.value) == "a"

@@ -520,8 +520,9 @@ def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
 
 
 UNITS = {
-    "ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000, "seconds": 1000,
-    "min": 60_000, "minute": 60_000, "minutes": 60_000, "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000
+    "ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000,
+    "seconds": 1000, "min": 60_000, "minute": 60_000, "minutes": 60_000,
+    "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000
 }
 
 
