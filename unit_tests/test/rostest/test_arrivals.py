@@ -10,6 +10,8 @@ import unittest
 import rospy
 import rostest
 
+from first_message import wait_for_first_message
+
 RATE = 3000  # messages per minute, as in the launch file
 SECONDS = 10.0
 TOPICS = ("/faceDetection/data", "/overtAttention/mode", "/speechEvent/text")
@@ -28,6 +30,7 @@ class TestArrivals(unittest.TestCase):
             heard[topic].set()
 
         for topic in TOPICS:
+            wait_for_first_message(topic, 30.0)
             rospy.Subscriber(topic, rospy.AnyMsg, receive, topic, tcp_nodelay=True)
         if not all(heard[topic].wait(30.0) for topic in TOPICS):
             raise AssertionError("not every topic is published")

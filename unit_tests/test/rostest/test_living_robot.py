@@ -14,6 +14,8 @@ import rosgraph
 import rospy
 import rostest
 
+from first_message import wait_for_first_message
+
 LIMIT = 180.0  # seconds for one launch
 GOAL = "/robotNavigation/set_goal"
 NAVIGATION = ("robotNavigation", GOAL)
@@ -85,7 +87,7 @@ class LivingRobot(unittest.TestCase):
         nodes behind."""
         self.start("roslaunch", "unit_tests", "simulatedRobot.launch")
         rospy.wait_for_service(GOAL, LIMIT)
-        rospy.wait_for_message("/faceDetection/data", rospy.AnyMsg, LIMIT)
+        wait_for_first_message("/faceDetection/data", LIMIT)
 
     def run_to_end(self, *command):
         """Return the exit code of a command and what it printed."""

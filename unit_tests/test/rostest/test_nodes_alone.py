@@ -17,6 +17,8 @@ import rostest
 import rostopic
 from cssr_system.srv import robotNavigationService, robotPoseService, textService
 
+from first_message import wait_for_first_message
+
 # node, service and its type, topic and its type: contract, sections 2 and 3
 TABLE = (
     ("animateBehavior", "/animateBehaviour/set_activation", "cssr_system/animateBehaviorService",
@@ -60,7 +62,7 @@ class TestNodesAlone(unittest.TestCase):
             self.assertEqual(rosservice.get_service_type(service), service_type)
             self.assertEqual(rosservice.get_service_node(service), "/" + node)
         if topic:
-            rospy.wait_for_message(topic, rospy.AnyMsg, LIMIT)
+            wait_for_first_message(topic, LIMIT)
             self.assertEqual(rostopic.get_topic_type(topic)[0], topic_type)
         self.assertIn("/" + node, rosnode.get_node_names())
 
