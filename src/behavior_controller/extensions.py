@@ -169,7 +169,6 @@ def _imported(package: str, export: str, name: str) -> ModuleType:
     """
     _under_way[:] = [(package, export)]
     watch = threading.Timer(IMPORT_LIMIT, _give_up)
-    watch.daemon = True
     if threading.current_thread() is threading.main_thread():
         watch.start()
     try:

@@ -471,10 +471,10 @@ def test_a_report_that_cannot_be_written_is_one_line(tmp_path, capsys):
     ).err == "/dev/full: the report cannot be written: No space left on device\n"
 
 
-def test_the_report(tmp_path):
+def test_the_report(tmp_path, capsys):
     path = recorded(tmp_path, visitor_who(says="yes"), failure_rate=0.2, seed=4)
     page = str(tmp_path / "report.html")
-    assert command("--report", page, path)[0] == 0
+    assert main(["--report", page, path]) == 0 and page in capsys.readouterr().out
     with open(page, encoding="utf-8") as file:
         text = file.read()
     assert text.count('<li id="n') == len(read_record(path)[0].event.nodes)

@@ -363,6 +363,7 @@ def test_a_moment_of_a_long_run_costs_no_more_than_some_hundred_events(monkeypat
 UNSEEN = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/gaze")
 ASKS = LeafFinished(5, "Gaze", "all/gaze", "FAILURE", "/gaze", 0.0, UNSEEN)
 SEES = LeafFinished(5, "Gaze", "all/gaze", "SUCCESS", "/gaze", 0.0, None)
+HALTED = replace(SEES, status="IDLE")
 GOES = HealthChanged("topic", "/gaze", "eyes", False, "gone", "no gaze is noticed", GONE)
 RETURNS = replace(GOES, is_well=True, status="available again")
 
@@ -370,7 +371,8 @@ RETURNS = replace(GOES, is_well=True, status="available again")
 @pytest.mark.parametrize("events, blind", [
     ([ASKS], None), ([GOES, ASKS], GOES), ([ASKS, GOES], GOES), ([ASKS, GOES, RETURNS], GOES),
     ([GOES, RETURNS, ASKS], None), ([ASKS, GOES, SEES, RETURNS, ASKS], None),
-    ([replace(GOES, name="/other"), ASKS], None)])
+    ([replace(GOES, name="/other"), ASKS], None),
+    ([GOES, ASKS, RETURNS, HALTED, ASKS], GOES)])
 def test_what_could_not_be_seen_is_told_from_what_was_not_there(events, blind):
     run = after(PassStarted(1, 0.0), *events, PassFinished(1, "FAILURE", 9.0))
     assert (run.state.visit.why.failure, run.state.visit.why.blind) == (UNSEEN, blind)

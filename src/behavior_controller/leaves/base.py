@@ -59,16 +59,14 @@ class FailureLog:
         self.newest_number = 0
         # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
         self.given_up = 0
-        self.is_budget_spent = False  # so that a failure of this pass was given up
-        self.unrecovered: List[Failure] = []  # those that were given up in this pass
-        self._last: List[Failure] = []  # of this pass
+        self.begin_pass()
 
     @tick_thread_only
     def begin_pass(self) -> None:
         """Note that the failures from now on are those of another pass."""
-        self.is_budget_spent = False
-        self.unrecovered.clear()
-        self._last = []
+        self.is_budget_spent = False  # so that a failure of this pass was given up
+        self.unrecovered: List[Failure] = []  # those that were given up
+        self._last: List[Failure] = []  # the newest
 
     @tick_thread_only
     def of_pass(self) -> List[Failure]:
