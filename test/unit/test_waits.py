@@ -1,0 +1,72 @@
+"""For how long does the tree around a condition ask it again and again?"""
+import math
+
+import pytest
+
+from behavior_controller.leaves.waits import MOST_BESIDE, is_asked_again, wait_for
+from mission_rig import one_leaf
+
+SEEN, SAYS = "<IsVisitorDiscovered/>", "<WelcomeSpeech/>"
+PAUSE = "<Sequence><Sleep msec='200'/><AlwaysFailure/></Sequence>"
+ROUND = "<Fallback>" + SEEN + PAUSE + "</Fallback>"
+
+
+def retried(attempts, body):
+    return "<RetryUntilSuccessful num_attempts='{}'>{}</RetryUntilSuccessful>".format(
+        attempts, body)
+
+
+def until(body):
+    return "<ReactiveFallback>{}{}</ReactiveFallback>".format(SEEN, body)
+
+
+def condition(mission):
+    return next(node for node in one_leaf(mission).tree.nodes
+                if node.registration_id == "IsVisitorDiscovered")
+
+
+@pytest.mark.parametrize("mission, seconds", [
+    (SEEN, None),
+    ("<Sequence>" + SEEN + SAYS + "</Sequence>", None),
+    # a ReactiveFallback waits as long as what stands after the condition
+    (until("<Sleep msec='3000'/>"), 3.0),
+    (until("<Sleep msec='3000'/><Sleep msec='500'/>"), 3.5),
+    (until("<Delay delay_msec='1500'><AlwaysFailure/></Delay>"), 1.5),
+    (until("<AlwaysFailure/>"), None),
+    (until(SAYS), math.inf),
+    (until("<Sleep msec='{given}'/>"), math.inf),
+    (until("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>"), math.inf),
+    # a loop waits for the pauses of all its rounds
+    (retried(5, ROUND), 1.0),
+    (retried(-1, ROUND), math.inf),
+    (retried(4, "<Delay delay_msec='250'>" + SEEN + "</Delay>"), 1.0),
+    (retried(5, "<Fallback>" + PAUSE + SEEN + "</Fallback>"), 1.0),
+    (retried(5, "<Sequence>" + SEEN + PAUSE + "</Sequence>"), None),
+    (retried(5, SEEN), None),
+    # as long as a Timeout lets it
+    ("<Timeout msec='500'>" + until("<Sleep msec='3000'/>") + "</Timeout>", 0.5),
+    ("<Timeout msec='9000'>" + until("<Sleep msec='3000'/>") + "</Timeout>", 3.0),
+    ("<Timeout msec='500'>" + SEEN + "</Timeout>", None),
+    # a robot that does something else meanwhile does not wait
+    (retried(5, "<Fallback>" + SEEN + "<ForceFailure>" + SAYS + "</ForceFailure></Fallback>"), None),
+])
+def test_the_mission_waits_for_a_condition(mission, seconds):
+    assert wait_for(condition(mission)) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("number, seconds", [(MOST_BESIDE, 0.1 * MOST_BESIDE),
+                                             (MOST_BESIDE + 1, math.inf)])
+def test_a_round_of_too_many_nodes_takes_nobody_knows_how_long(number, seconds):
+    assert wait_for(condition(until("<Sleep msec='100'/>" * number))) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("mission, is_so", [
+    (until(SAYS), True),
+    ("<ReactiveFallback><AlwaysFailure/>" + SEEN + "</ReactiveFallback>", False),
+    ("<ReactiveSequence>" + SEEN + SAYS + "</ReactiveSequence>", True),
+    ("<Sequence>" + SEEN + SAYS + "</Sequence>", False),
+    ("<ReactiveSequence><Inverter>" + SEEN + "</Inverter>" + SAYS + "</ReactiveSequence>", True),
+    ("<WhileDoElse>" + SEEN + SAYS + "</WhileDoElse>", True),
+    ("<WhileDoElse><AlwaysSuccess/>" + SEEN + SAYS + "</WhileDoElse>", False)])
+def test_a_condition_is_asked_again_while_a_later_node_runs(mission, is_so):
+    assert is_asked_again(condition(mission)) is is_so
