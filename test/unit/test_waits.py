@@ -57,7 +57,10 @@ def test_the_mission_waits_for_a_condition(mission, seconds):
 @pytest.mark.parametrize("number, seconds", [(MOST_BESIDE, 0.1 * MOST_BESIDE),
                                              (MOST_BESIDE + 1, math.inf)])
 def test_a_round_of_too_many_nodes_takes_nobody_knows_how_long(number, seconds):
-    assert wait_for(condition(until("<Sleep msec='100'/>" * number))) == pytest.approx(seconds)
+    wait = until("<Sleep msec='100'/>" * number)
+    assert wait_for(condition(wait)) == pytest.approx(seconds)
+    limited = "<Timeout msec='500'>{}</Timeout>".format(wait)
+    assert wait_for(condition(limited)) == (0.5 if math.isfinite(seconds) else math.inf)
 
 
 @pytest.mark.parametrize("mission, is_so", [

@@ -35,9 +35,9 @@ def wait_for(condition: Any) -> Optional[float]:
     pauses of all its rounds. A loop in whose rounds the robot does something else is not a wait.
     """
     node, outcome = condition, FAILS
-    round_takes, wait, does_more = 0.0, None, False
+    round_takes, wait = 0.0, None
     # the mission may be a part of a tree of py_trees
-    while isinstance(node.parent, Node) and not does_more:
+    while isinstance(node.parent, Node):
         parent, place = node.parent, node.parent.children.index(node)
         goes_on = not parent.spec.next_after or outcome & parent.spec.next_after
         later = parent.children[place + 1:] if goes_on else []
@@ -51,10 +51,10 @@ def wait_for(condition: Any) -> Optional[float]:
         if isinstance(parent, Timeout):
             round_takes = min(round_takes, _number(parent, "msec") / 1000.0)
             wait = None if wait is None else round_takes
-        if not does_more:
-            outcomes = [outcome, *map(_outcome_of, later)]
-            outcome = by(parent.spec.outcome, parent.attributes, outcomes)
-        node = parent
+        if does_more:
+            break
+        outcomes = [outcome, *map(_outcome_of, later)]
+        node, outcome = parent, by(parent.spec.outcome, parent.attributes, outcomes)
     return wait
 
 
