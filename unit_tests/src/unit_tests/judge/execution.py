@@ -233,7 +233,8 @@ class Execution(TaskContext):
         self._next = ready, f"pass {self.passes + 1}"
 
     def _note_safe_state(self, event: SafeStateReported) -> None:
-        causes = {part.service: part.failure and part.failure.cause for part in event.parts}
+        causes = {part.service: part.failure.cause if part.failure is not None else None
+                  for part in event.parts}
         services = (self.interface.resource(type(request)) for request in SAFE_STATE)
         # a part that the robot does not have is left out
         self.traversal.decisions.append(safe_state(
