@@ -264,6 +264,34 @@ def test_the_last_exhibit_that_is_left_goes_back_to_the_list_once():
     assert goals == [*places, places[-1]] and objections(of_test) == ()
 
 
+TWO_GIVE_UP = """<Parallel success_count="2">
+<ForceSuccess><Fallback><WelcomeSpeech/><HandleFallBack/></Fallback></ForceSuccess>
+<ForceSuccess><Fallback><WelcomeGesture/><HandleFallBack/></Fallback></ForceSuccess></Parallel>"""
+
+
+@pytest.mark.parametrize("call_times", ["none", "real"])  # at once, and one after the other
+@pytest.mark.parametrize("fault, number, part", [
+    ("overtAttention:1", 0, 0), ("animateBehavior:2:unanswered", 1, 1), ("overtAttention:3", 2, 0)])
+def test_each_report_of_the_safe_state_is_that_of_its_own_requests(call_times, fault, number, part):
+    """Two recoveries give up, and the end of the run is the third to ask for the safe state."""
+    with policy("budget 9 60\n* * 0 0 giveUp\n"):
+        of_test = of_mission(TWO_GIVE_UP, ["textToSpeech:1", "gestureExecution:1", fault],
+                             call_times=call_times)
+    reports = [event for _, event in times(of_test, SafeStateReported)]
+    assert [(at, place) for at, event in enumerate(reports)
+            for place, reached in enumerate(event.parts) if reached.failure] == [(number, part)]
+    assert objections(of_test) == ()
+    failure = reports[number].parts[part].failure
+    for report in reports:
+        for place, reached in enumerate(report.parts):
+            parts = list(report.parts)
+            parts[place] = replace(reached, failure=None if reached.failure else failure)
+            falsified = changed(of_test, lambda line: [
+                replace(line, event=replace(report, parts=tuple(parts)))
+                if line.event is report else line])
+            assert any("of the safe state is reported" in text for text in objections(falsified))
+
+
 # ----------------------------------------------------------------------------- the end of a pass
 
 

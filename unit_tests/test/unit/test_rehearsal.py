@@ -1,5 +1,6 @@
 """The mission without ROS: what it should reach for each kind of visitor, derived by hand from
 lab_tour.xml."""
+import dataclasses
 
 import pytest
 
@@ -106,3 +107,38 @@ def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_s
     ticks = [event for _, event in stage.play(CALM).events if isinstance(event, Tick)]
     # 100 ticks are done at once, as by the runner; after them 10 s have 40
     assert len(ticks) == pytest.approx(140, abs=3)
+
+
+def situations(steps, seconds, call_times, node):
+    """Return what the calls of a node met in the first seconds of a mission of these steps."""
+    stage = Stage(settings.defaults(), [parse(
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>' + steps +
+        '</Sequence></BehaviorTree></root>')])
+    met = stage.play(dataclasses.replace(CALM, test_timeout=seconds, call_times=call_times),
+                     has_situations=True).situations
+    return [met[call] for call in sorted(met) if call[0] == node]
+
+
+FOR_EVER = "<KeepRunningUntilFailure><Sequence>{}</Sequence></KeepRunningUntilFailure>"
+GREETS = '<WelcomeSpeech/><Sleep msec="900"/>'
+
+
+@pytest.mark.parametrize("steps, is_one", [
+    (FOR_EVER.format(GREETS), True),
+    # they differ in the number of rounds, the value of an entry, the time that is left
+    ('<Repeat num_cycles="9"><Sequence>' + GREETS + "</Sequence></Repeat>", False),
+    ('<Script code="n := 0"/>' + FOR_EVER.format('<Script code="n += 1"/>' + GREETS), False),
+    ('<Timeout msec="60000">' + FOR_EVER.format(GREETS) + "</Timeout>", False)])
+def test_calls_meet_one_situation_unless_the_mission_may_go_on_otherwise(steps, is_one):
+    """From the second call on the visitor is there."""
+    met = situations(steps, 4.0, "none", "textToSpeech")[1:]
+    assert len(met) == 4 and len(set(met)) == (1 if is_one else 4)
+
+
+@pytest.mark.parametrize("pause, is_one", [(100, False), (1000, True)])
+def test_moments_are_no_part_of_a_situation_and_the_time_until_an_answer_is(pause, is_one):
+    """A visitor answers 0.3 s after a question that takes time, and else at once."""
+    steps = f'<QueryTourSpeech/><Sleep msec="{pause}"/><SocialOvertAttentionMode/>'
+    at_once, later = (situations(steps, 60.0, call_times, "overtAttention")[0]
+                      for call_times in ("none", "real"))
+    assert (at_once == later) is is_one

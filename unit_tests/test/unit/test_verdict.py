@@ -421,7 +421,7 @@ def test_the_safe_state_at_the_end(state):
     of_test = changed(of_test, first(
         Asked, lambda event: None,
         lambda event: event.call > last - 2 and type(event.request).__name__ == state))
-    assert_objects(of_test, "was not asked for the safe state")
+    assert_objects(of_test, "at the end the safe state is due, once")
 
 
 def test_the_safe_state_is_reported_as_it_was_reached():
@@ -430,7 +430,7 @@ def test_the_safe_state_is_reported_as_it_was_reached():
         return replace(event, parts=(part,) + event.parts[1:])
 
     assert_objects(changed(facts(), first(SafeStateReported, failed)),
-                   "attention was reported as failed")
+                   "on record is: ", "attention refused, lifelike movement off")
 
 
 def test_a_pass_that_begins_without_the_pause_after_a_spent_budget():
@@ -457,7 +457,8 @@ def test_a_pass_that_begins_without_the_pause_after_a_spent_budget():
     (StopChanged, lambda event: replace(event, name="?"), "SelectExhibit is at stop 1 of 5"),
     (LeafFinished, lambda event: replace(event, node="Navigate"), "is not Navigate START_OF"),
     (PassFinished, lambda event: replace(event, number=2), "pass 2 ended"),
-    (SafeStateReported, lambda event: replace(event, parts=event.parts[1:]), "is not reported"),
+    (SafeStateReported, lambda event: replace(event, parts=event.parts[1:]),
+     "attention not-advertised, lifelike movement off"),
     (Recovered, lambda event: replace(event, success=False), "on record its success is False"),
     (RunFinished, lambda event: replace(event, outcome="stopped"), "at the end it was stopped")])
 def test_what_is_on_record_of_another_thing(kind, change, words):

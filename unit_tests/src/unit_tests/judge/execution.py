@@ -36,7 +36,7 @@ from unit_tests.judge.comparison import (
     Query, Traversal, WrittenEntries, decision, described, label, unlike)
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
-from unit_tests.judge.reference import SAFE, SAFE_STATE, TaskContext, Duty
+from unit_tests.judge.reference import SAFE_STATE, TaskContext, Duty, safe_state
 from unit_tests.judge.signs import Signs
 from unit_tests.robot.options import ACTION
 
@@ -233,33 +233,25 @@ class Execution(TaskContext):
         self._next = ready, f"pass {self.passes + 1}"
 
     def _note_safe_state(self, event: SafeStateReported) -> None:
-        self.traversal.decisions.append(SAFE)
-        reported = {part.service: part for part in event.parts}
-        since = self.now - event.seconds - self._facts.late
-        for request in SAFE_STATE:
-            # of each handler the newest request, and of the end of the run
-            newest = {query.path: query for query in self.queries.values()
-                      if query.request == request and query.is_for_safety and query.asked > since}
-            for query in newest.values():
-                query.drop(self.now)
-            part = reported.get(self.interface.resource(type(request)))
-            outcomes = {query.outcome for query in newest.values()}
-            if not newest:
-                self._differ(f"the robot was not asked for the safe state: {described(request)}")
-            elif part is None and outcomes != {Cause.NOT_ADVERTISED.value}:
-                self._differ(f"what {described(request)} has come to is not reported")
-            elif part is not None and len(outcomes) == 1 and (part.failure is None) is not (
-                    outcomes == {"an answer"}):
-                self._differ("{} was reported as {}; the requests on record say otherwise".format(
-                    part.what, "failed" if part.failure else "reached"))
+        causes = {part.service: part.failure.cause if part.failure is not None else None
+                  for part in event.parts}
+        services = (self.interface.resource(type(request)) for request in SAFE_STATE)
+        # a part that the robot does not have is left out
+        self.traversal.decisions.append(safe_state(
+            [causes.get(service, Cause.NOT_ADVERTISED) for service in services]))
 
     def _end_run(self, event: RunFinished) -> None:
-        asked = [query.request for query in self._unexplained]
-        if sorted(map(str, asked)) != sorted(map(str, SAFE_STATE)):
+        queries, reports = self._unexplained, self.traversal.decisions
+        for query in queries:
+            query.drop(self.now)
+        due = safe_state([query.cause if query.result is not None else Cause.NO_ANSWER
+                          for query in queries])
+        if [query.request for query in queries] != list(SAFE_STATE):
             self._differ("at the end the safe state is due, once; what was asked: {}".format(
-                ", ".join(map(described, asked)) or "nothing"))
-        elif self.traversal.decisions != [SAFE]:
-            self._differ(f"at the end {SAFE}; it was not")
+                ", ".join(map(str, queries)) or "nothing"))
+        elif reports != [due]:
+            self._differ(f"at the end {due}; on record is: "
+                         f"{', '.join(map(str, reports)) or 'nothing'}")
         elif not event.outcome.endswith(self._outcome):
             self._differ(
                 f"the last pass ended with {self._outcome}; at the end it was {event.outcome}")

@@ -126,7 +126,14 @@ ENDED = "{outcome} after {attempts} retries, by a rule to {rule}"
 FAILED_AGAIN = "failed too, after {attempt} retries"
 """What a recovery does about a step."""
 
-SAFE = Decision("", "", "", "what was reached of the safe state is reported")
+
+def safe_state(causes: Sequence[Optional[Cause]]) -> Decision:
+    """Return what the record has to say of the safe state; ``causes`` are why each of its requests
+    failed, None: it was carried out."""
+    parts = (f"{request.switches} {'off' if cause is None else cause.value}"
+             for request, cause in zip(SAFE_STATE, causes))
+    return Decision("", "", "", "what was reached of the safe state is reported: "
+                                f"{', '.join(parts)}")
 
 
 class TaskContext:
@@ -547,7 +554,7 @@ class RecoveryTask(Task):
             queries = [self.ask(request) for request in SAFE_STATE]
             while any(query.result is None for query in queries):
                 yield
-            course.traversal.due.append(SAFE)
+            course.traversal.due.append(safe_state([query.cause for query in queries]))
         rule = "give up" if self._rule.then == "giveUp" else "skip"
         self._decided(ENDED.format(outcome=outcome, attempts=self._retries, rule=rule))
         if outcome == GIVEN_UP:

@@ -5,13 +5,13 @@ import math
 import os
 import sys
 from collections import Counter
-from typing import Iterator, List, Sequence
+from typing import Iterator, List, Sequence, Tuple
 
 from behavior_controller.config import settings
 from behavior_controller.config.config_file import to_text, values_of
 from behavior_controller.execution.events import (
     LeafFinished, Line, Noticed, PassFinished, Recovered)
-from behavior_controller.execution.state import LEFT_OUT, LeafFailure, State
+from behavior_controller.execution.state import LEFT_OUT, State
 from behavior_controller.monitoring.record.html_report import to_html
 from behavior_controller.monitoring.story import sentences, why
 from behavior_controller.robot.gateway import Failure
@@ -59,24 +59,25 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
 def failure_lines(case: Case) -> List[str]:
     """Return one line for each failure: time, node, path, topic or service, cause, message; tabs
     between them."""
-    failures = sorted(_failures(case), key=lambda failed: failed.at)
-    return ["\t".join([_clock(failed.at)] + [clean(cell) for cell in (
-        failed.node or "-", failed.path or "-", failed.failure.resource or "-",
-        failed.failure.cause.value, " ".join(failed.failure.message.split()))])
-            for failed in failures]
+    failures = sorted(_failures(case), key=lambda failed: failed[0])
+    return ["\t".join([_clock(at)] + [clean(cell) for cell in (
+        node or "-", path or "-", failure.resource or "-", failure.cause.value,
+        " ".join(failure.message.split()))])
+            for at, node, path, failure in failures]
 
 
-def _failures(case: Case) -> Iterator[LeafFailure]:
-    """Yield the failures on record, those that a HandleFallBack handed on, and the faults on the
-    way to the safe state."""
-    yield from case.facts.run.failures
+def _failures(case: Case) -> Iterator[Tuple[float, str, str, Failure]]:
+    """Yield time, node, path and failure: of the failures on record, of those that a HandleFallBack
+    handed on, and of the faults on the way to the safe state."""
+    for failed in case.facts.run.failures:
+        yield failed.at, failed.node, failed.path, failed.failure
     for time, event in of(case.facts.run.lines, LeafFinished):
         if event.failure is not None and event.node in HANDLERS:
-            yield LeafFailure(time, 0, event.uid, event.node, event.path, event.failure)
+            yield time, event.node, event.path, event.failure
     for _, query, line in case.witness.pairs:
         if query is not None and line is not None and query.is_for_safety and line.fault:
-            yield LeafFailure(line.time, 0, 0, query.node, query.path,
-                              Failure(CAUSE_OF[line.fault], IN_SAFE_STATE, line.resource))
+            yield line.time, query.node, query.path, Failure(
+                CAUSE_OF[line.fault], IN_SAFE_STATE, line.resource)
 
 
 def summary_lines(facts: Facts) -> List[str]:

@@ -1,14 +1,16 @@
 """The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
 detected in a play."""
 from functools import lru_cache
-from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
+from typing import (
+    Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple, Union)
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.bt.registry import Direction, Kind
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.execution.events import GIVEN_UP, SKIPPED
-from behavior_controller.execution.state import Exchange, LeafFailure, NodeResult
+from behavior_controller.execution.state import (
+    Exchange, LeafFailure, NodeResult, RecoveryRound)
 from behavior_controller.leaves import data
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.robot.declarations import Sense
@@ -347,13 +349,14 @@ def _swallowed_failure(play: Play) -> Iterator[Place]:
     earlier step has left on the blackboard, or shows what the robot has not driven to.
     """
     failed: Dict[str, NodeResult] = {}  # by entry: the failure of its last writer
-    steps = sorted(
-        [(result.ended, 0, result) for result in play.leaves if result.letter in "SF"] +
-        [(recovery.ended or 0.0, 1, recovery) for recovery in play.run.recoveries] +
-        [(exchange.asked, 2, exchange) for exchange in play.exchanges if exchange.uid],
-        key=lambda step: step[:2])
+    # of what happens at one time, results come first, then recoveries, then requests
+    steps: List[Tuple[float, Union[NodeResult, RecoveryRound, Exchange]]] = sorted([
+        *((result.ended, result) for result in play.leaves if result.letter in "SF"),
+        *((recovery.ended or 0.0, recovery) for recovery in play.run.recoveries),
+        *((exchange.asked, exchange) for exchange in play.exchanges if exchange.uid)],
+        key=lambda step: step[0])
     last_drive: Optional[Exchange] = None
-    for _, _, step in steps:
+    for _, step in steps:
         if isinstance(step, NodeResult):
             _note_result(play, step, failed)
         elif isinstance(step, Exchange):

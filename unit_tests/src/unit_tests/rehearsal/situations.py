@@ -19,6 +19,8 @@ _OF_ALL_NODES = vars(Node).keys() | vars(Node("")) | {
 
 _PLAIN = (bool, int, str, float, tuple, list, deque, enum.Enum)
 _TIMES = {data.QUESTION_ASKED_AT.name, data.ATTENTION_SET_AT.name}
+_OF_ALL_VISITORS = {"manners", "now", "_last_request", "_listens_until"}
+"""What a visitor has that is alike in all plays of a scene, or a moment."""
 
 
 class Situations:
@@ -49,8 +51,9 @@ class Situations:
                    for name, entry in board.local.items() if name not in _TIMES]
         waiting = sorted((timer.owner.uid, round(timer.due - now, 1))
                          for timer in tree.clock.timers() if timer.owner is not None)
-        visitor = [(name, value) for name, value in vars(self._robot.world.visitor).items()
-                   if name not in ("manners", "_last_request")]
+        known = vars(self._robot.world.visitor)
+        visitor = [known[name] for name in sorted(known.keys() - _OF_ALL_VISITORS)]
+        visitor.append(round(max(known["_listens_until"] - now, 0.0), 1))
         letters = "".join(LETTERS[node.status] for node in tree.nodes)
         state = letters, list(self._kept()), entries, waiting, visitor, self._robot.away()
         return hashlib.blake2b(repr(state).encode(), digest_size=8).digest()
