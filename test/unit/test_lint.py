@@ -24,6 +24,8 @@ REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Act", Kind.ACTION, AlwaysSuccess),
     NodeSpec("Cond", Kind.CONDITION, AlwaysSuccess),
     NodeSpec("Begin", Kind.ACTION, AlwaysSuccess, outcome=SUCCEEDS),
+    NodeSpec("Take", Kind.ACTION, AlwaysSuccess, (Port("from", "any", Direction.INOUT), ),
+             outcome=SUCCEEDS, is_instant=True),
     NodeSpec("Recover", Kind.ACTION, AlwaysSuccess, is_recovery=True),
     NodeSpec("In", Kind.ACTION, AlwaysSuccess, (Port("in", "any"), )),
     NodeSpec("Out", Kind.ACTION, AlwaysSuccess, (Port("out", "any", Direction.OUT), )),
@@ -605,6 +607,30 @@ def test_a_literal_that_a_subtree_only_writes_is_read_by_no_port():
 def test_a_text_empties_what_a_script_before_it_has_made(body, is_before):
     found = {code for _, _, code in warnings("<Sequence>" + body + "</Sequence>")}
     assert (rules.TEXT_EMPTIES.code in found) is is_before
+
+
+@pytest.mark.parametrize("written, read, is_told", [
+    ("speed := 1; sped := 2", "speed > 0", True), ("speed := 1; sped := 2", "sped > 0", False),
+    ("speed := 1; sped := 2; sped = 3", "speed > 0", False),
+    ("speed := 1; sped := 2", "speed + sped > 0", False),
+    ("speed := 1; sped := 2", "true", False), ("x_max := 1; y_max := 2", "x_max > 0", False),
+    ("speed1 := 1; speed2 := 2", "speed1 > 0", False)])
+def test_an_entry_that_is_only_written_is_told_if_a_similar_one_is_read(written, read, is_told):
+    found = warnings('<Sequence>\n<Script code="{}"/><ScriptCondition code="{}"/></Sequence>'.format(
+        written, read))
+    place = (3, 15 + written.index("sped"), rules.ENTRY_MISSPELT.code) if is_told else None
+    assert [warning for warning in found if warning[2] == rules.ENTRY_MISSPELT.code] == (
+        [place] if is_told else [])
+
+
+@pytest.mark.parametrize("action, is_told", [
+    ("<Begin/>", True), ("<Take from='{list}'/>", True), ("<Script code='n += 1'/>", True),
+    ("<Script code='n := 1'/>", False), ("<SetBlackboard output_key='n' value='1'/>", False),
+    ("<UnsetBlackboard key='n'/>", False), ("<AlwaysSuccess/>", False)])
+def test_an_action_that_is_done_at_every_tick_is_told_if_that_matters(action, is_told):
+    found = warnings("<Sequence><Script code='n := 0; list := 1'/><ReactiveSequence>" + action +
+                     "<Sleep msec='9000'/></ReactiveSequence></Sequence>")
+    assert (rules.DONE_AGAIN.code in {code for _, _, code in found}) is is_told
 
 
 @pytest.mark.parametrize("name", ["HandleFallBack", "HandleFallback"])
