@@ -8,7 +8,7 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Say
 
 from unit_tests.judge.comparison import Query
-from unit_tests.judge.signs import JournalMessages, SignSearch
+from unit_tests.judge.signs import JournalMessages, SignSearch, objections
 from unit_tests.judge.witness import Witness
 from unit_tests.robot.journal import JournalEntry
 
@@ -146,3 +146,18 @@ def test_the_newest_state_is_read(newest, is_unread):
 def test_a_state_that_was_a_sign_and_is_over_is_none(interface, newer, is_over):
     said = [(-2.9, 1), (-1.5, newer)]
     assert bool(objection(STATE, said, True, interface=interface, newest=-2.9)) is is_over
+
+
+@pytest.mark.parametrize("is_waiting", [True, False])
+def test_a_search_that_goes_on_lasts_until_the_end_of_the_run(is_waiting):
+    search = SignSearch(
+        SimpleNamespace(registration_id="Look"), stage().settings.interface.topic(STATE), at=NOW,
+        after=0.0, newest=0.0, until=NOW, began=BEGAN, has_sign=False,
+        is_sign=lambda status: status.value == 1)
+    said = JournalEntry(BEGAN + NOW + 1.0, "overtAttention", STATE, 0,
+                        {"state": "seeking", "value": 1})
+    signs = SimpleNamespace(waiting={5: search} if is_waiting else {}, searches=[search])
+    missed = objections(facts()._replace(run=Run(), journal=[said]), signs, BEGAN,
+                        BEGAN + NOW + 5.0)
+    assert [words.partition(": ")[0] for words in missed if words] == [
+        UNSEEN.format(STATE, "4.0")] * is_waiting
