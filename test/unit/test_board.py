@@ -30,10 +30,12 @@ from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring import status_tool, view
 from behavior_controller.monitoring.view import PARTS
 from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.parts import changes, patched
+from behavior_controller.monitoring.moment import robot_line
+from behavior_controller.monitoring.parts import Card, changes, patched
 from behavior_controller.monitoring.record import moments as moments_module, recorder
 from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.monitoring.record.timeline import Bar
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from recorded_tours import recorded_day
 
@@ -661,3 +663,22 @@ def test_a_change_is_no_larger_than_what_differs(old, new, expected):
 def test_a_change_that_does_not_fit_is_refused(change):
     with pytest.raises(ValueError):
         patched({"a": [1, 2]}, {"a": change})
+
+
+def subclasses(kind):
+    return {each for own in kind.__subclasses__() for each in {own} | subclasses(own)}
+
+
+def test_what_several_threads_read_cannot_be_changed():
+    """A thread that shows an event, a state or a part of the page must not see it half changed."""
+    ours = {kind for kind in subclasses(Struct) - {Bar}
+            if kind.__module__.startswith("behavior_controller.")}
+    assert len(ours) > 70 and {RunStarted, Card, State} < ours
+    assert [kind for kind in ours if not kind.__struct_config__.frozen] == []
+
+
+def test_nothing_is_known_of_a_robot_before_the_mission_starts():
+    story = Story()
+    before = robot_line(story.state).text
+    story.take(1.0, RUN)
+    assert "not yet" in before and "not yet" not in robot_line(story.state).text
