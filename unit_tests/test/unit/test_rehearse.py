@@ -795,14 +795,14 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
     ([(VOICE, 1, CAUSE, THERE), (QUIET, 1, THERE)], [], {"missing-data": [], "left-on": []}),
     # a cause stands before its consequence in the list of kinds, and left-on is none
     ([(VOICE, 1, HERE_TOO, Finding("not-home", 3, "x"))], [], {"left-on": [], "not-home": []}),
-    # what all plays show together is there because of what each calm one of who engages has
+    # what all plays together show may follow from what each calm play of an engaged visitor has
     ([(VOICE, 1, CAUSE), (TABLET, 1, CAUSE), (FAULTY, 1), (QUIET, 1)], [3],
      {"missing-data": ["unreached"]}),
     ([(VOICE, 1, CAUSE), (TABLET, 1)], [3], {"missing-data": [], "unreached": []}),
     ([(FAULTY, 1, CAUSE), (QUIET, 1, CAUSE), (VOICE, 1)], [3],
      {"missing-data": [], "unreached": []}),
     ([(QUIET, 1, CAUSE)], [3], {"missing-data": [], "unreached": []}),
-    # that a stop is reached one way only, because of what one of the ways has
+    # a stop that is reached one way only may follow from what one of the ways has
     ([(VOICE, 1), (TABLET, 0, CAUSE)], [], {"missing-data": ["one-way-only"]}),
     ([(VOICE, 1), (TABLET, 0), (QUIET, 0, CAUSE)], [], {"missing-data": [], "one-way-only": []}),
 ])
