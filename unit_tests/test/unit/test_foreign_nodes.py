@@ -11,9 +11,9 @@ from behavior_controller import extensions, leaves
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.registry import Direction, Port
 from behavior_controller.bt.status import SKIPPED
-from behavior_controller.config import settings
+from behavior_controller.config import phrases, settings
 from behavior_controller.execution.events import (
-    EntriesWritten, HealthChanged, LeafFinished, Tick)
+    Asked, EntriesWritten, HealthChanged, LeafFinished, Tick)
 from behavior_controller.leaves.base import InstantAction, WorkingLeaf, leaf_spec
 from behavior_controller.robot.declarations import Publication
 from behavior_controller.robot.requests import Say
@@ -66,17 +66,24 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M
 
 
 @pytest.fixture(autouse=True)
-def package():
+def package(tmp_path):
     module = ModuleType("counting")
     module.SPECS = (leaf_spec("CountVisits", CountVisits, "Counts the visits."),
                     leaf_spec("Ponder", Ponder, "Takes two seconds."),
                     leaf_spec("Pass", Pass, "Is skipped."))
     CountVisits.visits = 0
-    with mock.patch.object(extensions, "exported", lambda kind: [
-            extensions.Extension("counting", "counting", module)] if kind == "leaves" else []):
+    module.SPEECHES = (phrases.Speech("CountingSpeech", False, "Counts."),
+                       phrases.Speech("CountingQuestion", True, "Asks for the count."))
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "phrases_English.ini").write_text(
+        "CountingSpeech One, two.\nCountingQuestion Shall I count?\n")
+    extension = extensions.Extension("counting", str(tmp_path), module)
+    with mock.patch.object(extensions, "exported", lambda kind: [extension]
+                           if kind in ("leaves", "phrases") else []):
         leaves.specs.cache_clear()
         yield
     leaves.specs.cache_clear()
+
 
 PONDERING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
 <Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree></root>"""
@@ -133,6 +140,19 @@ def test_one_that_takes_its_time_runs_as_long_as_on_record(steps, seconds, outco
     visit, = of_test.run.visits
     assert (visit.outcome, visit.seconds) == (outcome, pytest.approx(seconds, abs=0.1))
     assert judge(of_test).objections == ()
+
+
+def test_what_its_phrases_say_is_judged_and_a_question_of_it_is_answered():
+    steps = "<CountingSpeech/><CountingQuestion/><Sleep msec='2000'/><IsYesNoUttered/>"
+    of_test = facts(on=Stage(settings.defaults(), [parse(PONDERING.format(steps))]))
+    visit, = of_test.run.visits
+    assert visit.outcome == "SUCCESS" and judge(of_test).objections == ()
+
+    def other(line):
+        is_it = isinstance(line.event, Asked) and line.event.request == Say("One, two.")
+        event = replace(line.event, request=Say("One, three.")) if is_it else line.event
+        return [replace(line, event=event)]
+    assert any("One, three." in text for text in judge(changed(of_test, other)).objections)
 
 
 CRASH = ("textToSpeech:1:crash",)

@@ -12,7 +12,7 @@ from behavior_controller.execution.events import (
     Tick)
 from behavior_controller.monitoring.record.replay import replay
 from behavior_controller.robot.gateway import Cause
-from behavior_controller.robot.requests import GoTo
+from behavior_controller.robot.requests import GoTo, Say
 from behavior_controller.text import Source
 
 from unit_tests.judge.verdict import judge
@@ -120,6 +120,23 @@ def test_a_node_without_its_exhibit_has_no_data(node):
     of_test = of_mission("<{}/>".format(node))
     failed, = [event for _, event in times(of_test, LeafFinished) if event.node == node]
     assert failed.failure.cause is Cause.MISSING_DATA and objections(of_test) == ()
+
+
+DESCRIPTIONS = {"1": ["description1"], "2": ["description2"],
+                "both": ["description1", "description2"], "3": []}
+
+
+@pytest.mark.parametrize("part, written", [("1", "1"), ("2", "2"), ("both", "both"), *(
+    (part, "{part}") for part in DESCRIPTIONS)])
+def test_a_description_says_the_part_that_its_port_names(part, written):
+    of_test = of_mission(f"""<RetrieveListOfExhibits/><SelectExhibit/>
+<Script code="part := '{part}'"/><DescribeExhibitSpeech part="{written}"/>""")
+    exhibit = of_test.world.knowledge.exhibits[0]
+    text = " ".join(getattr(exhibit, name) for name in DESCRIPTIONS[part])
+    assert [event.request.text for _, event in times(of_test, Asked)
+            if isinstance(event.request, Say)] == ([text] if text else [])
+    failed = [event.failure.cause for _, event in times(of_test, LeafFinished) if event.failure]
+    assert failed == ([] if text else [Cause.MISSING_DATA]) and objections(of_test) == ()
 
 
 @pytest.mark.parametrize("uid, place", [(1, ""), (2, " (in Sequence)"), (3, " (in Sequence)")])

@@ -244,6 +244,47 @@ def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
     assert search.plays < 100
 
 
+def search_of(tmp_path, body, *calls):
+    """Return a search for EndTourSpeech, with four plays that have made these calls: two of them
+    without a fault, two of a visitor who engages."""
+    nodes = Theatre({}, mission(tmp_path, body), 900.0).stage(True).mission.tree.nodes
+    uids = {node.registration_id: node.uid for node in nodes}
+    made = [RobotCall(node, number, uids[leaf], "", is_done)
+            for node, number, leaf, is_done in calls]
+    reached = set(uids.values()) - {uids["EndTourSpeech"]}
+    outcomes = [outcome(scene, "SUCCESS", 9.0, calls=made, reached=reached)
+                for visitor in ("engages", "silent") for scene in (
+                    Scene(visitor), Scene(visitor).with_fault(PlannedFault("a", 1, "crash")))]
+    return Search(nodes, reached, outcomes, "refused")
+
+
+def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp_path):
+    search = search_of(tmp_path, """<Sequence><ScanningOvertAttentionMode/>
+        <Fallback><WelcomeSpeech/><EndTourSpeech/></Fallback></Sequence>""",
+                       ("overtAttention", 1, "ScanningOvertAttentionMode", True),
+                       ("overtAttention", 2, "ScanningOvertAttentionMode", False),
+                       ("textToSpeech", 1, "WelcomeSpeech", True),
+                       ("textToSpeech", 2, "WelcomeSpeech", False))
+    added = {fault for scene in next(search.rounds()) for fault in scene.planned
+             if fault.node != "a"}
+    once = PlannedFault("textToSpeech", 1, "refused")
+    assert added == {once, once._replace(is_lasting=True)}
+
+
+def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(tmp_path):
+    search = search_of(tmp_path, """<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/>
+        <Fallback><AlwaysSuccess/><EndTourSpeech/></Fallback></Sequence>""",
+                       ("overtAttention", 1, "ScanningOvertAttentionMode", True),
+                       ("textToSpeech", 1, "WelcomeSpeech", True),
+                       ("textToSpeech", 2, "WelcomeSpeech", True))
+    rows = [tuple(PlannedFault(node, call, "refused") for call in range(1, 1 + length))
+            for node in ("overtAttention", "textToSpeech") for length in (2, 3, 4)]
+    both = tuple(PlannedFault(node, 1, "refused", True)
+                 for node in ("overtAttention", "textToSpeech"))
+    made, = search.rounds()
+    assert made == [Scene("engages", planned=planned, is_traced=True) for planned in (*rows, both)]
+
+
 def test_random_scenes_have_the_visitors_in_turn_and_a_seed_for_each_run():
     both = [Scene("engages"), Scene("silent", False)]
     first = [
@@ -491,6 +532,7 @@ def test_what_cannot_be_played_is_told(capsys, words, told):
 
 UNREACHED = "<Fallback><AlwaysSuccess/><WelcomeSpeech/></Fallback>"
 SPEECH = "<Fallback><WelcomeSpeech/><AlwaysSuccess/></Fallback>"
+TWO_SPEECHES = "<Sequence><WelcomeSpeech/><EndTourSpeech/></Sequence>"
 
 
 def mission(folder, body):
@@ -737,6 +779,57 @@ def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
     told = survey.findings()
     assert [(each.kind.name, [other.kind.name for other in each.consequences])
             for each in told] == [("missing-data", ["not-home"]), ("left-on", [])]
+
+
+VOICE, TABLET, QUIET = Scene("engages"), Scene("engages", False), Scene("silent")
+FAULTY = VOICE.with_fault(PlannedFault("textToSpeech", 1, "refused"))
+CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2, "y"),
+                          Finding("left-on", 3, "z"))
+
+
+@pytest.mark.parametrize("plays_with, unreached, expected", [
+    # at the same place, whatever the play
+    ([(VOICE, 1, CAUSE), (QUIET, 1, HERE_TOO)], [], {"missing-data": ["left-on"]}),
+    ([(VOICE, 1, CAUSE), (QUIET, 1, THERE)], [], {"missing-data": [], "left-on": []}),
+    ([(VOICE, 1, CAUSE, THERE)], [], {"missing-data": ["left-on"]}),
+    ([(VOICE, 1, CAUSE, THERE), (QUIET, 1, THERE)], [], {"missing-data": [], "left-on": []}),
+    # a cause stands before its consequence in the list of kinds, and left-on is none
+    ([(VOICE, 1, HERE_TOO, Finding("not-home", 3, "x"))], [], {"left-on": [], "not-home": []}),
+    # what all plays together show may follow from what each calm play of an engaged visitor has
+    ([(VOICE, 1, CAUSE), (TABLET, 1, CAUSE), (FAULTY, 1), (QUIET, 1)], [3],
+     {"missing-data": ["unreached"]}),
+    ([(VOICE, 1, CAUSE), (TABLET, 1)], [3], {"missing-data": [], "unreached": []}),
+    ([(FAULTY, 1, CAUSE), (QUIET, 1, CAUSE), (VOICE, 1)], [3],
+     {"missing-data": [], "unreached": []}),
+    ([(QUIET, 1, CAUSE)], [3], {"missing-data": [], "unreached": []}),
+    # a stop that is reached one way only may follow from what one of the ways has
+    ([(VOICE, 1), (TABLET, 0, CAUSE)], [], {"missing-data": ["one-way-only"]}),
+    ([(VOICE, 1), (TABLET, 0), (QUIET, 0, CAUSE)], [], {"missing-data": [], "one-way-only": []}),
+])
+def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
+    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0))
+    for scene, stops, *found in plays_with:
+        survey.take(outcome(scene, "SUCCESS", 4.0, stops, *found))
+    search = SimpleNamespace(unreached=lambda: [(uid, "not reached") for uid in unreached])
+    assert consequences(survey.findings(search)) == list(expected.items())
+
+
+def consequences(told):
+    return [(each.kind.name, [other.kind.name for other in each.consequences]) for each in told]
+
+
+@pytest.mark.parametrize("ended, reached, found, expected", [
+    ("FAILURE", [], [THERE], [("never-succeeds", ["left-on"])]),
+    ("SUCCESS", [2, 3], [], [("never-true", []), ("never-true", [])]),
+    ("SUCCESS", [2], [THERE], [("never-true", ["left-on"])])])
+def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path, ended, reached,
+                                                                        found, expected):
+    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0))
+    for visitor in BEHAVIOURS:
+        survey.take(outcome(Scene(visitor), ended, 4.0, 0, reached=reached))
+    survey.take(outcome(FAULTY, ended, 4.0, 0, *found))
+    told = survey.findings(SimpleNamespace(unreached=lambda: ()))
+    assert consequences(told) == expected
 
 
 def test_a_long_story_is_cut_in_its_middle():

@@ -2,10 +2,12 @@
 import dataclasses
 import math
 from itertools import islice
+from unittest import mock
 
 import pytest
 
 from behavior_controller.config import phrases, settings
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
                                                   PassFinished, PassStarted, Paused, Recovered,
@@ -203,6 +205,14 @@ def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_s
         if isinstance(event, Tick)
     ]
     assert ticks[-1] - ticks[-21] == pytest.approx(5.0)
+
+
+def test_a_message_that_nothing_reads_causes_no_tick():
+    with mock.patch.object(Tree, "tick_once", autospec=True, side_effect=Tree.tick_once) as tick:
+        played = play(of_text(M.format('<Sleep msec="5000"/>')))
+    messages = [line for line in played.journal if line.node == "faceDetection"]
+    # one begins the Sleep, the other one follows its end
+    assert messages and tick.call_count == 2 and played.exit_code == 0
 
 
 def test_a_mission_that_busy_loops_is_cut_off():
