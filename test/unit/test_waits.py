@@ -48,7 +48,8 @@ def condition(mission):
     ("<Timeout msec='9000'>" + until("<Sleep msec='3000'/>") + "</Timeout>", 3.0),
     ("<Timeout msec='500'>" + SEEN + "</Timeout>", None),
     # a robot that does something else meanwhile does not wait
-    (retried(5, "<Fallback>" + SEEN + "<ForceFailure>" + SAYS + "</ForceFailure></Fallback>"), None),
+    (retried(5, "<Fallback>" + SEEN + "<ForceFailure>" + SAYS + "</ForceFailure></Fallback>"),
+     None),
 ])
 def test_the_mission_waits_for_a_condition(mission, seconds):
     assert wait_for(condition(mission)) == pytest.approx(seconds)
