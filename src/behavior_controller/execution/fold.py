@@ -236,7 +236,7 @@ def _note_evidence(state: State, event: LeafFinished) -> State:
     unmet = {other: trouble for other, trouble in before.items() if other != topic}
     if failure is not None and failure.cause is Cause.CONDITION_FALSE and topic:
         unmet[topic] = state.robot.trouble(topic) or before.get(topic)
-    elif event.status != "SUCCESS":
+    elif event.status != "SUCCESS" or topic not in before:
         return state
     return _change_course(state, unmet=unmet)
 

@@ -62,14 +62,14 @@ class Scene(NamedTuple):
     is_traced: bool = False  # its calls are wanted, however many faults it has
 
     @property
-    def is_calm(self) -> bool:
-        """Whether the scene has no faults."""
-        return not (self.planned or self.silent or self.seed)
-
-    @property
     def is_faultless(self) -> bool:
         """Whether nothing goes wrong in the scene, planned or at random."""
         return not (self.planned or self.silent or self.rate)
+
+    @property
+    def is_calm(self) -> bool:
+        """Whether the scene has no faults, and none are drawn for it."""
+        return self.is_faultless and not self.seed
 
     @property
     def is_listed(self) -> bool:
