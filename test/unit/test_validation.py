@@ -1,5 +1,6 @@
 """What validateMission makes of the files that an author has: projects, folders, parts, palettes,
 other robots."""
+import io
 import itertools
 import os
 import subprocess
@@ -362,8 +363,8 @@ def test_a_file_is_checked_again_at_each_save(file, tmp_path):
     file("part.xml", TREE.format("A", "<Slep/>"))
     path = file("m.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
     executable = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)), "validateMission")
-    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)),
-                     PYTHONUNBUFFERED="1")
+    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
+    variables.pop("PYTHONUNBUFFERED", None)  # in a pipe, too, each check is shown when it is made
     process = subprocess.Popen([sys.executable, executable, "--watch", path], env=variables,
                                stdout=subprocess.PIPE, universal_newlines=True)
     limit = threading.Timer(LIMIT, process.kill)
@@ -389,6 +390,38 @@ def test_a_file_is_checked_again_at_each_save(file, tmp_path):
         limit.cancel()
         process.kill()
         process.communicate()
+
+
+class Stopped(Exception):
+    """Ends the watch, as Ctrl-C does."""
+
+
+@pytest.mark.parametrize("is_saved, checks", [(False, 1), (True, 2)])
+def test_what_is_saved_while_it_is_read_is_checked_again_at_once(file, monkeypatch, is_saved,
+                                                                 checks):
+    part = file("part.xml", TREE.format("A", LEAF))
+    path = file("m.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
+    os.utime(part, ns=(1, 1))
+    shown, printed = io.BytesIO(), []
+    check = cli._judge_all
+
+    def check_and_save(options):
+        result = check(options)
+        if is_saved and not printed:
+            file("part.xml", TREE.format("A", "<Slep/>"))
+        printed.append(shown.getvalue())
+        return result
+
+    def stop(seconds):
+        raise Stopped
+
+    monkeypatch.setattr(cli, "_judge_all", check_and_save)
+    monkeypatch.setattr(cli.time, "sleep", stop)
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(shown, encoding="utf-8"))
+    with pytest.raises(Stopped):
+        cli.validate(["--watch", path])
+    assert len(printed) == checks
+    assert shown.getvalue() != b""  # although the buffer is not full
 
 
 # ----------------------------------------------------------------------- files that are no missions

@@ -11,6 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
@@ -22,7 +23,7 @@ from behavior_controller.robot.requests import SetAttention
 from behavior_controller.monitoring.story import Sentence
 
 from test_flawed_missions import FLAWED
-from unit_tests.rehearsal import cli, findings, html_report, plays
+from unit_tests.rehearsal import blocked_leaf, cli, findings, html_report, plays
 from unit_tests.rehearsal.findings import RobotCall, Finding
 from unit_tests.rehearsal.plays import Outcome, Scene, Search, Theatre
 from unit_tests.rehearsal.summary import (
@@ -1024,6 +1025,30 @@ def test_a_leaf_that_does_not_return_is_an_exception_in_its_code(tmp_path):
     assert code == exit_codes.FINDINGS
     places = re.search(r"Lights.*TimeoutError: .*\(greeter/leaves\.py:(\d+)\)", text)
     assert places is not None and int(places.group(1)) in (line, line + 1), text
+
+
+def test_an_alarm_that_was_set_before_a_play_comes_after_it():
+    alarms = []
+    limit = signal.alarm(0)  # of whoever runs the tests
+    before = signal.signal(signal.SIGALRM, lambda number, frame: alarms.append(number))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
+        with blocked_leaf.ended():
+            time.sleep(0.02)
+            assert not alarms
+        assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= blocked_leaf.INTERVAL
+        signal.pause()
+        assert alarms == [signal.SIGALRM]
+        with blocked_leaf.ended():
+            pass
+        assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)  # none was set
+        signal.setitimer(signal.ITIMER_REAL, 50.0)
+        with blocked_leaf.ended():
+            pass
+        assert 40.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 50.0
+    finally:
+        signal.signal(signal.SIGALRM, before)
+        signal.alarm(limit)
 
 
 def test_all_visitors_are_played():

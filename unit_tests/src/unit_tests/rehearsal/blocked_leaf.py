@@ -3,6 +3,7 @@ would a play."""
 import contextlib
 import signal
 import threading
+import time
 from types import CodeType, FrameType
 from typing import Iterator, Optional, Set
 
@@ -36,9 +37,12 @@ def ended() -> Iterator[None]:
                                "wait, the mission stands still until it returns")
 
     before = signal.signal(signal.SIGALRM, check)
-    signal.setitimer(signal.ITIMER_REAL, INTERVAL, INTERVAL)
+    began = time.monotonic()
+    other, _ = signal.setitimer(signal.ITIMER_REAL, INTERVAL, INTERVAL)
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+        if other:  # a limit that the caller has set
+            signal.setitimer(signal.ITIMER_REAL, max(INTERVAL, other + began - time.monotonic()))
