@@ -5,6 +5,7 @@ As a plugin it also ends a run in which a test hangs or swallows the memory, as 
 it.
 """
 import ast
+import collections
 import glob
 import json
 import os
@@ -95,31 +96,37 @@ class Reached:
             self._reach[test] = self._reach.get(test, 0) + 1
 
     def tests(self, file: str, line: int) -> List[str]:
-        """Return the tests that run the line, first those that run few lines in a short time.
+        """Return the tests that run the line, first those that run little but the file in a short
+        time.
 
         What an import runs matters to all tests in the files that run the module's functions; to
         all if it has none.
         """
         inside = self._inside.get(file, set())
         found = self._tests.get((file, line), set())
+        here = collections.Counter(test for number in inside
+                                   for test in self._tests.get((file, number), ()))
+
+        def cost(test: str) -> Tuple[bool, float, str]:
+            share = max(here[test], 1) / max(self._reach.get(test, 0), 1)
+            return (line in inside and test not in here,
+                    (OVERHEAD + self._seconds.get(test, 0.0)) / share, test)
+
         if line not in inside or (file, line) in self._at_import:
-            users = {test for number in inside for test in self._tests.get((file, number), ())}
-            files = {test.split("::")[0] for test in users}
+            files = {test.split("::")[0] for test in here}
             found = found | {
                 test for test in self._seconds if not files or test.split("::")[0] in files
             }
-        return sorted(
-            found, key=lambda test: (self._reach.get(test, 0) *
-                                     (OVERHEAD + self._seconds.get(test, 0.0)), test))
+        return sorted(found, key=cost)
 
 
 def _inside_functions(path: str) -> Set[int]:
-    """Return the lines that an import of the file does not run."""
+    """Return the lines of functions: an import of the file runs their first ones alone."""
     with open(path, encoding="utf-8") as file:
         functions = [node for node in ast.walk(ast.parse(file.read()))
                      if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
-    return {line for function in functions for statement in function.body
-            for line in range(statement.lineno, (statement.end_lineno or statement.lineno) + 1)}
+    return {line for function in functions
+            for line in range(function.lineno, (function.end_lineno or function.lineno) + 1)}
 
 
 def _test(context: str) -> str:
