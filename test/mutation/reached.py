@@ -21,6 +21,7 @@ MEMORY_LIMIT = 4 << 30  # bytes
 OVERHEAD = 0.005  # seconds that pytest itself takes for a test
 SETTINGS = """[run]
 parallel = true
+patch = _exit
 data_file = {place}/notes/coverage
 context = ${{PYTEST_CURRENT_TEST-}}
 source =
