@@ -31,7 +31,7 @@ from behavior_controller.monitoring import status_tool, view
 from behavior_controller.monitoring.view import PARTS
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.moment import robot_line
-from behavior_controller.monitoring.parts import Card, changes, patched
+from behavior_controller.monitoring.parts import Card, RobotLine, card_line, changes, patched
 from behavior_controller.monitoring.record import moments as moments_module, recorder
 from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.record.replay import read_record
@@ -675,6 +675,32 @@ def test_what_several_threads_read_cannot_be_changed():
             if kind.__module__.startswith("behavior_controller.")}
     assert len(ours) > 60 and {RunStarted, Card, State} < ours
     assert [kind for kind in ours if not kind.__struct_config__.frozen] == []
+
+
+@pytest.mark.parametrize("card, expected", [
+    (Card("idle", "nothing runs"), "nothing runs"),
+    (Card("ended", "stopped", since=100.0), "stopped"),
+    (Card("busy", "runs a", since=100.0), "runs a, 60 s"),
+    (Card("busy", "runs a", since=200.0), "runs a, 0 s"),  # a clock that was set back
+    (Card("step", "driving", "visitor 1", 100.0, 280.0),
+     "visitor 1 · driving, 60 s of at most 180 s"),
+    (Card("step", "driving", attempt=2, attempts=3), "driving (attempt 2 of 3)"),
+    # its words say it
+    (Card("retry", "retrying, 1 of 2", attempt=2, attempts=3), "retrying, 1 of 2"),
+    (Card("wait", "waiting", "", 100.0, None, 1, 3, "the answer of /a", "/a is gone", "Go"),
+     "waiting, 60 s; /a is gone · waits for the answer of /a · next: Go")])
+def test_a_card_on_one_line(card, expected):
+    assert card_line(card, 160.0) == expected
+
+
+@pytest.mark.parametrize("more, expected", [
+    ((), "all answer · attention off · lifelike movement on · at home"),
+    (("safe state reached",),
+     "all answer · attention off · lifelike movement on · at home · safe state reached"),
+    (("", "Take it home"),
+     "all answer · attention off · lifelike movement on · at home. Take it home")])
+def test_the_robot_on_one_line(more, expected):
+    assert RobotLine(True, "all answer", "off", "on", "at home", *more).text == expected
 
 
 def test_nothing_is_known_of_a_robot_before_the_mission_starts():
