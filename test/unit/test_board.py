@@ -17,7 +17,7 @@ from behavior_controller.cli import create_tree
 from behavior_controller.execution import run as run_module
 from behavior_controller.execution.events import (
     EntriesWritten, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-    RunStarted, Sources, StepStarted, Suspended, LeafSummary)
+    RunStarted, Sources, StepStarted, Suspended, LeafSummary, Tick, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.state import State
@@ -347,6 +347,20 @@ def test_the_newest_results_of_a_node_are_kept_and_those_alike_are_one(monkeypat
             for each in board.node(2)["results"]] == [("S", 1)] * view.RESULTS
 
 
+@pytest.mark.parametrize("took, times", [
+    ([0.5, 0.5, 0.5], [3]), ([0.5, 1.0, 0.5], [1, 1, 1]), ([1.0, 1.0], [1, 1]),
+    ([0.5, 0.5, 2.0], [1, 2])])
+def test_results_that_each_took_less_than_an_instant_are_one(monkeypatch, took, times):
+    monkeypatch.setattr(view, "INSTANT", 1.0)
+    shown, at = view.View(), 100.0
+    shown.take(at, TreeShown("M", [TreeNode("a", "A", "a", 0)]))
+    for seconds in took:
+        shown.take(at, Tick(0.0, True, [(1, "R")]))
+        at += seconds
+        shown.take(at, Tick(0.0, True, [(1, "S")]))
+    assert [each["times"] for each in shown.results(1)] == times
+
+
 def test_results_that_differ_are_not_one_and_a_failure_is_that_of_its_tick():
     answers = [
         Answer(),
@@ -623,6 +637,19 @@ def test_a_time_of_the_mission_s_clock_is_shown_as_the_time_of_day(monkeypatch):
     rig.mission.events.emit(EntriesWritten(asked))
     assert board.part("blackboard") == {"questionAskedAt": time_of_day(125.0),
                                         "other": asked[1][1]}
+
+
+@pytest.mark.parametrize("name, text, has_visit, expected", [
+    ("questionAskedAt", "75.0", True, 175.0), ("attentionSetAt", "75.0", True, 175.0),
+    ("questionAskedAt", "75.0", False, "75.0"), ("other", "75.0", True, "75.0"),
+    ("questionAskedAt", "soon", True, "soon"), ("questionAskedAt", "1e300", True, "1e300")])
+def test_which_entries_are_shown_as_a_time_of_day(name, text, has_visit, expected):
+    shown = view.View()
+    if has_visit:
+        shown.take(1_000_110.0, PassStarted(1, 10.0))
+    shown.take(1_000_110.0, EntriesWritten([(name, text)]))
+    told = time_of_day(expected) if isinstance(expected, float) else expected
+    assert shown.blackboard() == {name: told}
 
 
 def test_what_is_sent_are_the_changes_and_they_make_what_is_so():

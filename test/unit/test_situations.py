@@ -593,6 +593,8 @@ def test_what_fails_in_a_pause_is_to_be_repaired_unless_more_is_known(awaited, r
      Card("busy", "runs Sequence", next="the end of the visit", uid=1)),
     (State(nodes=rows("Sleep"), letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, next="the end of the visit", uid=1)),
+    (State(nodes=rows("Sequence", "Sleep", "A"), letters="RR-"),
+     Card("asleep", "asleep", next="A", uid=2)),
     (State(nodes=(TreeNode("d", "Delay", "d", 0, 4.5),), letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
     (State(nodes=(TreeNode("d", "Delay", "d", 0, 4.5),), letters="R"),
