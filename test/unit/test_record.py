@@ -17,7 +17,7 @@ from behavior_controller.robot.requests import Answer, Exhibit, Location, Point,
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record import recorder as module
 from behavior_controller.monitoring.record.recorder import (
-    Feed, Record, entry_text, new_folder, shown)
+    Entries, Feed, Record, entry_text, new_folder, shown)
 from mission_rig import Rig, one_leaf
 
 
@@ -197,6 +197,19 @@ def test_entries_are_recorded_when_they_were_written_and_when_they_have_gone(tmp
     written = [dict(line["entries"]) for line in lines(record) if line["_type"] == "EntriesWritten"]
     assert written[:-1] == [{"a": "1", "inner/b": "4"}, {"a": "1"}, {"a": "1"}, {"a": None}]
     assert list(written[-1]) == ["c"] and 100 < len(written[-1]["c"]) <= 120
+
+
+def test_what_was_written_to_entries_is_known_once():
+    rig = one_leaf("<AlwaysSuccess/>")
+    board, entries = rig.tree.blackboard, Entries(rig.tree)
+    assert entries.news() == []
+    board.set("a", 1)
+    assert entries.news() == [("a", 1)] and entries.news() == []
+    board.set("b", 2)
+    board.set("a", 1)
+    assert entries.news() == [("a", 1), ("b", 2)]
+    board.unset("a")
+    assert entries.news() == [("a", None)] and entries.news() == []
 
 
 def test_a_record_that_is_no_regular_file_and_odd_texts_stop_nothing(tmp_path):
