@@ -17,7 +17,7 @@ from behavior_controller.cli import create_tree
 from behavior_controller.execution import run as run_module
 from behavior_controller.execution.events import (
     EntriesWritten, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-    RunStarted, Sources, StepStarted, Suspended, LeafSummary)
+    RunStarted, Sources, StepStarted, Suspended, LeafSummary, Tick, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.state import State
@@ -31,7 +31,7 @@ from behavior_controller.monitoring import status_tool, view
 from behavior_controller.monitoring.view import PARTS
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.moment import robot_line
-from behavior_controller.monitoring.parts import Card, changes, patched
+from behavior_controller.monitoring.parts import Card, RobotLine, card_line, changes, patched
 from behavior_controller.monitoring.record import moments as moments_module, recorder
 from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.record.replay import read_record
@@ -347,6 +347,20 @@ def test_the_newest_results_of_a_node_are_kept_and_those_alike_are_one(monkeypat
             for each in board.node(2)["results"]] == [("S", 1)] * view.RESULTS
 
 
+@pytest.mark.parametrize("took, times", [
+    ([0.5, 0.5, 0.5], [3]), ([0.5, 1.0, 0.5], [1, 1, 1]), ([1.0, 1.0], [1, 1]),
+    ([0.5, 0.5, 2.0], [1, 2])])
+def test_results_that_each_took_less_than_an_instant_are_one(monkeypatch, took, times):
+    monkeypatch.setattr(view, "INSTANT", 1.0)
+    shown, at = view.View(), 100.0
+    shown.take(at, TreeShown("M", [TreeNode("a", "A", "a", 0)]))
+    for seconds in took:
+        shown.take(at, Tick(0.0, True, [(1, "R")]))
+        at += seconds
+        shown.take(at, Tick(0.0, True, [(1, "S")]))
+    assert [each["times"] for each in shown.results(1)] == times
+
+
 def test_results_that_differ_are_not_one_and_a_failure_is_that_of_its_tick():
     answers = [
         Answer(),
@@ -625,6 +639,19 @@ def test_a_time_of_the_mission_s_clock_is_shown_as_the_time_of_day(monkeypatch):
                                         "other": asked[1][1]}
 
 
+@pytest.mark.parametrize("name, text, has_visit, expected", [
+    ("questionAskedAt", "75.0", True, 175.0), ("attentionSetAt", "75.0", True, 175.0),
+    ("questionAskedAt", "75.0", False, "75.0"), ("other", "75.0", True, "75.0"),
+    ("questionAskedAt", "soon", True, "soon"), ("questionAskedAt", "1e300", True, "1e300")])
+def test_which_entries_are_shown_as_a_time_of_day(name, text, has_visit, expected):
+    shown = view.View()
+    if has_visit:
+        shown.take(1_000_110.0, PassStarted(1, 10.0))
+    shown.take(1_000_110.0, EntriesWritten([(name, text)]))
+    told = time_of_day(expected) if isinstance(expected, float) else expected
+    assert shown.blackboard() == {name: told}
+
+
 def test_what_is_sent_are_the_changes_and_they_make_what_is_so():
     rig = Rig(answer=lambda request: refusal(request)
               if isinstance(request, PerformGesture) else NotImplemented)
@@ -675,6 +702,32 @@ def test_what_several_threads_read_cannot_be_changed():
             if kind.__module__.startswith("behavior_controller.")}
     assert len(ours) > 60 and {RunStarted, Card, State} < ours
     assert [kind for kind in ours if not kind.__struct_config__.frozen] == []
+
+
+@pytest.mark.parametrize("card, expected", [
+    (Card("idle", "nothing runs"), "nothing runs"),
+    (Card("ended", "stopped", since=100.0), "stopped"),
+    (Card("busy", "runs a", since=100.0), "runs a, 60 s"),
+    (Card("busy", "runs a", since=200.0), "runs a, 0 s"),  # a clock that was set back
+    (Card("step", "driving", "visitor 1", 100.0, 280.0),
+     "visitor 1 · driving, 60 s of at most 180 s"),
+    (Card("step", "driving", attempt=2, attempts=3), "driving (attempt 2 of 3)"),
+    # its words say it
+    (Card("retry", "retrying, 1 of 2", attempt=2, attempts=3), "retrying, 1 of 2"),
+    (Card("wait", "waiting", "", 100.0, None, 1, 3, "the answer of /a", "/a is gone", "Go"),
+     "waiting, 60 s; /a is gone · waits for the answer of /a · next: Go")])
+def test_a_card_on_one_line(card, expected):
+    assert card_line(card, 160.0) == expected
+
+
+@pytest.mark.parametrize("more, expected", [
+    ((), "all answer · attention off · lifelike movement on · at home"),
+    (("safe state reached",),
+     "all answer · attention off · lifelike movement on · at home · safe state reached"),
+    (("", "Take it home"),
+     "all answer · attention off · lifelike movement on · at home. Take it home")])
+def test_the_robot_on_one_line(more, expected):
+    assert RobotLine(True, "all answer", "off", "on", "at home", *more).text == expected
 
 
 def test_nothing_is_known_of_a_robot_before_the_mission_starts():

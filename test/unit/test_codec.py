@@ -1,6 +1,7 @@
 """What is written into a record comes back as it was, whatever the interface has to ask and to
 tell."""
 import pytest
+from msgspec.structs import replace
 
 from behavior_controller.errors import MissionError
 from behavior_controller.execution.events import (
@@ -74,6 +75,60 @@ def test_numbers_have_limits(old, new, fault):
             list(decode(data, "r"))
     else:
         assert len(list(decode(data, "r"))) == len(BEGIN)
+
+
+ROOT, CHILD = BEGIN[0].nodes
+
+
+def trees(*parents):
+    return TreeShown("M", [replace(ROOT, parent=parent) for parent in parents])
+
+
+@pytest.mark.parametrize("events, place, fault", [
+    ([], "r", "the record has no mission in it"),
+    (BEGIN[:1], "r", "the record has no mission in it"),
+    (BEGIN[1:], "r:2:1", "no tree comes before it"),
+    ([BEGIN[0], replace(BEGIN[1], sources=replace(BEGIN[1].sources, documents=()))], "r:3:1",
+     "the mission has no documents"),
+    (BEGIN + [Tick(1.5, False, [(0, "R")])], "r:4:1", "the tree has only 2 nodes"),
+    (BEGIN + [Tick(1.5, False, [(1, "R"), (3, "R")])], "r:4:1", "the tree has only 2 nodes"),
+    # the running mission's nodes count
+    (BEGIN + [trees(0), Tick(1.5, False, [(3, "R")])], "r:5:1", "the tree has only 2 nodes"),
+    (BEGIN + [Asked(0, "/s", Say("a"))], "r:4:1", "calls count from 1"),
+    (BEGIN + [Answered(0, Answer())], "r:4:1", "calls count from 1"),
+    (BEGIN + [replace(MESSAGES[0], read=0)], "r:4:1", "reads count from 1"),
+    ([trees()], "r:2:1", "a node's parent does not come before it"),
+    ([trees(1)], "r:2:1", "a node's parent does not come before it"),
+    ([trees(0, 0)], "r:2:1", "a node's parent does not come before it"),
+    ([trees(0, 2)], "r:2:1", "a node's parent does not come before it"),
+    ([trees(0, 1, 3)], "r:2:1", "a node's parent does not come before it")])
+def test_what_the_node_cannot_have_written_is_refused_at_its_line(events, place, fault):
+    with pytest.raises(MissionError) as caught:
+        list(decode(written(events), "r"))
+    assert str(caught.value).startswith(place + ": ") and fault in str(caught.value)
+
+
+@pytest.mark.parametrize("events", [
+    BEGIN + [Tick(1.5, False, [(1, "R"), (2, "R")])], BEGIN + [trees(0), BEGIN[0]],
+    [trees(0, 1, 1, 3, 2)] + BEGIN, [Tick(1.5, None, [(9, "R")])] + BEGIN,
+    BEGIN + [trees(0), Tick(1.5, False, [(2, "R")])]])
+def test_what_the_node_can_have_written_is_read(events):
+    assert [line.event for line in decode(written(events), "r")] == events
+
+
+def test_a_line_that_was_torn_is_left_out():
+    data = written(BEGIN + [Noticed("info", "so")])
+    assert len(list(decode(data, "r"))) == 3
+    assert len(list(decode(data[:-1], "r"))) == 2
+
+
+@pytest.mark.parametrize("first, fault", [
+    (b'{"format":"behaviorController record","version":9,"pid":1,"time":0.5}', "version 9; this"),
+    (b'{"format":"other","version":10,"pid":1,"time":0.5}', "no record"),
+    (b"{}", "no record"), (b"[]", "no record"), (b"{", "not a line of a record")])
+def test_a_file_that_does_not_begin_as_a_record_is_refused(first, fault):
+    with pytest.raises(MissionError, match=fault):
+        list(decode(first + b"\n", "r"))
 
 
 def test_letters_of_any_language_can_be_read_in_the_file():

@@ -3,8 +3,8 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
-    HealthChanged, LeafFinished, PassStarted, Paused, Recovered, Recovering, RunFinished,
-    RunStarted, Sources, StepStarted)
+    BEGUN, OMITTED, SKIPPED, HealthChanged, LeafFinished, PassStarted, Paused, Recovered,
+    Recovering, Retried, RunFinished, RunStarted, Sources, StepStarted, StopChanged)
 from behavior_controller.execution.fold import fold
 from behavior_controller.execution.health import FAILING, GONE, SILENT, SLOW
 from behavior_controller.execution.state import State
@@ -70,6 +70,23 @@ def test_a_recovery_is_a_warning_and_what_is_given_up_an_error():
     helped = replace(GIVEN_UP, success=True, outcome="done")
     assert after(DRIVES, FAILED, RETRIED, helped)[0]["recovery"] == OK
     assert after(DRIVES, FAILED, RETRIED, GIVEN_UP, PassStarted(2, 9.0))[0]["recovery"] == OK
+
+
+def test_a_recovery_says_what_it_does_and_then_that_it_is_not_over():
+    assert after(DRIVES, FAILED, RETRIED)[1]["recovery"].message == "retrying Navigate, 1 of 2"
+    # the retry is a step of its own; when it has failed there is none
+    for event in (DRIVES, Retried("Navigate", "go", 1, BUSY)):
+        found = after(DRIVES, FAILED, RETRIED, event)[1]["recovery"]
+        assert (found.level, found.message) == (WARN, "recovering from a failure")
+
+
+def test_a_stop_that_was_left_out_is_nothing_to_recover_from():
+    begun = StopChanged(1, "SelectExhibit", "select", 1, 2, "robot arm", BEGUN)
+    left_out = replace(GIVEN_UP, outcome=SKIPPED, success=True, uid=9)
+    course = (begun, DRIVES, FAILED, RETRIED, GIVEN_UP)
+    assert after(*course)[0]["recovery"] == ERROR
+    levels, found = after(*course, replace(begun, state=OMITTED), left_out)
+    assert (levels["recovery"], found["recovery"].message) == (OK, "nothing to recover from")
 
 
 @pytest.mark.parametrize("event, level", [

@@ -21,6 +21,7 @@ import xml.etree.ElementTree as ElementTree
 import msgspec
 import pytest
 import zmq
+from tornado.netutil import bind_sockets
 
 from behavior_controller.bt.loader.tree_builder import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
@@ -831,6 +832,39 @@ def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_u
 
     with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
         asyncio.run(serve(router))
+
+
+@pytest.mark.parametrize("last, is_taken", [(b"\x00\x00", True), (b"\x00\x01x", False)])
+def test_a_client_may_leave_as_many_bytes_unanswered_as_are_allowed(last, is_taken):
+    many_parts = 499 * b"\x01\x00" + last  # 1000 bytes, or one more
+
+    async def received(router):
+        while not router.poll(0):
+            await asyncio.sleep(0.001)
+        return router.recv_multipart()
+
+    async def serve(router):
+        front, listener = tcp_proxy.Front(router, 1000), bind_sockets(0, "127.0.0.1")[0]
+        front.add_sockets([listener])
+        reader, writer = await asyncio.open_connection(*listener.getsockname())
+        writer.write(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) + b"\x04\x06\x05READY")
+        await reader.readexactly(64)
+        _, length = await reader.readexactly(2)
+        await reader.readexactly(length)  # so that nothing more comes
+        writer.write(b"\x00\x02hi")
+        name, text = await received(router)
+        assert text == b"hi"
+        front.note_request(name)
+        writer.write(many_parts)
+        if is_taken:
+            assert len(await received(router)) == 1 + 500
+        else:
+            assert await reader.read() == b""
+        writer.close()
+        front.stop()
+
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
+        asyncio.run(asyncio.wait_for(serve(router), 10.0))
 
 
 @pytest.mark.parametrize("offset", [0, 1])

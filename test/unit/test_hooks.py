@@ -1,5 +1,7 @@
 """Hooks without a wire: the list that clients see, and what the tick thread makes of it, also when
 both change at once."""
+import itertools
+
 import pytest
 
 from behavior_controller.bt.loader.tree_builder import load_text
@@ -128,10 +130,13 @@ def test_a_hook_does_not_let_an_instant_action_run_on():
 @pytest.mark.parametrize("halt", ["halt_node", "interrupt"])
 def test_a_node_that_waits_before_its_work_has_none_to_halt(halt):
     tree, hooks, _ = hooked("<Probe/>")
+    events = []
+    hooks.held = events.append
     hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
     assert tree.tick_exactly_once() is RUNNING
     getattr(tree.root, halt)()
     assert tree.is_idle and tree.root.halted == 0
+    assert [event.is_held for event in events] == [True, False]
 
 
 def test_a_node_that_works_is_halted_whatever_waits_for_its_end():
@@ -152,15 +157,18 @@ def test_the_operator_is_told_that_a_hook_is_removed():
 
 
 def steps(body, *actions):
-    """Carry out each action, then tick; return the results and the lines about hooks without what
-    all of them begin with."""
+    """Carry out each action, then tick; return the results, the lines about hooks without what all
+    of them begin with, the hooks, and the events of breakpoints."""
     tree, hooks, lines = hooked(body)
-    results = []
+    results, events = [], []
+    hooks.held = events.append
     for action in actions:
         action(hooks)
         results.append(tree.tick_exactly_once())
     path = tree.root.full_path
-    return results, [line.replace("Groot2: ", "").replace(path + " ", "") for line in lines], hooks
+    assert all((event.uid, event.path) == (1, path) for event in events)
+    short = [line.replace("Groot2: ", "").replace(path + " ", "") for line in lines]
+    return results, short, hooks, events
 
 
 def sets(position=BEFORE, mode=BREAKPOINT, once=False, enabled=True, status="FAILURE"):
@@ -239,7 +247,11 @@ DECIDES = "breakpoint before decides FAILURE and the node is not run"
         ])
     ])
 def test_what_hooks_do_tick_by_tick_and_what_the_operator_is_told(actions, results, lines):
-    assert steps("<Probe/>", *actions)[:2] == (results, lines)
+    found = steps("<Probe/>", *actions)
+    assert found[:2] == (results, lines)
+    # the probe itself is never RUNNING
+    waits = [False] + [result is RUNNING for result in results]
+    assert [event.is_held for event in found[3]] == [key for key, _ in itertools.groupby(waits)][1:]
 
 
 def test_hooks_that_are_disabled_are_still_there():

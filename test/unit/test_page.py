@@ -17,6 +17,7 @@ import urllib.request
 import pytest
 from msgspec.structs import replace
 from tornado.iostream import IOStream
+from tornado.netutil import bind_sockets
 
 from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
                                                   PassFinished, PassStarted, Recovering,
@@ -1105,6 +1106,22 @@ def test_a_newcomer_gets_the_place_of_what_was_idle_for_two_seconds(monkeypatch)
     asyncio.run(visit())
     for each in ends:
         each.close()
+
+
+def test_if_one_of_several_ports_cannot_be_opened_none_is(monkeypatch):
+    bound, warnings = [], []
+
+    def bind(port, address):
+        if bound:
+            raise OSError("no more")
+        bound.extend(bind_sockets(port, address))
+        return bound
+
+    monkeypatch.setattr(server, "bind_sockets", bind)
+    assert server.opened("127.0.0.1", [0, 7], "no page", "aPort", warnings.append) == []
+    assert bound and all(each.fileno() == -1 for each in bound)
+    assert warnings == ["no page: 127.0.0.1:7 cannot be opened (no more); set aPort to another "
+                        "port, or to 0"]
 
 
 def test_a_loop_runs_what_it_is_told_on_its_own_thread_until_it_is_closed():

@@ -4,6 +4,7 @@ import json
 import os
 import threading
 import time
+import types
 
 import pytest
 
@@ -12,11 +13,12 @@ from behavior_controller.execution.events import (
     LeafFinished, Lost, Noticed, PassFinished, RunStarted, Sources)
 from behavior_controller.robot.gateway import Cause, Failure, FakeGateway, FakeTopics, Sample
 from behavior_controller.robot.d543 import INTERFACE, SPEECH
-from behavior_controller.robot.requests import Answer, Location, Say
+from behavior_controller.robot.requests import Answer, Exhibit, Location, Point, Say
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record import recorder as module
-from behavior_controller.monitoring.record.recorder import Feed, Record, new_folder
-from mission_rig import Rig
+from behavior_controller.monitoring.record.recorder import (
+    Entries, Feed, Record, entry_text, new_folder, shown)
+from mission_rig import Rig, one_leaf
 
 
 def lines(record):
@@ -197,6 +199,19 @@ def test_entries_are_recorded_when_they_were_written_and_when_they_have_gone(tmp
     assert list(written[-1]) == ["c"] and 100 < len(written[-1]["c"]) <= 120
 
 
+def test_what_was_written_to_entries_is_known_once():
+    rig = one_leaf("<AlwaysSuccess/>")
+    board, entries = rig.tree.blackboard, Entries(rig.tree)
+    assert entries.news() == []
+    board.set("a", 1)
+    assert entries.news() == [("a", 1)] and entries.news() == []
+    board.set("b", 2)
+    board.set("a", 1)
+    assert entries.news() == [("a", 1), ("b", 2)]
+    board.unset("a")
+    assert entries.news() == [("a", None)] and entries.news() == []
+
+
 def test_a_record_that_is_no_regular_file_and_odd_texts_stop_nothing(tmp_path):
     os.mkfifo(str(tmp_path / "mission.jsonl"))
     complaints = []
@@ -216,6 +231,74 @@ def test_a_record_is_never_larger_than_is_read_again(tmp_path, monkeypatch):
         record(Noticed("info", "\u20ac" * 100))
     record.close()
     assert 1500 < os.path.getsize(record.path) <= 2000 and len(complaints) == 1
+
+
+@pytest.mark.parametrize("room, is_whole", [(0, True), (-1, False)])
+def test_a_record_may_have_exactly_so_many_bytes(tmp_path, monkeypatch, room, is_whole):
+    monkeypatch.setattr(module, "time", types.SimpleNamespace(time=lambda: 5.0))
+
+    def recorded(name):
+        complaints = []
+        record = Record(str(tmp_path / name), complaints.append).open()
+        record(Noticed("info", "one"))
+        record(Noticed("info", "two"))
+        found = [line["text"] for line in lines(record)]
+        return os.path.getsize(record.path), found, complaints
+
+    size, found, complaints = recorded("a")
+    assert (found, complaints) == (["one", "two"], [])
+    monkeypatch.setattr(module, "MOST_BYTES", size + room)
+    _, found, complaints = recorded("b")
+    assert found == (["one", "two"] if is_whole else ["one"])
+    assert bool(complaints) is not is_whole
+
+
+@pytest.mark.parametrize("value, expected", [
+    (Location(1.0, -2.5, 90.0), "x 1 m, y -2.5 m, 90°"),
+    (Point(1.0, 0.5, 2.0), "x 1 m, y 0.5 m, z 2 m"),
+    ([Exhibit("cup", "", "", Location(1.0, 2.0, 3.0), Point(4.0, 5.0, 6.0)), "arm", 3],
+     "cup, arm, 3"),
+    ([], ""), (3.0, "3"), (2.5, "2.5"), (7, "7"), (True, "True"), (float("inf"), "inf"),
+    ("a\nb", "a\\nb"), (120 * "x", 120 * "x")])
+def test_the_value_of_an_entry_is_one_short_line(value, expected):
+    assert entry_text(value) == expected
+    assert len(entry_text(121 * "x")) <= 120
+
+
+def test_of_a_node_are_kept_its_pause_and_whether_a_condition_decides_if_it_runs():
+    rig = Rig("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence name='all' _while='true'>"
+              "<Sleep msec='1500'/><Sleep msec='{pause}'/><Delay delay_msec='250'>"
+              "<AlwaysSuccess _skipIf='false'/></Delay></Sequence></BehaviorTree></root>")
+    assert [(node.type, node.parent, node.pause, node.has_condition)
+            for node in shown(rig.tree).nodes] == [
+        ("Sequence", 0, 0.0, True), ("Sleep", 1, 1.5, False), ("Sleep", 1, 0.0, False),
+        ("Delay", 1, 0.25, False), ("AlwaysSuccess", 4, 0.0, True)]
+
+
+def test_that_a_topic_is_still_heard_is_recorded_if_it_is(tmp_path):
+    record = Record(str(tmp_path), complain=None).open()
+    hears = types.SimpleNamespace(is_hearing=lambda topic: answers.pop())
+    answers, topics = [False, True, False], record.topics(hears)
+    assert [topics.is_hearing(SPEECH) for _ in range(3)] == [False, True, False]
+    assert [(line["_type"], line["topic"]) for line in lines(record)] == [
+        ("StillHearing", SPEECH.name)]
+
+
+def test_each_message_is_recorded_once_at_the_reading_that_saw_it_first(tmp_path):
+    record, rig = Record(str(tmp_path), complain=None).open(), one_leaf("<AlwaysSuccess/>")
+    robot = FakeTopics(lambda: 7.0, lambda: None)
+    topics = record.topics(robot)
+    record.show(rig.tree)
+    robot.publish(SPEECH, "a")
+    topics.recent(SPEECH)
+    topics.recent(SPEECH)
+    robot.publish(SPEECH, "b")
+    topics.recent(SPEECH)
+    rig.tick()  # the readings are counted anew
+    robot.publish(SPEECH, "c")
+    assert [sample.value for sample in topics.recent(SPEECH)] == ["a", "b", "c"]
+    assert [(line["read"], line["value"], line["arrived"]) for line in lines(record)
+            if line["_type"] == "Message"] == [(1, "a", 7.0), (3, "b", 7.0), (1, "c", 7.0)]
 
 
 @pytest.mark.parametrize("there, kept", [(0, 0), (19, 19), (20, 19), (30, 19)])

@@ -12,7 +12,7 @@ from behavior_controller import folders
 from behavior_controller.errors import MissionError
 from behavior_controller.execution.events import (Answered, Asked, HealthChanged, LeafFinished,
                                                   Line, Lost, Message, PassFinished, PassStarted,
-                                                  RunStarted, Tick)
+                                                  RunStarted, StillHearing, Tick)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
@@ -20,7 +20,7 @@ from behavior_controller.robot.requests import AttentionStatus, Faces, GoTo, Say
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record.recorder import Record, new_folder
 from behavior_controller.monitoring.record.replay import (
-    RecordedTopics, main, read_record, replay)
+    RecordedTopics, Replayed, find_record, main, read_record, replay)
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
 from recorded_tours import recorded_day
 
@@ -111,6 +111,42 @@ def test_a_message_is_returned_from_the_read_on_that_was_the_first_to_return_it(
     topics.begin()  # of the next traversal, whose reads are counted anew
     for heard in ("abcd", "abcde"):
         assert [sample.value for sample in topics.recent(SPEECH)] == list(heard)
+
+
+def test_that_something_is_still_heard_is_known_as_often_as_it_is_recorded():
+    topics = RecordedTopics(INTERFACE)
+    for topic in (SPEECH, FACES, SPEECH):
+        topics.take(StillHearing(topic.name))
+    assert [topics.is_hearing(SPEECH) for _ in range(3)] == [True, True, False]
+    assert [topics.is_hearing(FACES) for _ in range(2)] == [True, False]
+
+
+@pytest.mark.parametrize("replayed, line", [
+    (Replayed(1, 1), "the same path: 1 pass, 1 change of status"),
+    (Replayed(2, 0), "the same path: 2 passes, 0 changes of status"),
+    (Replayed(1, 1, "in pass 2, \x1b[2J"), "the runs diverge in pass 2, \\x1b[2J")])
+def test_what_a_replay_found_is_one_line(replayed, line):
+    assert str(replayed) == line
+
+
+@pytest.mark.parametrize("files, name, expected", [
+    (["r/mission.jsonl"], "r", "r/mission.jsonl"),
+    (["r/mission.jsonl"], "r/mission.jsonl", "r/mission.jsonl"),
+    (["r/mission.jsonl", "r/1/mission.jsonl", "r/2/mission.jsonl"], "r", "r/mission.jsonl"),
+    (["r/1/mission.jsonl"], "r", "r/1/mission.jsonl"),
+    (["r/x"], "r", "r/mission.jsonl"),
+    (["[r]/1/mission.jsonl", "r/2/mission.jsonl"], "[r]", "[r]/1/mission.jsonl"),
+    (["latest/1/mission.jsonl"], "latest", "latest/1/mission.jsonl"),
+    (["records/1/mission.jsonl", "records/2/mission.jsonl", "records/3/x"], "latest",
+     "records/2/mission.jsonl"),
+    (["records/mission.jsonl", "records/1/mission.jsonl"], "latest", "records/1/mission.jsonl")])
+def test_which_file_is_the_record(tmp_path, monkeypatch, files, name, expected):
+    for path in map(tmp_path.joinpath, files):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(folders, "records", lambda: "records")
+    assert find_record(name) == expected
 
 
 def edited(path, old, new):

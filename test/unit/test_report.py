@@ -425,6 +425,63 @@ def test_alike_results_less_than_a_second_apart_are_one_bar(gap, bars):
                                         for bar in lane]) == (2, bars, [3 - bars] * bars)
 
 
+def bars_of(drawn):
+    return {key: [(bar.begin, bar.end, bar.kind, bar.note, bar.count) for bar in bars]
+            for key, bars in drawn}
+
+
+def test_results_of_different_lanes_kinds_or_notes_are_different_bars():
+    drawn = timeline.Lanes()
+    for key, kind, note in ((2, "S", ""), (1, "S", ""), (1, "F", ""), (1, "F", "so"), (1, "S", "")):
+        drawn.add(key, timeline.Bar(10.0, 10.5, kind, note))
+    assert bars_of(drawn) == {
+        1: [(10.0, 10.5, "S", "", 2), (10.0, 10.5, "F", "", 1), (10.0, 10.5, "F", "so", 1)],
+        2: [(10.0, 10.5, "S", "", 1)]}
+    assert list(dict(drawn)) == [1, 2] and (drawn.results, drawn.bars) == (5, 4)
+    assert 1 in drawn and 2 in drawn and 3 not in drawn
+
+
+def test_a_bar_lasts_as_long_as_the_longest_of_its_results():
+    drawn = timeline.Lanes()
+    drawn.add(1, timeline.Bar(10.0, 30.0, "S", count=2))
+    drawn.add(1, timeline.Bar(12.0, 13.0, "S", count=3))
+    drawn.add(1, timeline.Bar(30.5, 31.0, "S"))
+    assert bars_of(drawn) == {1: [(10.0, 31.0, "S", "", 6)]}
+
+
+@pytest.mark.parametrize("lanes, asked_again, bars", [
+    ([1, 1], True, 1), ([1, 1], False, 2), ([1, 2, 1], True, 2)])
+def test_what_is_asked_again_in_a_row_is_one_bar(lanes, asked_again, bars):
+    drawn = timeline.Lanes()
+    for number, key in enumerate(lanes):
+        drawn.add(key, timeline.Bar(100.0 * number, 100.0 * number, "F"), asked_again)
+    assert len(dict(drawn)[1]) == bars
+
+
+def test_a_wait_lasts_until_its_end_and_what_is_asked_next_is_asked_anew():
+    drawn = timeline.Lanes()
+    drawn.end_wait(1, "F", 50.0)  # nothing is there
+    drawn.add(1, timeline.Bar(10.0, 20.0, "F"), True)
+    drawn.end_wait(1, "S", 30.0)
+    drawn.end_wait(1, "F", 15.0)
+    assert bars_of(drawn) == {1: [(10.0, 20.0, "F", "", 1)]}
+    drawn.end_wait(1, "F", 30.0)
+    drawn.add(1, timeline.Bar(60.0, 61.0, "F"), True)
+    assert bars_of(drawn) == {1: [(10.0, 30.0, "F", "", 1), (60.0, 61.0, "F", "", 1)]}
+
+
+def test_a_bar_too_many_joins_those_that_are_twice_as_far_apart(monkeypatch):
+    monkeypatch.setattr(timeline, "MOST", 3)
+    drawn = timeline.Lanes()
+    for begin in (10.0, 11.5, 14.0):
+        drawn.add(1, timeline.Bar(begin, begin, "S"))
+    assert (drawn.bars, drawn.grain) == (3, 1.0)
+    drawn.add(2, timeline.Bar(14.0, 14.0, "S"))
+    assert bars_of(drawn) == {1: [(10.0, 11.5, "S", "", 2), (14.0, 14.0, "S", "", 1)],
+                              2: [(14.0, 14.0, "S", "", 1)]}
+    assert (drawn.results, drawn.bars, drawn.grain) == (4, 3, 2.0)
+
+
 def test_bars_become_coarser_only_when_there_are_a_quarter_more_of_them(monkeypatch):
     monkeypatch.setattr(timeline, "MOST", 4)
     drawn, grains = timeline.Lanes(), []

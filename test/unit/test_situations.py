@@ -12,20 +12,23 @@ from msgspec.structs import asdict, replace
 from behavior_controller.config import settings
 from behavior_controller.execution.events import (
     BreakpointChanged, HealthChanged, Line, PassFinished, PassStarted, Paused, Recovered,
-    Recovering, TreeShown)
-from behavior_controller.execution.health import FAILING, GONE, SILENT
+    Recovering, RunFinished, RunStarted, SafePart, SafeStateReported, Sources, TreeNode, TreeShown)
+from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT, SLOW
 from behavior_controller.execution.run import Run
+from behavior_controller.execution.state import (
+    UNDER_WAY, Exchange, Robot, State, Step, Stop as Place, Visit)
 from behavior_controller.leaves.recovery import RETURN_LIMIT
 from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
-from behavior_controller.monitoring.moment import card, robot_line
-from behavior_controller.monitoring.parts import RobotLine, card_line
+from behavior_controller.monitoring.moment import card, next_node, robot_line
+from behavior_controller.monitoring.parts import Card, RobotLine, card_line
 from behavior_controller.monitoring.record import recorder
 from behavior_controller.monitoring.record.recorder import (
     Entries, shown as tree_shown, traversed, written)
 from behavior_controller.robot.d543 import INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say, SetAttention
+from behavior_controller.robot.requests import (
+    Answer, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention)
 from browser import SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
@@ -88,6 +91,10 @@ def gone(respect=GONE):
     status = "gone: connection refused" if respect == GONE else "failing: 3 calls in a row"
     return HealthChanged("service", service_of(GoTo), "robotNavigation" if respect == GONE else "",
                          False, status, "until it is back, the robot cannot drive", respect)
+
+
+def gone_for(resource):
+    return Failure(Cause.NOT_REACHABLE, "refused", resource)
 
 
 def engages():
@@ -414,6 +421,214 @@ def test_retries_of_one_incident_are_one_entry(browser):  # noqa: F811
             "return document.querySelectorAll('#transcript details').length") == 2
     finally:
         shown.page.close()
+
+
+# ----------------------------------------------------------------------- the cards of given models
+
+
+ARM, STOPPED = Location(1.0, 2.5, 90.0), RunFinished("stopped", 0)
+VISIT = Visit(3, 100.0, arrived=110.0)
+STOP = Place(2, 5, "arm", UNDER_WAY, None, 0.0, noun="exhibit")
+ASKED = Exchange(7, "/say", Say("hello"), 120.0)
+
+
+def rows(*tree):
+    """Return the nodes of a tree that is written as (type, child...); leaves are their types. A
+    type with a question mark has a pre-condition."""
+    found = []
+
+    def add(node, parent):
+        kind, *children = [node] if isinstance(node, str) else node
+        name = kind.strip("?")
+        found.append(TreeNode(name, name, name, parent, has_condition=kind.endswith("?")))
+        number = len(found)
+        for child in children:
+            add(child, number)
+
+    add(tree, 0)
+    return tuple(found)
+
+
+IN_TURN = ["Sequence", "SequenceWithMemory", "ReactiveSequence", "AsyncSequence"]
+AS_CHILD = ["Fallback", "ReactiveFallback", "AsyncFallback", "ForceSuccess", "SubTree", "Timeout",
+            "Delay", "RetryUntilSuccessful", "RunOnce"]
+
+
+@pytest.mark.parametrize("tree, uid, expected", [
+    *[((kind, "A", "B"), 2, "B") for kind in IN_TURN],
+    *[(("Sequence", (kind, "A"), "B"), 3, "B") for kind in AS_CHILD],
+    *[(("Sequence", "A", leaf, "B"), 2, "B")
+      for leaf in ("Script", "SetBlackboard", "UnsetBlackboard", "AlwaysSuccess")],
+    (("Sequence", "A", "B"), 3, "the end of the visit"),
+    (("Sequence", "A", "B"), 1, "the end of the visit"),
+    (("Sequence", "A", "B"), 0, ""),
+    (("Sequence", "A", "B"), 4, ""),
+    (("Fallback", "A", "B"), 2, "the end of the visit"),
+    (("Sequence", ("Fallback", "A", "B"), "C"), 3, "C"),
+    (("Sequence", ("Sequence", "A", "B"), "C"), 4, "C"),
+    (("Sequence", ("Parallel", "A", "B"), "C"), 3, ""),
+    (("Sequence", ("Inverter", "A"), "B"), 3, ""),
+    (("KeepRunningUntilFailure", ("Sequence", "A", "B")), 4, "A"),
+    (("KeepRunningUntilFailure", ("Sequence", "A", "B")), 3, "B"),
+    (("Sequence", "A", ("Sequence", ("Inverter", "B"), "C")), 2, "B"),
+    (("Sequence", "A", ("Sequence", "Script", "B")), 2, "B"),
+    (("Sequence", "A", ("Fallback", "AlwaysSuccess", "B"), "C"), 2, "C"),
+    (("Sequence", "A", "Script"), 2, "the end of the visit"),
+    (("Sequence", "A", "B?"), 2, ""),
+    (("Sequence", "A?", "B"), 2, "B"),
+    (("Sequence", "A", ("Sequence?", "B")), 2, ""),
+    (("Sequence", "A", ("Sequence", "B?")), 2, ""),
+    (("Sequence", "A", ("Sequence", "B", "C?")), 2, "B"),
+    (("Sequence", "A", ("Switch2", "B", "C")), 2, "")])
+def test_what_follows_a_node_that_succeeds(tree, uid, expected):
+    assert next_node(State(nodes=rows(*tree)), uid) == expected
+
+
+@pytest.mark.parametrize("robot, expected", [
+    (Robot(), "place unknown"),
+    (Robot(last_place="arm"), "place unknown"),
+    (Robot(goal=ARM), "driving to 1, 2.5"),
+    (Robot(goal=ARM, goal_name="arm", last_place="cup"), "driving to arm"),
+    (Robot(goal=ARM, goal_name="home"), "driving home"),
+    (Robot(place=ARM), "at 1, 2.5"),
+    (Robot(place=ARM, last_place="arm", goal_name="arm"), "at arm"),
+    (Robot(goal_name="arm"), "last seen at the start, on the way to arm"),
+    (Robot(goal_name="arm", last_place="cup"), "last seen at cup, on the way to arm"),
+    (Robot(goal_name="home", last_place="cup"), "last seen at cup, on the way home")])
+def test_where_the_robot_is(robot, expected):
+    assert robot_line(State(robot=robot)).place == expected
+
+
+@pytest.mark.parametrize("state, expected", [
+    (State(), ("unknown", "unknown", "not yet asked", "")),
+    (State(started=RunStarted("m.xml", [], {}, Sources((), ("", ""), ("", ""), ""))),
+     ("unknown", "unknown", "all nodes in use answer", "")),
+    (State(robot=Robot(SetAttention("disabled"), SetAnimation("disabled"))),
+     ("off", "off", "not yet asked", "")),
+    (State(robot=Robot(SetAttention("social"), SetAnimation("enabled"))),
+     ("on (social)", "on", "not yet asked", "")),
+    (State(safe_state=SafeStateReported((SafePart("attention", "/a", None),), 1.0)),
+     ("unknown", "unknown", "not yet asked", "safe state reached"))])
+def test_what_is_on_and_what_is_safe(state, expected):
+    line = robot_line(state)
+    assert (line.attention, line.movement, line.alive, line.safe) == expected
+    assert line.is_well and line.instruction == ""
+
+
+def ill(*changes, **fields):
+    """Return a robot with these troubles: (kind, name, node, respect)."""
+    troubles = [HealthChanged(kind, name, node, False, respect, "", respect)
+                for kind, name, node, respect in changes]
+    return Robot(troubles={(change.name, change.respect): change for change in troubles},
+                 ill_since=dict.fromkeys((change.name for change in troubles), 1.0),
+                 services={"GoTo": "/nav/go"}, **fields)
+
+
+NAV = ("service", "/nav/go", "nav")
+MASTER = ("master", "http://m:11311", "")
+
+
+@pytest.mark.parametrize("state, expected", [
+    (State(robot=Robot(goal_name="arm", last_place="cup")), ""),
+    (State(robot=Robot(goal_name="arm", is_lost=True)), "Take the robot home"),
+    (State(robot=Robot(is_lost=True), finished=STOPPED), ""),
+    (State(robot=Robot(goal_name="arm"), finished=STOPPED), "Take the robot home"),
+    (State(robot=Robot(goal_name="arm", place=ARM, last_place="arm"), finished=STOPPED),
+     "Take the robot home"),
+    (State(robot=Robot(goal_name="home", place=ARM, last_place="home"), finished=STOPPED), ""),
+    # it had been at home, and was on its way
+    (State(robot=Robot(goal_name="arm", last_place="home"), finished=STOPPED),
+     "Take the robot home"),
+    (State(robot=ill((*NAV, GONE), goal_name="arm")), "Restart /nav; take the robot home"),
+    (State(robot=ill((*NAV, GONE), goal_name="arm", place=ARM)), "Restart /nav"),
+    (State(robot=ill((*NAV, GONE))), "Restart /nav"),
+    (State(robot=ill((*NAV, FAILING), goal_name="arm")), "Check /nav: it is failing"),
+    (State(robot=ill((*NAV, SLOW), goal_name="arm")), ""),
+    (State(robot=ill(("service", "/say", "tts", GONE), goal_name="arm")), "Restart /tts"),
+    (State(robot=ill(("service", "/say", "", GONE))), "Restart /say"),
+    (State(robot=ill((*NAV, GONE), ("topic", "/nav/pose", "nav", GONE))), "Restart /nav"),
+    (State(robot=ill(("topic", "/faces", "faces", SILENT), ("service", "/say", "tts", FAILING),
+                     ("service", "/show", "tablet", FAILING))),
+     "Check /faces: it is silent; check /tts and /tablet: they are failing"),
+    (State(robot=ill(*[("service", f"/{name}/do", name, GONE) for name in "abcd"])),
+     "Restart /a, /b, /c and /d"),
+    (State(robot=ill(*[("service", f"/{name}/do", name, GONE) for name in "abcde"])),
+     "Restart 5 nodes"),
+    (State(robot=ill((*MASTER, GONE))),
+     "Check the ROS master, and start it again if it has ended"),
+    (State(robot=ill((*MASTER, NEW))), "Restart the robot's nodes as soon as it is free"),
+    (State(robot=ill((*NAV, NEW))), ""),
+    (State(safe_state=SafeStateReported((
+        SafePart("attention", "/a", None), SafePart("movement", "/m", gone_for("/m"))), 1.0)),
+     "Switch movement off by hand")])
+def test_what_a_person_has_to_do(state, expected):
+    assert robot_line(state).instruction == expected
+
+
+@pytest.mark.parametrize("awaited, respect, expected", [
+    ("", None, "Repair what fails: "), ("/nav", None, ""), ("/nav", GONE, "Restart /nav"),
+    ("", GONE, "Restart /nav"), ("", SLOW, "")])
+def test_what_fails_in_a_pause_is_to_be_repaired_unless_more_is_known(awaited, respect, expected):
+    pause = Paused(gone_for("/nav/go"), awaited)
+    state = State(steps=(Step("", 1.0, 0.0, 0, True, cause=pause),),
+                  robot=Robot() if respect is None else ill((*NAV, respect)))
+    found = robot_line(state).instruction
+    assert found.startswith(expected) and bool(found) == bool(expected)
+    assert card(state).kind == "paused" and card(state).next == "the next visit"
+
+
+@pytest.mark.parametrize("state, expected", [
+    (State(), Card("idle", "nothing runs")),
+    (State(visits=(VISIT,)), Card("idle", "between two steps", "visitor 3")),
+    (State(visits=(Visit(3, 100.0),)), Card("idle", "between two steps")),
+    (State(visits=(replace(VISIT, outcome="SUCCESS", ended=130.0),)),
+     Card("idle", "between two visits")),
+    (State(visits=(replace(VISIT, stops=(STOP,)),)),
+     Card("idle", "between two steps", "visitor 3 · exhibit 2 of 5, arm")),
+    (State(exchanges=(ASKED, replace(ASKED, service="/other"))),
+     Card("step", "saying “hello”", "", 120.0, waits_for="the answer of /say")),
+    (State(nodes=rows("Sequence", "A", "B"), letters="RR-", running={2: 120.0}),
+     Card("busy", "runs A", "", 120.0, next="B", uid=2)),
+    (State(nodes=rows("Sequence", "A", "B"), letters="RS-"),
+     Card("busy", "runs Sequence", next="the end of the visit", uid=1)),
+    (State(nodes=rows("Sleep"), letters="R", running={1: 120.0}),
+     Card("asleep", "asleep", "", 120.0, next="the end of the visit", uid=1)),
+    (State(nodes=rows("Sequence", "Sleep", "A"), letters="RR-"),
+     Card("asleep", "asleep", next="A", uid=2)),
+    (State(nodes=(TreeNode("d", "Delay", "d", 0, 4.5),), letters="R", running={1: 120.0}),
+     Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
+    (State(nodes=(TreeNode("d", "Delay", "d", 0, 4.5),), letters="R"),
+     Card("asleep", "asleep", next="the end of the visit", uid=1)),
+    (State(nodes=(TreeNode("d", "Wait", "d", 0, 4.5),), letters="R", running={1: 120.0}),
+     Card("busy", "runs d (Wait)", "", 120.0, next="the end of the visit", uid=1)),
+    (State(nodes=(TreeNode("d", "Wait", "", 0),), letters="R"),
+     Card("busy", "runs Wait", next="the end of the visit", uid=1)),
+    (State(nodes=rows("A"), held={9: 100.0, 1: 120.0}),
+     Card("held", "held by a breakpoint of Groot2 at A", "", 120.0,
+          waits_for="its release in Groot2", uid=1)),
+    (State(held={1: 120.0}),
+     Card("held", "held by a breakpoint of Groot2 at node 1", "", 120.0,
+          waits_for="its release in Groot2", uid=1)),
+    (State(suspended=("waits for start", 120.0), visits=(VISIT,)),
+     Card("paused", "waits for start", "visitor 3", 120.0,
+          waits_for="the operator's call of start")),
+    (State(at=130.0, finished=STOPPED, held={1: 120.0}), Card("ended", "stopped", "", 130.0))])
+def test_the_card_of_a_model(state, expected):
+    assert card(state) == expected
+
+
+@pytest.mark.parametrize("step, expected", [
+    (Step("driving", 100.0, 180.0, 2, False, call=7),
+     Card("step", "driving", "", 100.0, 280.0, 1, 1, "the answer of /say", "", "B", 2)),
+    (Step("driving", 100.0, 0.0, 3, False, attempt=2, attempts=3, call=8),
+     Card("step", "driving", "", 100.0, None, 2, 3, "", "", "the end of the visit", 3)),
+    (Step("waiting", 100.0, 0.0, 2, True),
+     Card("wait", "waiting", "", 100.0, next="B", uid=2))])
+def test_the_card_of_a_step(step, expected):
+    state = State(nodes=rows("Sequence", "A", "B"), steps=(step,), exchanges=(ASKED,))
+    assert card(state) == expected
+    due = "the end of the safe state"
+    assert card(replace(state, due=due)) == replace(expected, next=due)
 
 
 SHIFTS = """

@@ -184,6 +184,21 @@ def test_a_window_line_by_line(width, height, expected):
     assert status_tool.fitted(text, width, height) == expected
 
 
+@pytest.mark.parametrize("height, first, last", [
+    (3, 20, 20), (4, 19, 20), (5, 19, 21), (8, 17, 22), (9, 17, 23)])
+def test_the_leaf_that_runs_is_in_the_middle_of_a_window(height, first, last):
+    rows = ["· node {}".format(number) for number in range(40)]
+    rows[20] = "▶ node 20"
+    found = status_tool.fitted(["robot: well"] + rows, 80, height)
+    assert found == ["robot: well"] + rows[first:last + 1]
+
+
+def test_a_window_in_which_nothing_runs_begins_with_the_first_row():
+    rows = ["✔ node {}".format(number) for number in range(40)]
+    for height in (2, 3, 9):
+        assert status_tool.fitted(rows, 80, height) == rows[:height - 1]
+
+
 def test_a_line_above_the_tree_that_is_wrapped_before_a_dot_is_no_row_of_it():
     text = ["mission tour: stop 3 · next: turn", "▶ A: running", "  ▶ B: running"]
     assert status_tool.fitted(text, 20, 4) == [
@@ -346,9 +361,9 @@ def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatc
                                                                       lines):
     terminal, inside = os.openpty()
     fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
-    state = dict(good(), statuses={"letters": "R"})
+    state = dict(good(), statuses={"letters": "R", "tip": 0})
     with os.fdopen(inside, "w", encoding="utf-8") as stdout, server(STREAM, event(state), event(
-            {"now": ended(), "statuses": {"letters": "R"}})) as port:
+            {"now": ended()})) as port:
         monkeypatch.setattr(sys, "stdout", stdout)
         assert status_tool.main(["--watch", "--port", str(port)]) == 0
         printed = b""

@@ -178,12 +178,12 @@ def _left_on(state: State) -> List[str]:
 def _place(robot: Robot) -> str:
     last, goal = "at " + robot.last_place if robot.last_place else "", robot.goal_name
     if robot.goal is not None and not goal:
-        goal = "{:g}, {:g}".format(*robot.goal[:2])
+        goal = f"{robot.goal.x:g}, {robot.goal.y:g}"
     way = goal if goal == HOME else "to " + goal
     if robot.goal is not None:
         return "driving " + way
     if robot.place is not None:
-        return last or "at {:g}, {:g}".format(*robot.place[:2])
+        return last or f"at {robot.place.x:g}, {robot.place.y:g}"
     return f"last seen {last or 'at the start'}, on the way {way}" if goal else "place unknown"
 
 

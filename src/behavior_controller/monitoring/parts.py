@@ -1,6 +1,7 @@
 """The state of a running mission as it is sent: the parts of the board that the page's server makes
 and ``missionStatus`` reads.
 """
+import itertools
 from typing import Any, Dict, List, Literal, Optional
 
 from msgspec import Struct
@@ -67,9 +68,9 @@ class NodeRow(Struct, frozen=True):
     parent: int
     name: str
     kind: str
-    path: str = ""
-    subtree: bool = False
-    bare: bool = False
+    path: str
+    subtree: bool
+    bare: bool
 
 
 class MissionPart(Struct, frozen=True):
@@ -84,7 +85,7 @@ class Statuses(Struct, frozen=True):
     failed one that a recovery does again."""
 
     letters: str
-    tip: int = 0
+    tip: int
 
 
 class Now(Struct, frozen=True):
@@ -116,11 +117,11 @@ class Sentence(Struct, frozen=True):
     cause: str = ""
 
 
-class SentenceRow(Sentence, frozen=True):
+class SentenceRow(Sentence, frozen=True, kw_only=True):
     """A sentence of the story, with its number and its time of day."""
 
-    number: int = 0
-    time: str = ""
+    number: int
+    time: str
 
 
 class StoryPart(Struct, frozen=True):
@@ -167,7 +168,7 @@ def changes(old: Any, new: Any) -> Any:
     items to ``drop`` at its begin, and those to ``add`` at its end.
     """
     if isinstance(old, list) and isinstance(new, list):
-        drop = next(count for count in range(len(old) + 1) if old[count:] == new[:len(old) - count])
+        drop = next(count for count in itertools.count() if old[count:] == new[:len(old) - count])
         return {"drop": drop, "add": new[len(old) - drop:]}
     if not isinstance(old, dict) or not isinstance(new, dict):
         return new

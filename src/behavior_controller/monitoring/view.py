@@ -65,9 +65,10 @@ class View(story.Story):
 
     def _end(self, ended: NodeResult) -> None:
         results = self._results.setdefault(ended.uid, collections.deque(maxlen=RESULTS))
-        is_alike = results and ended.ended - ended.began < INSTANT and (
-            results[-1][0].letter, results[-1][0].failure) == (ended.letter, ended.failure)
-        results.append((ended, results.pop()[1] + 1 if is_alike else 1))
+        times = 1
+        if results and _are_alike(results[-1][0], ended):
+            times += results.pop()[1]
+        results.append((ended, times))
 
     @property
     def ended(self) -> str:
@@ -155,6 +156,11 @@ MOMENT = ("statuses", "now", "story", "visits", "timeline", "blackboard")
 def clock(at: float) -> str:
     """Return the time of day, as sentences show it."""
     return time.strftime("%H:%M:%S", time.localtime(at))
+
+
+def _are_alike(*results: NodeResult) -> bool:
+    is_instant = all(result.ended - result.began < INSTANT for result in results)
+    return is_instant and len({(result.letter, result.failure) for result in results}) == 1
 
 
 def _step(step: Step) -> Dict[str, Any]:
