@@ -2,11 +2,10 @@
 import argparse
 import os
 import subprocess
-import sys
 
 import pytest
 
-from behavior_controller import command, exit_codes, ros_arguments
+from behavior_controller import ros_arguments
 from behavior_controller.config import config_file, settings
 
 
@@ -88,20 +87,3 @@ def test_the_command_of_the_parent_is_read_word_by_word(monkeypatch):
      (["bash"], False), (["vi", "notes", "roslaunch"], False), ([], False)))
 def test_only_roslaunch_is_asked_to_end(command, expected):
     assert ros_arguments.is_roslaunch(command) is expected
-
-
-@pytest.mark.parametrize("error, reason", ((OSError("no pipes left"), "no pipes left"),
-                                           (MemoryError(), "MemoryError")))
-def test_a_shortage_of_the_machine_has_its_reason(error, reason):
-    assert command.no_resources(error).endswith(reason)
-
-
-def test_what_a_python_lacks_is_said_with_what_to_do_in_a_workspace_that_is_broken():
-    code = ("import sys; sys.modules['lxml'] = None; from behavior_controller import command; "
-            "command.run('validateMission', 'behavior_controller.cli', 'validate')")
-    done = subprocess.run([sys.executable, "-c", code, "lab_tour"], stderr=subprocess.PIPE,
-                          universal_newlines=True,
-                          env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)))
-    assert done.returncode == exit_codes.UNAVAILABLE
-    assert "lxml" in done.stderr and "`catkin_find cssr_system`" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
