@@ -3,10 +3,11 @@ import argparse
 import os
 import subprocess
 import sys
+from importlib import metadata
 
 import pytest
 
-from behavior_controller import command, exit_codes, ros_arguments
+from behavior_controller import folders, ros_arguments
 from behavior_controller.config import config_file, settings
 
 
@@ -44,6 +45,69 @@ def test_a_command_refuses_other_words_of_ros(capsys):
         parsed("a", "_verbose:=1")
     assert raised.value.code == 2
     assert "_verbose:=1" in capsys.readouterr().err
+
+
+def outcome(capsys, parse):
+    """Return the exit code with which the command line ends the program, and its output."""
+    with pytest.raises(SystemExit) as raised:
+        parse()
+    out, err = capsys.readouterr()
+    return raised.value.code, out, err
+
+
+@pytest.mark.parametrize("word, hint", [
+    ("--foldr", " (did you mean --folder?)"), ("--foldr=x", " (did you mean --folder?)"),
+    ("--versio", " (did you mean --version?)"), ("--fol", " (did you mean --folder?)"),
+    ("-q", "")])
+def test_the_nearest_option_is_suggested_for_an_unknown_one(capsys, word, hint):
+    parser = ros_arguments.CommandParser("tool", "Does it.", "0 always")
+    parser.add_argument("--folder", action="store_true")
+    code, _, err = outcome(capsys, lambda: parser.parse_args([word]))
+    assert code == 2
+    assert err.splitlines()[-1] == "tool: error: unrecognized arguments: {}{}".format(word, hint)
+
+
+@pytest.mark.parametrize("manifest, version", [
+    ("<package><version>7.8.9</version></package>", "7.8.9"), ("<package/>", "unknown")])
+def test_the_version_is_that_of_the_manifest(tmp_path, monkeypatch, capsys, manifest, version):
+    (tmp_path / "package.xml").write_text(manifest)
+    monkeypatch.setattr(folders, "share", lambda: str(tmp_path))
+    parser = ros_arguments.CommandParser("tool", "Does it.", "0 always")
+    assert outcome(capsys, lambda: parser.parse_args(["--version"])) == (
+        0, "tool {}\n".format(version), "")
+
+
+@pytest.mark.parametrize("installed, version", [({"cssr_system": "3.2.1"}, "3.2.1"),
+                                                ({}, "unknown")])
+@pytest.mark.parametrize("manifest", [None, "<package>"])
+def test_without_a_manifest_the_version_is_what_pip_has_installed(tmp_path, monkeypatch, manifest,
+                                                                  installed, version):
+    def found(name):
+        if name not in installed:
+            raise metadata.PackageNotFoundError(name)
+        return installed[name]
+
+    if manifest:
+        (tmp_path / "package.xml").write_text(manifest)
+    monkeypatch.setattr(folders, "share", lambda: str(tmp_path))
+    monkeypatch.setattr(metadata, "version", found)
+    assert ros_arguments.version() == version
+
+
+def test_a_node_explains_itself_if_its_first_argument_asks_for_that(monkeypatch, capsys):
+    def explain(*words):
+        monkeypatch.setattr(sys, "argv", ["node", *words])
+        ros_arguments.explain_node("node", "Does it.", "0 always")
+
+    for words in ([], ["x", "--help"], ["_a:=1", "-h"], ["--helpful"]):
+        explain(*words)
+        assert capsys.readouterr().out == ""
+    for word in ("-h", "--help"):
+        code, out, _ = outcome(capsys, lambda: explain(word, "x"))
+        assert code == 0 and "usage: node" in out and "Does it." in out
+        assert "exit code: 0 always" in out
+    code, out, _ = outcome(capsys, lambda: explain("--version"))
+    assert (code, out) == (0, "node {}\n".format(ros_arguments.version()))
 
 
 def test_the_home_folder():
@@ -88,20 +152,3 @@ def test_the_command_of_the_parent_is_read_word_by_word(monkeypatch):
      (["bash"], False), (["vi", "notes", "roslaunch"], False), ([], False)))
 def test_only_roslaunch_is_asked_to_end(command, expected):
     assert ros_arguments.is_roslaunch(command) is expected
-
-
-@pytest.mark.parametrize("error, reason", ((OSError("no pipes left"), "no pipes left"),
-                                           (MemoryError(), "MemoryError")))
-def test_a_shortage_of_the_machine_has_its_reason(error, reason):
-    assert command.no_resources(error).endswith(reason)
-
-
-def test_what_a_python_lacks_is_said_with_what_to_do_in_a_workspace_that_is_broken():
-    code = ("import sys; sys.modules['lxml'] = None; from behavior_controller import command; "
-            "command.run('validateMission', 'behavior_controller.cli', 'validate')")
-    done = subprocess.run([sys.executable, "-c", code, "lab_tour"], stderr=subprocess.PIPE,
-                          universal_newlines=True,
-                          env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)))
-    assert done.returncode == exit_codes.UNAVAILABLE
-    assert "lxml" in done.stderr and "`catkin_find cssr_system`" in done.stderr
-    assert len(done.stderr.splitlines()) == 1

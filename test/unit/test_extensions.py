@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import pytest
 
 from behavior_controller import extensions
+from behavior_controller.bt.registry import Kind
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
@@ -301,6 +302,185 @@ def test_a_mistake_of_another_package_is_one_line_with_its_place(tmp_path, expor
                      packages=tmp_path, paths=[tmp_path / "a" / "src"])
     assert code == 2 and len(text.splitlines()) == 1, text
     assert all(word in text for word in ["validateMission: package a: "] + words), text
+
+
+@pytest.fixture(name="exports")
+def exports_of_a(tmp_path, monkeypatch):
+    """Return the function that writes a package a and returns the modules of a kind that are
+    exported."""
+    caches = (extensions.exported, extensions._exports)
+
+    def exports(kind, export, module=None, manifest=MANIFEST):
+        package(tmp_path, "", module)
+        (tmp_path / "a" / "package.xml").write_text(manifest.format("a", export))
+        return extensions.exported(kind)
+
+    def forget():
+        for cache in caches:
+            cache.cache_clear()
+        for name in ("a", "a.leaves"):
+            sys.modules.pop(name, None)
+
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    monkeypatch.syspath_prepend(str(tmp_path / "a" / "src"))
+    forget()
+    yield exports
+    forget()
+    extensions._packages.pop("a", None)
+    extensions.doubts.clear()
+
+
+HALF = "import sys\nsys.modules['a.leaves'].SPECS\n"
+NO_HINT = "(most likely due to a circular import) (a/leaves.py:2)"
+
+
+@pytest.mark.parametrize("kind, module, text", [
+    ("leaves", None, "cannot be imported: ModuleNotFoundError: No module named 'a.leaves'"),
+    ("leaves", "x = 1\nx / 0", "cannot be imported: ZeroDivisionError: .* (a/leaves.py:2)"),
+    ("leaves", "raise KeyboardInterrupt",
+     "cannot be imported: KeyboardInterrupt (a/leaves.py:1)"),
+    ("interface", "1 / 0", "cannot be imported: ZeroDivisionError: .* (a/leaves.py:1)"),
+    ("leaves", HALF, "cannot be imported: AttributeError: partially initialized .* " + NO_HINT),
+    ("interface", HALF, "cannot be imported: AttributeError: partially initialized .* " + NO_HINT +
+     "; this module must not import leaves or phrases"),
+])
+def test_why_an_exported_module_cannot_be_imported(exports, kind, module, text):
+    export = '{}="a.leaves"'.format(kind)
+    with pytest.raises(extensions.BrokenExtension) as raised:
+        exports(kind, export, module)
+    pattern = re.escape("package a: {} {}".format(export, text)).replace(r"\.\*", ".*")
+    assert re.fullmatch(pattern, str(raised.value))
+
+
+COMMA = "{0} is not a tuple; with one item it needs a comma: {0} = (…,)"
+
+
+@pytest.mark.parametrize("kind, module, text", [
+    ("leaves", "\nSPECS = 7", COMMA.format("SPECS") + " (a/leaves.py:2)"),
+    ("leaves", "\n\nSPECS = 'text'", COMMA.format("SPECS") + " (a/leaves.py:3)"),
+    ("interface", "SERVICES = ()\nTOPICS = {}", COMMA.format("TOPICS") + " (a/leaves.py:2)"),
+    ("phrases", SPEECH + "SPEECHES = (Speech('Hi', False, 'Hi.'))",
+     COMMA.format("SPEECHES") + " (a/leaves.py:2)"),
+    ("leaves", "", "it has no SPECS"),
+    ("leaves", "COLOURS = ()\nspecs = ()", "it has no SPECS"),
+    ("leaves", "COLOURS = ()\nSPEC = ()\nSPECES = ()",
+     "it has no SPECS, but SPEC (a/leaves.py:2)"),
+    ("interface", "SPECS = ()", "it has no SERVICES and no TOPICS"),
+    ("interface", "\nTOPIC = ()", "it has no SERVICES and no TOPICS, but TOPIC (a/leaves.py:2)"),
+])
+def test_an_exported_module_has_its_tuples(exports, kind, module, text):
+    with pytest.raises(extensions.BrokenExtension) as raised:
+        exports(kind, '{}="a.leaves"'.format(kind), module)
+    assert str(raised.value) == "package a: a.leaves: " + text
+
+
+class Record:
+    """What a module declares."""
+
+    text: str
+    is_loud: bool
+    number: int
+    seconds: float
+    other: Kind
+
+    def __init__(self, text="a", is_loud=False, number=1, seconds=2.0, other=None):
+        self.text, self.is_loud, self.number = text, is_loud, number
+        self.seconds, self.other = seconds, other
+
+
+@pytest.mark.parametrize("fields, wrong", [
+    ({}, None), ({"seconds": 3}, None), ({"other": "anything"}, None),
+    ({"text": 7}, "the text of a Record is 7, and not of the type str"),
+    ({"is_loud": "no"}, "the is_loud of a Record is 'no', and not of the type bool"),
+    ({"number": 1.5}, "the number of a Record is 1.5, and not of the type int"),
+    ({"seconds": "2"}, "the seconds of a Record is '2', and not of the type float"),
+])
+def test_the_plain_fields_of_what_is_declared_have_their_types(exports, fields, wrong):
+    extension, = exports("leaves", LEAVES, "\nSPECS = []")
+    assert extension.declared("SPECS", Record) == extension.declared("TOPICS", Record) == ()
+    records = [Record(), Record(**fields)]
+    extension.module.SPECS = records
+    if wrong is None:
+        assert extension.declared("SPECS", Record) == tuple(records)
+        return
+    with pytest.raises(extensions.BrokenExtension) as raised:
+        extension.declared("SPECS", Record)
+    assert str(raised.value) == "package a: a.leaves: {} (a/leaves.py:2)".format(wrong)
+
+
+def test_what_is_declared_is_of_one_kind(exports):
+    extension, = exports("leaves", LEAVES, "SPECS = (7,)")
+    with pytest.raises(extensions.BrokenExtension, match=r"7 in SPECS is not a Record \(a/leaves"):
+        extension.declared("SPECS", Record)
+
+
+@pytest.mark.parametrize("manifest, text", [
+    ("\n" + MANIFEST.replace("<cssr_system", "\n<cssr_sytem"),
+     "{}:4: the export element cssr_sytem is unknown, did you mean cssr_system?"),
+    (MANIFEST.replace("export>", "odd>"), "{}: <cssr_system> must stand in <export>"),
+    (MANIFEST.replace("</name>", ""), "{} is not XML: mismatched tag: line 2, column .*"),
+    (MANIFEST.replace("leaves", "leafs").replace("{1}", 'leafs="a.leaves"'),
+     "{}: cssr_system has no attribute leafs; allowed: leaves, interface, phrases"),
+    (MANIFEST.replace("{1}", 'leaves=""'), 'leaves="" names no module'),
+])
+def test_an_export_that_cannot_be_used_is_refused_with_its_place(tmp_path, exports, manifest, text):
+    with pytest.raises(extensions.BrokenExtension) as raised:
+        exports("leaves", LEAVES, "SPECS = ()", manifest)
+    expected = "package a: " + text.format(tmp_path / "a" / "package.xml")
+    assert re.fullmatch(re.escape(expected).replace(r"\.\*", ".*"), str(raised.value))
+
+
+@pytest.mark.parametrize("manifest, doubt", [
+    (MANIFEST.replace("<cssr_system {1}/>", ""), ""),
+    (MANIFEST.replace("cssr_system", "rqt_gui"), ""),
+    ("<package><name>a</name><odd></package>", ""),  # it exports nothing
+    ("<package><name>a</name><export></odd></export>", ""),
+    ("<package><name>a</name>", "is not XML: no element found: line 1, column 23"),
+])
+def test_a_package_that_does_not_export_to_us_is_no_error(tmp_path, exports, manifest, doubt):
+    assert exports("leaves", LEAVES, "SPECS = ()", manifest) == ()
+    path = tmp_path / "a" / "package.xml"
+    assert list(map(str, extensions.doubts)) == (
+        ["package a: warning: {} {}; what it exports is left out".format(path, doubt)]
+        if doubt else [])
+
+
+def test_a_doubt_is_told_once_and_the_other_packages_export(tmp_path, exports):
+    (tmp_path / "0").mkdir()
+    os.mkfifo(str(tmp_path / "0" / "package.xml"))
+    extension, = exports("leaves", LEAVES, "SPECS = ()")
+    extensions._exports.cache_clear()
+    assert extensions._exports() == (("a", str(tmp_path / "a"), "leaves", "a.leaves"),)
+    assert (extension.package, extension.folder) == ("a", str(tmp_path / "a"))
+    assert list(map(str, extensions.doubts)) == [
+        "package 0: warning: {}/0/package.xml cannot be read: it is not a regular file; "
+        "what it exports is left out".format(tmp_path)]
+
+
+def test_an_import_that_is_late_ends_the_program_with_its_name(monkeypatch, capfd):
+    monkeypatch.setattr(extensions.os, "_exit", sys.exit)
+    monkeypatch.setattr(sys, "argv", ["/opt/validateMission", "lab_tour"])
+    extensions._give_up()
+    assert capfd.readouterr().err == ""
+    monkeypatch.setattr(extensions, "_under_way", [("a", LEAVES)])
+    with pytest.raises(SystemExit) as caught:
+        extensions._give_up()
+    assert (caught.value.code, capfd.readouterr().err) == (
+        2, 'validateMission: package a: leaves="a.leaves": its import has not ended within 10 s\n')
+
+
+def test_an_import_is_watched_on_the_main_thread_alone(monkeypatch):
+    given_up = []
+    monkeypatch.setattr(extensions, "IMPORT_LIMIT", 0.02)
+    monkeypatch.setattr(extensions, "_give_up", lambda: given_up.append(1))
+    monkeypatch.setattr(extensions.importlib, "import_module", 
+                        lambda name: threading.Event().wait(0.1))
+    thread = threading.Thread(target=extensions._imported, args=("a", LEAVES, "a.leaves"))
+    thread.start()
+    thread.join()
+    assert given_up == []
+    extensions._imported("a", LEAVES, "a.leaves")
+    assert given_up == [1]
 
 
 @pytest.mark.parametrize("text, words", [

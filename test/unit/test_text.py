@@ -6,7 +6,9 @@ import threading
 
 import pytest
 
-from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes, read_text
+from behavior_controller.text import (
+    Unreadable, clean, count, decode, did_you_mean, first_names, read_bytes, read_text,
+    without_controls)
 
 
 @pytest.mark.parametrize("text, shown", [
@@ -31,6 +33,15 @@ def test_a_long_text_is_cut_in_the_middle():
     assert clean("x" * 1000) == "x" * 1000
     assert clean("a" * 999 + "b" * 10 ** 7) == "a" * 961 + " … " + "b" * 36
     assert clean("a" * 99 + "b" * 99, longest=100) == "a" * 61 + " … " + "b" * 36
+
+
+def test_lines_and_tabs_stay_where_control_characters_are_shown():
+    text = "one\ttwo\nthr\u00e9\u00e9\x1b[H\x1b[J\x1b[K\r\x1b[31m\x1b[2J\x9b\x00\u202e"
+    shown = "\\x1b[31m\\x1b[2J\\x9b\\x00\\u202e"
+    assert without_controls(text) == (
+        "one\ttwo\nthr\u00e9\u00e9\\x1b[H\\x1b[J\\x1b[K\\r" + shown)
+    assert without_controls(text, redraws=True) == (
+        "one\ttwo\nthr\u00e9\u00e9\x1b[H\x1b[J\x1b[K\r" + shown)
 
 
 @pytest.mark.parametrize("data", [
@@ -120,3 +131,20 @@ def test_a_wrong_byte_has_its_place():
 ])
 def test_suggestions(word, expected):
     assert did_you_mean(word, ["WelcomeSpeech", "Navigate"]) == expected
+
+
+def test_a_suggestion_is_as_like_as_is_wanted():
+    # of five letters four are equal: 2 * 4 / 10
+    assert did_you_mean("WAVED", ["WAVES", "LAMPS"], 0.8) == "did you mean WAVES?"
+    assert did_you_mean("WAVED", ["WAVES", "LAMPS"], 0.81) == ""
+
+
+@pytest.mark.parametrize("number, ellipsis", [(0, ""), (1, ""), (20, ""), (21, ", …"), (99, ", …")])
+def test_at_most_twenty_names_are_listed(number, ellipsis):
+    names = list(map(str, range(number)))
+    assert first_names(iter(names)) == ", ".join(names[:20]) + ellipsis
+
+
+def test_a_number_has_its_noun():
+    assert [count(number, "node", "nodes") for number in (0, 1, 2)] == [
+        "0 nodes", "1 node", "2 nodes"]
