@@ -219,8 +219,11 @@ def test_a_recovery_has_its_failures_in_order_and_its_attempts():
     assert (recovery.uid, recovery.path, recovery.handler, recovery.began,
             recovery.ended) == (3, "all/go", "all/help", 104.5, 111)
     assert (recovery.recovered.outcome, recovery.attempts, recovery.is_halted) == ("done", 1, False)
-    first, second = run.at(106.0).step, run.at(109.0).step
-    assert [(step.attempt, step.attempts) for step in (first, second)] == [(2, 3), (3, 3)]
+    # the pause before a retry counts as it
+    steps = [run.at(time).step for time in (105.0, 106.0, 108.0, 109.0)]
+    assert [(step.attempt, step.attempts) for step in steps] == [(2, 3), (2, 3), (3, 3), (3, 3)]
+    assert [(step.uid, step.limit, step.is_wait) for step in (steps[0], steps[2])] == [
+        (3, 0.0, False)] * 2
     assert [each.attempt for each in run.at(105.0).recoveries] == [1] and run.state.recoveries == ()
 
 
