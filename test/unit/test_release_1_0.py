@@ -920,6 +920,23 @@ GONE = ("<Fallback><IsVisitorPresent/><ForceFailure><Navigate "
     ("<KeepRunningUntilFailure><Sequence>\n<SayText name='7'/><ForceSuccess>{}</ForceSuccess></"
      "Sequence>"
      "</KeepRunningUntilFailure>", True),
+    ("<TryCatch>{}\n<SayText name='7'/></TryCatch>", True),
+    ("<TryCatch>{}<AlwaysSuccess/><AlwaysSuccess/></TryCatch>\n<SayText name='7'/>", False),
+    ("<TryCatch><AlwaysSuccess/>{}<AlwaysSuccess/></TryCatch>\n<SayText name='7'/>", False),
+    ("<ForceSuccess><TryCatch>{}<AlwaysSuccess/></TryCatch></ForceSuccess>\n<SayText name='7'/>",
+     True),
+    ("<ForceSuccess><TryCatch><AlwaysSuccess/>{}</TryCatch></ForceSuccess>\n<SayText name='7'/>",
+     False),
+    ("<Fallback><TryCatch><AlwaysFailure/>{}</TryCatch>\n<SayText name='7'/></Fallback>", True),
+    ("<IfThenElse>{}<AlwaysSuccess/></IfThenElse>\n<SayText name='7'/>", False),
+    ("<Fallback><IfThenElse>{}<AlwaysSuccess/></IfThenElse>\n<SayText name='7'/></Fallback>",
+     True),
+    ("<IfThenElse><AlwaysSuccess/><ForceSuccess>{}</ForceSuccess></IfThenElse>\n"
+     "<SayText name='7'/>", True),
+    ("<IfThenElse><AlwaysSuccess/><AlwaysSuccess/><ForceSuccess>{}</ForceSuccess></IfThenElse>\n"
+     "<SayText name='7'/>", False),
+    ("<IfThenElse><AlwaysFailure/><ForceSuccess>{}</ForceSuccess><AlwaysSuccess/></IfThenElse>\n"
+     "<SayText name='7'/>", False),
 ])
 def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
     found = foreseen("<Sequence>{}{}</Sequence>".format(mode("social"), body.format(GONE)))
