@@ -11,7 +11,7 @@ from behavior_controller.execution.events import (
     StepStarted, Suspended, Tick, LeafSummary, StopChanged, TreeNode, TreeShown)
 from behavior_controller.execution.fold import KEPT, fold
 from behavior_controller.execution.run import Run
-from behavior_controller.execution.state import STOPPED, NodeResult, Reason, State
+from behavior_controller.execution.state import FAILED, STOPPED, NodeResult, Reason, State
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE, SLOW
 from behavior_controller.robot.requests import (
@@ -33,6 +33,7 @@ BEGIN = [
 ]
 ARM, DESK = Location(1.0, 2.0, 90.0), Location(3.0, 4.0, 0.0)
 BUSY, LATE = Failure(Cause.REFUSED, "busy", "/nav"), Failure(Cause.NO_ANSWER, "late", "/nav")
+UNSEEN = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/gaze")
 DRIVES = StepStarted(2, "Navigate", "all/go", "driving", "to the arm", 180.0, False)
 
 
@@ -256,6 +257,21 @@ def test_a_recovery_that_is_halted_has_no_decision():
     assert recovery.is_halted and recovery.recovered is None and run.state.recoveries == ()
 
 
+@pytest.mark.parametrize("decision, then, without", [
+    (recovered("skipped", 2), [], "Navigate"), (recovered("skipped", 2, UNSEEN), [], ""),
+    (recovered("done", 1), [], ""), (recovered("substituted", 1), [], ""),
+    (recovered("given up", 2), [], ""),
+    (recovered("skipped", 2), [DRIVES], "Navigate"),
+    (recovered("skipped", 2), [DRIVES, ended("IDLE")], "Navigate"),
+    (recovered("skipped", 2), [DRIVES, ended()], ""),
+    (recovered("skipped", 2), [replace(DRIVES, is_wait=True), ended()], "Navigate"),
+    (recovered("skipped", 2), [PassStarted(2, 9.0)], "")])
+def test_a_failure_tells_of_a_step_just_before_that_was_gone_on_without(decision, then, without):
+    run = after(PassStarted(1, 0.0), decision, handler_ended(), *then,
+                ended("FAILURE", LATE, uid=4, path="all/say", node="Say"))
+    assert run.state.course.stuck == Reason(FAILED, "Say", LATE, without=without)
+
+
 # ---------------------------------------------------------------------------------------- the robot
 
 
@@ -363,7 +379,6 @@ def test_a_moment_of_a_long_run_costs_no_more_than_some_hundred_events(monkeypat
 # --------------------------------------------------------------------- what could not be seen, held
 
 
-UNSEEN = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/gaze")
 ASKS = LeafFinished(5, "Gaze", "all/gaze", "FAILURE", "/gaze", 0.0, UNSEEN)
 SEES = LeafFinished(5, "Gaze", "all/gaze", "SUCCESS", "/gaze", 0.0, None)
 HALTED = replace(SEES, status="IDLE")

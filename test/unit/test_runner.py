@@ -18,7 +18,7 @@ from behavior_controller.robot.d543 import ATTENTION, SPEECH
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, GoTo, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.missions.runner import Persistence, Runner, Running
-from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal, service_of
+from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal, service_of, write
 
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
@@ -587,6 +587,15 @@ def test_a_pause_counts_when_it_is_over_and_none_where_the_budget_allows_a_recov
     assert [limit(2000.0, 1000.0, now) for now in (1000.0, 1009.9, 1010.0)] == [10.0, 10.0, None]
     assert [limit(1025.0, 1010.0, now) for now in (1010.0, 1024.9, 1025.0)] == [15.0, 15.0, None]
     assert limit(2000.0, 1025.0, 1025.0) == 40.0
+
+
+def test_what_the_pass_before_failed_for_is_no_cause_after_this_one():
+    rig = spent(one_leaf("<Sequence><ScriptCondition code='passes == 0'/><Script code='passes += 1'"
+                         "/><Fallback><Navigate target='1;2;90'/><HandleFallBack/></Fallback>"
+                         "</Sequence>", refusal))
+    write(rig, passes=0)
+    rig.run(advance, runs=4)
+    assert starts(rig) == [0.0, 11.0, 12.0, 13.0] and len(rig.of(Paused)) == 1
 
 
 def test_a_service_of_another_type_is_a_cause_that_persists():
