@@ -175,6 +175,15 @@ def test_what_was_reached_of_the_safe_state_is_so_until_the_robot_is_asked_for_w
             for time in (102, 103, 104, 105)] == [None, report, report, None]
 
 
+@pytest.mark.parametrize("uid, goes_on, limits", [
+    (2, True, [(103, 9.0)]), (2, False, [(105, 7.0)]),
+    (8, True, [(103, 180.0), (105, 7.0)]), (8, False, [(103, 180.0), (105, 7.0)])])
+def test_a_step_that_goes_on_is_the_same_one_with_a_later_end(uid, goes_on, limits):
+    run = after(PassStarted(1, 0.0), DRIVES, Noticed("info", "so"),
+                replace(DRIVES, uid=uid, limit=7.0, goes_on=goes_on))
+    assert [(step.began, step.limit) for step in run.state.steps] == limits
+
+
 # ----------------------------------------------------------------------------- requests and answers
 
 
@@ -297,6 +306,27 @@ def test_a_service_is_well_when_nothing_is_wrong_in_any_respect():
         sorted(respect for _, respect in run.at(time).robot.troubles)
         for time in (102, 103, 104, 105)
     ] == [[GONE], [GONE, SLOW], [SLOW], []]
+
+
+@pytest.mark.parametrize("end, is_lost", [
+    ([], False),  # it drives
+    ([Answered(1, Answer()), ended()], False), ([Answered(1, BUSY), ended("FAILURE", BUSY)], True),
+    ([ended("IDLE")], True)])
+def test_a_robot_is_lost_if_the_last_drive_of_a_visit_failed_until_it_sets_off_again(end, is_lost):
+    run = after(PassStarted(1, 0.0), DRIVES, Asked(1, "/nav", GoTo(ARM)), *end)
+    assert not run.state.robot.is_lost
+    run.extend(lines(PassFinished(1, "FAILURE", 9.0), PassStarted(2, 9.0), begin=200.0))
+    assert run.state.robot.is_lost is is_lost
+    run.extend(lines(Asked(2, "/say", Say("a")), begin=300.0))
+    assert run.state.robot.is_lost is is_lost
+    run.extend(lines(Asked(3, "/nav", GoTo(DESK)), begin=400.0))
+    assert not run.state.robot.is_lost
+
+
+def test_a_robot_that_never_drove_is_not_lost():
+    run = after(PassStarted(1, 0.0), Asked(1, "/say", Say("a")), Answered(1, BUSY),
+                PassFinished(1, "FAILURE", 9.0))
+    assert not run.state.robot.is_lost
 
 
 # ----------------------------------------------------------------------------------------- the tree
