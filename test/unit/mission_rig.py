@@ -19,7 +19,8 @@ EXHIBITS = tuple(
             Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n in (1, 2))
 ENTRANCE = Exhibit("entrance", "", "", Location(7.0, 8.0, 180.0), Point(7.5, 8.5, 1.5))
 HOME = Exhibit("home", "", "", Location(0.5, 0.25, 0.0), Point(0.0, 0.0, 0.0))
-MOST_ROUNDS = 100  # of a runner without a wait; without a limit such a test would not end
+# of a runner without a wait for an event; without a limit such a test would not end
+MOST_ROUNDS = 2 * runner.ROUNDS_AT_ONCE
 CAUSES = [
     Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
     Cause.HANDLER_EXCEPTION, Cause.TYPE_MISMATCH
@@ -83,8 +84,8 @@ class Rig(Trial):
 
         class Waiting(runner.Runner):
             def wait(self, seconds):
-                rounds.clear()
                 if seconds != runner.GIVE_WAY:
+                    rounds.clear()
                     visitor(rig)
 
         self.mission.health.publish = go_round

@@ -2,7 +2,7 @@
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import Events, HealthChanged
-from behavior_controller.execution.health import CallCount, GONE, Health, SLOW
+from behavior_controller.execution.health import CallCount, GONE, Health, SLOW, available_again, gone
 
 DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer",
                      "the robot cannot speak", GONE)
@@ -43,6 +43,19 @@ def test_what_is_gone_is_known_until_it_is_back():
     health.report(GONE, BACK)
     published(health)
     assert not health.is_gone("/say")
+
+
+def test_what_is_gone_has_the_name_of_its_node_or_else_its_own():
+    health = Health()
+    health.report(GONE, gone("service", "/say", "textToSpeech", "closed by the peer",
+                             "the robot cannot speak"))
+    health.report(GONE, replace(DEAD, name="/go", node=""))
+    published(health)
+    names = [health.gone_name(name) for name in ("/say", "/go", "/look")]
+    assert names == ["/textToSpeech", "/go", "/look"]
+    health.report(GONE, available_again("service", "/say", "textToSpeech"))
+    assert [event.is_well for event in published(health)] == [True]
+    assert health.gone_name("/say") == "/say" and not health.is_gone("/say")
 
 
 def test_each_respect_is_for_itself():

@@ -20,6 +20,7 @@ from behavior_controller.robot.requests import (
     AttentionStatus, Faces, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Say,
     SetAnimation, SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered
+from behavior_controller.leaves.base import NOT_ASKED
 from behavior_controller.leaves.release_1_0 import SPECS
 from behavior_controller.config.phrases import SPEECHES
 from behavior_controller.text import Source
@@ -405,6 +406,25 @@ def test_a_halted_leaf_listens_no_longer():
     rig.clock.advance(20.0)
     assert not rig.tree.wake.test_and_clear()
     assert [event.status for event in rig.of(LeafFinished)] == ["IDLE"]
+
+
+@pytest.mark.parametrize("end", [
+    lambda rig, speech: rig.topics.publish(speech, "yes") or rig.tick(),
+    lambda rig, speech: rig.topics.publish(speech, "Error: no microphone") or rig.tick(),
+    lambda rig, speech: rig.clock.advance(10.0) or rig.tick(),
+    lambda rig, speech: rig.tree.halt()])
+def test_an_answer_is_ignored_but_while_the_leaf_listens(end):
+    rig = one_leaf("<GetVisitorResponse/>", robotInterface=RELEASE)
+    rig.tree.setup(mission=rig.mission)
+    rig.mission.begin_visit(rig.tree.blackboard, rig.clock.now())
+    before = rig.topics.ignoring[release_1_0.SPEECH]
+    assert rig.tick() is RUNNING
+    listening = rig.topics.ignoring[release_1_0.SPEECH]
+    rig.clock.advance(0.1)
+    end(rig, release_1_0.SPEECH)
+    assert rig.tree.is_idle
+    assert (before, listening, rig.topics.ignoring[release_1_0.SPEECH]) == (NOT_ASKED, "",
+                                                                            NOT_ASKED)
 
 
 def test_an_answer_that_cannot_be_stored_is_a_failure():
@@ -920,6 +940,23 @@ GONE = ("<Fallback><IsVisitorPresent/><ForceFailure><Navigate "
     ("<KeepRunningUntilFailure><Sequence>\n<SayText name='7'/><ForceSuccess>{}</ForceSuccess></"
      "Sequence>"
      "</KeepRunningUntilFailure>", True),
+    ("<TryCatch>{}\n<SayText name='7'/></TryCatch>", True),
+    ("<TryCatch>{}<AlwaysSuccess/><AlwaysSuccess/></TryCatch>\n<SayText name='7'/>", False),
+    ("<TryCatch><AlwaysSuccess/>{}<AlwaysSuccess/></TryCatch>\n<SayText name='7'/>", False),
+    ("<ForceSuccess><TryCatch>{}<AlwaysSuccess/></TryCatch></ForceSuccess>\n<SayText name='7'/>",
+     True),
+    ("<ForceSuccess><TryCatch><AlwaysSuccess/>{}</TryCatch></ForceSuccess>\n<SayText name='7'/>",
+     False),
+    ("<Fallback><TryCatch><AlwaysFailure/>{}</TryCatch>\n<SayText name='7'/></Fallback>", True),
+    ("<IfThenElse>{}<AlwaysSuccess/></IfThenElse>\n<SayText name='7'/>", False),
+    ("<Fallback><IfThenElse>{}<AlwaysSuccess/></IfThenElse>\n<SayText name='7'/></Fallback>",
+     True),
+    ("<IfThenElse><AlwaysSuccess/><ForceSuccess>{}</ForceSuccess></IfThenElse>\n"
+     "<SayText name='7'/>", True),
+    ("<IfThenElse><AlwaysSuccess/><AlwaysSuccess/><ForceSuccess>{}</ForceSuccess></IfThenElse>\n"
+     "<SayText name='7'/>", False),
+    ("<IfThenElse><AlwaysFailure/><ForceSuccess>{}</ForceSuccess><AlwaysSuccess/></IfThenElse>\n"
+     "<SayText name='7'/>", False),
 ])
 def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
     found = foreseen("<Sequence>{}{}</Sequence>".format(mode("social"), body.format(GONE)))

@@ -11,7 +11,7 @@ from behavior_controller.execution.events import (
     StepStarted, Suspended, Tick, LeafSummary, StopChanged, TreeNode, TreeShown)
 from behavior_controller.execution.fold import KEPT, fold
 from behavior_controller.execution.run import Run
-from behavior_controller.execution.state import STOPPED, NodeResult, Reason, State
+from behavior_controller.execution.state import FAILED, STOPPED, NodeResult, Reason, State
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE, SLOW
 from behavior_controller.robot.requests import (
@@ -33,6 +33,7 @@ BEGIN = [
 ]
 ARM, DESK = Location(1.0, 2.0, 90.0), Location(3.0, 4.0, 0.0)
 BUSY, LATE = Failure(Cause.REFUSED, "busy", "/nav"), Failure(Cause.NO_ANSWER, "late", "/nav")
+UNSEEN = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/gaze")
 DRIVES = StepStarted(2, "Navigate", "all/go", "driving", "to the arm", 180.0, False)
 
 
@@ -174,6 +175,15 @@ def test_what_was_reached_of_the_safe_state_is_so_until_the_robot_is_asked_for_w
             for time in (102, 103, 104, 105)] == [None, report, report, None]
 
 
+@pytest.mark.parametrize("uid, goes_on, limits", [
+    (2, True, [(103, 9.0)]), (2, False, [(105, 7.0)]),
+    (8, True, [(103, 180.0), (105, 7.0)]), (8, False, [(103, 180.0), (105, 7.0)])])
+def test_a_step_that_goes_on_is_the_same_one_with_a_later_end(uid, goes_on, limits):
+    run = after(PassStarted(1, 0.0), DRIVES, Noticed("info", "so"),
+                replace(DRIVES, uid=uid, limit=7.0, goes_on=goes_on))
+    assert [(step.began, step.limit) for step in run.state.steps] == limits
+
+
 # ----------------------------------------------------------------------------- requests and answers
 
 
@@ -219,8 +229,11 @@ def test_a_recovery_has_its_failures_in_order_and_its_attempts():
     assert (recovery.uid, recovery.path, recovery.handler, recovery.began,
             recovery.ended) == (3, "all/go", "all/help", 104.5, 111)
     assert (recovery.recovered.outcome, recovery.attempts, recovery.is_halted) == ("done", 1, False)
-    first, second = run.at(106.0).step, run.at(109.0).step
-    assert [(step.attempt, step.attempts) for step in (first, second)] == [(2, 3), (3, 3)]
+    # the pause before a retry counts as it
+    steps = [run.at(time).step for time in (105.0, 106.0, 108.0, 109.0)]
+    assert [(step.attempt, step.attempts) for step in steps] == [(2, 3), (2, 3), (3, 3), (3, 3)]
+    assert [(step.uid, step.limit, step.is_wait) for step in (steps[0], steps[2])] == [
+        (3, 0.0, False)] * 2
     assert [each.attempt for each in run.at(105.0).recoveries] == [1] and run.state.recoveries == ()
 
 
@@ -253,6 +266,21 @@ def test_a_recovery_that_is_halted_has_no_decision():
     assert recovery.is_halted and recovery.recovered is None and run.state.recoveries == ()
 
 
+@pytest.mark.parametrize("decision, then, without", [
+    (recovered("skipped", 2), [], "Navigate"), (recovered("skipped", 2, UNSEEN), [], ""),
+    (recovered("done", 1), [], ""), (recovered("substituted", 1), [], ""),
+    (recovered("given up", 2), [], ""),
+    (recovered("skipped", 2), [DRIVES], "Navigate"),
+    (recovered("skipped", 2), [DRIVES, ended("IDLE")], "Navigate"),
+    (recovered("skipped", 2), [DRIVES, ended()], ""),
+    (recovered("skipped", 2), [replace(DRIVES, is_wait=True), ended()], "Navigate"),
+    (recovered("skipped", 2), [PassStarted(2, 9.0)], "")])
+def test_a_failure_tells_of_a_step_just_before_that_was_gone_on_without(decision, then, without):
+    run = after(PassStarted(1, 0.0), decision, handler_ended(), *then,
+                ended("FAILURE", LATE, uid=4, path="all/say", node="Say"))
+    assert run.state.course.stuck == Reason(FAILED, "Say", LATE, without=without)
+
+
 # ---------------------------------------------------------------------------------------- the robot
 
 
@@ -278,6 +306,27 @@ def test_a_service_is_well_when_nothing_is_wrong_in_any_respect():
         sorted(respect for _, respect in run.at(time).robot.troubles)
         for time in (102, 103, 104, 105)
     ] == [[GONE], [GONE, SLOW], [SLOW], []]
+
+
+@pytest.mark.parametrize("end, is_lost", [
+    ([], False),  # it drives
+    ([Answered(1, Answer()), ended()], False), ([Answered(1, BUSY), ended("FAILURE", BUSY)], True),
+    ([ended("IDLE")], True)])
+def test_a_robot_is_lost_if_the_last_drive_of_a_visit_failed_until_it_sets_off_again(end, is_lost):
+    run = after(PassStarted(1, 0.0), DRIVES, Asked(1, "/nav", GoTo(ARM)), *end)
+    assert not run.state.robot.is_lost
+    run.extend(lines(PassFinished(1, "FAILURE", 9.0), PassStarted(2, 9.0), begin=200.0))
+    assert run.state.robot.is_lost is is_lost
+    run.extend(lines(Asked(2, "/say", Say("a")), begin=300.0))
+    assert run.state.robot.is_lost is is_lost
+    run.extend(lines(Asked(3, "/nav", GoTo(DESK)), begin=400.0))
+    assert not run.state.robot.is_lost
+
+
+def test_a_robot_that_never_drove_is_not_lost():
+    run = after(PassStarted(1, 0.0), Asked(1, "/say", Say("a")), Answered(1, BUSY),
+                PassFinished(1, "FAILURE", 9.0))
+    assert not run.state.robot.is_lost
 
 
 # ----------------------------------------------------------------------------------------- the tree
@@ -360,7 +409,6 @@ def test_a_moment_of_a_long_run_costs_no_more_than_some_hundred_events(monkeypat
 # --------------------------------------------------------------------- what could not be seen, held
 
 
-UNSEEN = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/gaze")
 ASKS = LeafFinished(5, "Gaze", "all/gaze", "FAILURE", "/gaze", 0.0, UNSEEN)
 SEES = LeafFinished(5, "Gaze", "all/gaze", "SUCCESS", "/gaze", 0.0, None)
 HALTED = replace(SEES, status="IDLE")

@@ -17,8 +17,8 @@ from behavior_controller.execution.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, SPEECH
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, GoTo, QueryKnowledge, Say, SetAnimation, SetAttention)
-from behavior_controller.missions.runner import Runner, Running
-from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal, service_of
+from behavior_controller.missions.runner import Persistence, Runner, Running
+from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal, service_of, write
 
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
@@ -571,12 +571,51 @@ def test_a_pause_is_over_when_the_budget_allows_a_recovery_again():
     assert starts(rig) == [0.0, 1.0, 2.0, 7.0]
 
 
+def test_a_pause_counts_when_it_is_over_and_none_where_the_budget_allows_a_recovery_already():
+    rig, persistence = one_leaf("<WelcomeSpeech/>"), Persistence()
+    leaf, = rig.tree.nodes
+    leaf.setup(mission=rig.mission)
+    leaf.failed(refusal(Say))
+    rig.mission.failures.is_budget_spent = True
+
+    def limit(again_at, failed_at, now):
+        rig.mission.recovers_again_at = lambda: again_at
+        paused = persistence.cause(rig.mission, failed_at, now)
+        return paused and paused.limit
+
+    assert limit(1000.0, 1000.0, 1000.0) is None
+    assert [limit(2000.0, 1000.0, now) for now in (1000.0, 1009.9, 1010.0)] == [10.0, 10.0, None]
+    assert [limit(1025.0, 1010.0, now) for now in (1010.0, 1024.9, 1025.0)] == [15.0, 15.0, None]
+    assert limit(2000.0, 1025.0, 1025.0) == 40.0
+
+
+def test_what_the_pass_before_failed_for_is_no_cause_after_this_one():
+    rig = spent(one_leaf("<Sequence><ScriptCondition code='passes == 0'/><Script code='passes += 1'"
+                         "/><Fallback><Navigate target='1;2;90'/><HandleFallBack/></Fallback>"
+                         "</Sequence>", refusal))
+    write(rig, passes=0)
+    rig.run(advance, runs=4)
+    assert starts(rig) == [0.0, 11.0, 12.0, 13.0] and len(rig.of(Paused)) == 1
+
+
 def test_a_service_of_another_type_is_a_cause_that_persists():
     rig = one_leaf(GREET_AND_DRIVE, drives(Cause.TYPE_MISMATCH))
     rig.run(advance, runs=3)
     assert starts(rig) == [0.0, 11.0, 32.0]
     assert [(event.awaited, event.failure.cause)
             for event in rig.of(Paused)] == 2 * [("", Cause.TYPE_MISMATCH)]
+
+
+@pytest.mark.parametrize("second", ["<Navigate/>",
+                                    "<Fallback><Navigate/><HandleFallBack/></Fallback>"])
+@pytest.mark.parametrize("cause", [Cause.REFUSED, Cause.TYPE_MISMATCH])
+def test_of_several_causes_that_persist_the_newest_is_reported(cause, second):
+    mission = ("<Sequence><LookUpHome/><ForceSuccess><Fallback><WelcomeSpeech/><HandleFallBack/>"
+               "</Fallback></ForceSuccess>" + second + "</Sequence>")
+    rig = one_leaf(mission, lambda request: NotImplemented if isinstance(request, QueryKnowledge)
+                   else Failure(cause, "no", service_of(request)))
+    spent(rig, most=0 if cause is Cause.REFUSED else 100).run(advance, runs=2)
+    assert [event.failure.resource for event in rig.of(Paused)] == [service_of(GoTo)]
 
 
 def test_a_pause_for_a_cause_that_persists_waits_for_what_is_left_of_it():
@@ -629,6 +668,17 @@ def test_a_reloaded_mission_ends_the_wait():
                    if waiting and rig.of(Paused) else None) == 0
     assert [event.number
             for event in other.of(PassStarted)] == [2] and rig.clock.now() - began < 2.0
+
+
+def test_a_reloaded_mission_that_is_refused_ends_no_wait(monkeypatch):
+    rig, other = one_leaf(GREET_AND_DRIVE,
+                          drives(Cause.NOT_REACHABLE)), one_leaf("<FollowMeSpeech/>")
+    monkeypatch.setattr(other.tree.nodes[0], "setup", lambda **kwargs: 1 / 0)
+    tell(rig, service_of(GoTo), False)
+    waiting = [Running(other.tree, other.mission, "other.xml", 2)]
+    rig.run(advance, runs=0, successor=lambda: waiting.pop() if waiting and rig.of(Paused) else None,
+            is_stopped=lambda: rig.clock.now() > 1100.0)
+    assert not waiting and starts(rig) == [0.0]
 
 
 class Operator:

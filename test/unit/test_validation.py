@@ -439,4 +439,6 @@ def test_a_folder_without_a_mission_is_a_fault(tmp_path, name, text):
     if name:
         (tmp_path / name).write_text(text, encoding="utf-8")
     judgement, = judged(str(tmp_path))
-    assert judgement.is_wrong and "the folder has no mission" in judgement.faults[0].text
+    fault, = judgement.faults
+    assert judgement.is_wrong and "the folder has no mission" in fault.text
+    assert fault[:3] == (str(tmp_path), 0, 0)  # a folder has no line

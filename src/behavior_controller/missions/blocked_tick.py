@@ -3,7 +3,7 @@ can report it."""
 import sys
 import threading
 import time
-from typing import Callable, Set, Tuple
+from typing import Callable, Optional, Set, Tuple
 
 from behavior_controller.bt.engine.failure import node_on
 from behavior_controller.foreign_code import place
@@ -27,7 +27,7 @@ class Standstill:
         self._runner = runner
         self._tell = tell
         self._tick_thread = threading.get_ident()
-        self._before: Tuple[object, int] = (None, 0)  # moment and leaf of the last check
+        self._before: Optional[Tuple[object, int]] = None  # moment and leaf of the last check
         self._checks = 0
         self._reported: Set[int] = set()
 

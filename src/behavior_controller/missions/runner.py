@@ -194,7 +194,6 @@ class Runner:
             result = self._tick()
             if result is RUNNING:
                 self._rest(self.tree.changes != changes)
-        self.tree.wake.test_and_clear()
         if result is RUNNING:
             return
         self._number += 1
