@@ -16,7 +16,8 @@ from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import GoTo, Say
 from behavior_controller.text import Source
 
-from unit_tests.judge.verdict import judge
+from unit_tests.judge.failures import failure_rows
+from unit_tests.judge.verdict import Case, judge
 from unit_tests.rehearsal.play import Stage
 from unit_tests.robot.virtual_robot import VirtualTopics
 
@@ -367,6 +368,16 @@ def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
                          "SetAttention"]
     assert [recovery.outcome for recovery in of_test.run.recoveries] == [outcome]
     assert objections(of_test) == ()
+
+
+def test_each_attempt_of_a_recovery_has_its_row():
+    with policy(POLICY.format("SocialOvertAttentionMode")):
+        of_test = of_mission(STEP, ["textToSpeech:1", "textToSpeech:2", "overtAttention:1"])
+    rows = failure_rows(of_test, Case(of_test).witness)
+    assert [(row.node, row.call, row.recovery) for row in rows] == [
+        ("FollowMeSpeech", "textToSpeech:1", "tried again"),
+        ("FollowMeSpeech", "textToSpeech:2", "SocialOvertAttentionMode instead"),
+        ("SocialOvertAttentionMode", "overtAttention:1", "skipped")]
 
 
 def test_a_recovery_below_another_control_deals_with_what_failed_before_that():
