@@ -3,6 +3,7 @@ import dataclasses
 import functools
 
 from behavior_controller.config import settings
+from behavior_controller.execution.events import Line
 from behavior_controller.execution.run import Run
 
 from unit_tests.judge.facts import Facts
@@ -11,6 +12,9 @@ from unit_tests.rehearsal.play import CALM, Stage
 
 NODES = ("animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention",
          "robotNavigation", "tabletEvent", "textToSpeech")
+
+UNIX = 5000.0
+"""Seconds from a play's clock, which the mission goes by, to the times of record and journal."""
 
 
 @functools.lru_cache(maxsize=None)
@@ -26,7 +30,9 @@ def facts(faults=(), mission=(), on=None, **test):
     given = dict(arrival_rate=600.0, random_seed=1, planned_faults=planned, test_timeout=3000.0)
     test = dataclasses.replace(CALM, **dict(given, **test))
     played = on.play(test)
-    return Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
+    run = Run(Line(UNIX + at, event) for at, event in played.events)
+    journal = [line._replace(time=UNIX + line.time) for line in played.journal]
+    return Facts(run, journal, played.exit_code, test, on.world_of(test),
                  on.mission, played.cut_off, has_timed_out=played.has_timed_out)
 
 

@@ -1,5 +1,6 @@
 """The judge of small missions, each made for one situation that no delivered mission meets: a sound
 controller passes, and what is changed in its record is objected to."""
+import re
 from unittest import mock
 
 import pytest
@@ -8,14 +9,15 @@ from msgspec.structs import replace
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import recovery_policy, settings
 from behavior_controller.execution.events import (
-    Asked, LeafFinished, Message, PassFinished, PassStarted, SafeStateReported, StillHearing,
-    Tick)
+    Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished, PassStarted,
+    SafeStateReported, StillHearing, StopChanged, Tick)
 from behavior_controller.monitoring.record.replay import replay
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import GoTo, Say
 from behavior_controller.text import Source
 
-from unit_tests.judge.verdict import judge
+from unit_tests.judge.failures import failure_rows
+from unit_tests.judge.verdict import Case, judge
 from unit_tests.rehearsal.play import Stage
 from unit_tests.robot.virtual_robot import VirtualTopics
 
@@ -43,6 +45,18 @@ def policy(text):
 
 def objections(of_test):
     return judge(of_test).objections
+
+
+def from_then_on(time, seconds):
+    """Return a change by which all from a time on happens so many seconds later."""
+    def apply(line):
+        event = line.event
+        if line.time < time:
+            return [line]
+        if isinstance(event, (Tick, PassStarted)):
+            event = replace(event, at=event.at + seconds)
+        return [replace(line, time=line.time + seconds, event=event)]
+    return apply
 
 
 def ends(of_test, node):
@@ -80,6 +94,32 @@ def test_a_request_that_is_halted_ends_and_its_answer_is_awaited_no_more():
     silent = changed(of_test, lambda line: [] if isinstance(line.event, LeafFinished)
                      and line.event.status == "IDLE" else [line])
     assert "WelcomeSpeech ended with IDLE; on record is nothing" in objections(silent)[0]
+
+
+SCRIPT_FAILS = '<Script code="n := nowhere + 1"/>'
+TWO_PASSES = {"mission_runs": 2}
+
+
+@pytest.mark.parametrize("beside", [
+    "<WelcomeSpeech/>", '<WelcomeSpeech/><Sleep msec="1000" _onHalted="halted := 1"/>',
+    # what is halted after one that fails is halted too
+    '<Sleep msec="1000" _onHalted="halted := nowhere"/><WelcomeSpeech/>'])
+def test_a_script_that_fails_ends_the_pass_and_what_runs_beside_it(beside):
+    of_test = of_mission(f"<Parallel>{beside}{SCRIPT_FAILS}</Parallel>", **TWO_PASSES)
+    assert [visit.outcome for visit in of_test.run.visits] == ["FAILURE", "FAILURE"]
+    assert ends(of_test, "WelcomeSpeech") == ["IDLE", "IDLE"]
+    text, = objections(of_test)
+    assert text.startswith("the controller reports an error: ") and "nowhere" in text
+    silent = changed(of_test, lambda line: [] if isinstance(line.event, LeafFinished)
+                     and line.event.status == "IDLE" else [line])
+    assert "WelcomeSpeech ended with IDLE; on record is nothing" in objections(silent)[1]
+
+
+def test_a_mission_that_is_skipped_as_a_whole_ends_its_pass():
+    text = MISSION.replace("<Sequence>", '<Sequence _skipIf="true">').format("START_OF_TREE", "")
+    of_test = facts(on=Stage(settings.defaults(), [parse(text)]), **TWO_PASSES)
+    assert [event.outcome for _, event in times(of_test, PassFinished)] == ["SKIPPED", "SKIPPED"]
+    assert objections(of_test) == ()
 
 
 # ------------------------------------------------------------------------------------------ results
@@ -151,6 +191,69 @@ def test_a_status_that_had_to_be_another_is_placed_in_its_control(uid, place):
         return [line]
     assert f"had to be SUCCESS{place}; on record is " in " ".join(
         objections(changed(of_test, failed)))
+
+
+NUMBERS = """<RetrieveListOfExhibits/><SelectExhibit/><IsASREnabled/><Script code="n := 1"/>
+<Sleep msec="500"/><Script code="n := 2"/><Sleep msec="500"/><Script code="n := 2"/>"""
+
+
+@pytest.mark.parametrize("name, number, value, words", [
+    ("currentExhibit", 0, None, "SelectExhibit had to leave currentExhibit = Pepper; on record is "
+     "nothing"),
+    ("n", 0, None, "IsASREnabled had to leave n = 1; on record is nothing"),
+    ("n", 1, None, "IsASREnabled had to leave n = 2; on record is 1, from before"),
+    ("n", 2, None, "IsASREnabled had to leave n = 2; on record is 2, from before"),
+    ("n", 1, "3", "IsASREnabled had to leave n = 2; on record is 3")])
+def test_an_entry_is_left_as_its_writer_leaves_it(name, number, value, words):
+    """Without a value it is not on record."""
+    of_test = of_mission(NUMBERS)
+    assert objections(of_test) == ()
+    event = [event for _, event in times(of_test, EntriesWritten)
+             if name in dict(event.entries)][number]
+    entries = [(key, value if key == name else text) for key, text in event.entries
+               if key != name or value is not None]
+    wrong = changed(of_test, lambda line: [
+        replace(line, event=replace(event, entries=entries)) if line.event is event else line])
+    assert any(text.endswith(": " + words) for text in objections(wrong))
+
+
+@pytest.mark.parametrize("entry, words", [
+    (("m", "7"), "had to leave m = nothing; on record is 7"),
+    (("n", "1"), "had to leave n = 1, from before; on record is 1")])
+def test_an_entry_that_nothing_writes_is_not_on_record(entry, words):
+    of_test = of_mission('<Script code="n := 1"/><Sleep msec="500"/><AlwaysSuccess/>')
+    last = times(of_test, Tick)[-1][1]
+    wrong = changed(of_test, lambda line: [Line(line.time, EntriesWritten([entry]))] * (
+        line.event is last) + [line])
+    assert any(text.endswith(words) for text in objections(wrong))
+
+
+def test_exhibits_are_counted_from_the_first_one():
+    """The number of a stop is an entry that nothing has written."""
+    of_test = of_mission("""<RetrieveListOfExhibits/><Repeat num_cycles="2"><Sequence>
+<IsListWithExhibit nextExhibit="{mine}"/><SelectExhibit nextExhibit="{mine}"/></Sequence></Repeat>
+""")
+    assert [(event.name, event.number, event.state) for _, event in times(of_test, StopChanged)] \
+        == [("Pepper", 1, "begun"), ("Pepper", 1, "over"), ("Robot arm", 2, "begun")]
+    assert objections(of_test) == ()
+
+
+@pytest.mark.parametrize("node, number", [("LookUpHome", 0), ("RetrieveInitialLocation", 0),
+                                          ("LookUpEntrance", -1)])
+def test_release_1_0_begins_at_its_first_stop_and_ends_at_its_last(node, number):
+    of_test = of_mission(f"<{node}/>", chosen=RELEASE)
+    place, = [text for _, event in times(of_test, EntriesWritten)
+              for name, text in event.entries if name == "targetLocation"]
+    location = of_test.mission.knowledge.tour[number].location
+    assert [float(value) for value in re.findall(r"-?[\d.]+", place)] == list(location)
+    assert objections(of_test) == ()
+
+
+def test_release_1_0_begins_a_visit_where_its_mission_says_so():
+    of_test = of_mission('<Sleep msec="500"/><StartOfTree/>', chosen=RELEASE)
+    asked = [float(dict(event.entries)["questionAskedAt"])
+             for _, event in times(of_test, EntriesWritten)]
+    assert asked == [1000.0, pytest.approx(1000.5, abs=0.05)] and objections(of_test) == ()
 
 
 # ------------------------------------------------------------------------------------------ waiting
@@ -226,16 +329,25 @@ def test_what_is_still_heard_is_waited_for_as_long_as_its_result_may_take(steps,
     ticks = times(of_test, Tick)
     assert ticks[-1][0] - ticks[0][0] == pytest.approx(20.0, abs=0.1)
 
-    def late(line):
-        if line.time < ticks[-1][0] - 0.01:
-            return [line]
-        event = line.event
-        if isinstance(event, Tick):
-            event = replace(event, at=event.at + 5.0)
-        return [replace(line, time=line.time + 5.0, event=event)]
+    late = from_then_on(ticks[-1][0] - 0.01, 5.0)
     assert any("was due 5.0 s before" in text for text in objections(changed(of_test, late)))
     by_topic = objections(of_test_with(of_test, recognise_by="topic"))
     assert any("/speechEvent/text is no action that goes on hearing" in text for text in by_topic)
+
+
+@pytest.mark.parametrize("seconds", [-1.5, -0.9, 0.9, 1.5])
+def test_the_clock_of_the_mission_goes_with_that_of_the_record(seconds):
+    """It may be 1 s late, as on a busy machine."""
+    of_test = of_mission('<Sleep msec="4000"/>')
+
+    def wrong(line):
+        event = line.event
+        if isinstance(event, Tick) and event.at > 1002.0:
+            event = replace(event, at=event.at - seconds)
+        return [replace(line, event=event)]
+    found = any(f"the mission's clock is {seconds:.1f} s wrong" in text
+                for text in objections(changed(of_test, wrong)))
+    assert found is (abs(seconds) > 1.0)
 
 
 # -------------------------------------------------------------------------------------- substitutes
@@ -258,6 +370,16 @@ def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
     assert objections(of_test) == ()
 
 
+def test_each_attempt_of_a_recovery_has_its_row():
+    with policy(POLICY.format("SocialOvertAttentionMode")):
+        of_test = of_mission(STEP, ["textToSpeech:1", "textToSpeech:2", "overtAttention:1"])
+    rows = failure_rows(of_test, Case(of_test).witness)
+    assert [(row.node, row.call, row.recovery) for row in rows] == [
+        ("FollowMeSpeech", "textToSpeech:1", "tried again"),
+        ("FollowMeSpeech", "textToSpeech:2", "SocialOvertAttentionMode instead"),
+        ("SocialOvertAttentionMode", "overtAttention:1", "skipped")]
+
+
 def test_a_recovery_below_another_control_deals_with_what_failed_before_that():
     of_test = of_mission("""<Fallback><FollowMeSpeech/><Sequence><HandleFallBack/>
 <AlwaysSuccess/></Sequence></Fallback>""", ["textToSpeech:1"])
@@ -266,19 +388,27 @@ def test_a_recovery_below_another_control_deals_with_what_failed_before_that():
 
 
 TOUR = """<RetrieveListOfExhibits/><Repeat num_cycles="7"><ForceSuccess><Fallback><Sequence>
-<IsListWithExhibit/><SelectExhibit/><Navigate/></Sequence><HandleFallBack/></Fallback>
+<IsListWithExhibit/><SelectExhibit/><{}/></Sequence><HandleFallBack/></Fallback>
 </ForceSuccess></Repeat>"""
 
 
-def test_the_last_exhibit_that_is_left_goes_back_to_the_list_once():
-    """Each drive is refused: five exhibits are tried, and the last one once more."""
-    faults = ["robotNavigation:{}".format(call) for call in range(1, 8)]
-    with policy("budget 20 60\n* * 0 0 giveUp\n"):
-        of_test = of_mission(TOUR, faults)
-    goals = [event.request.goal for _, event in times(of_test, Asked)
-             if isinstance(event.request, GoTo)]
-    places = [exhibit.location for exhibit in of_test.world.knowledge.exhibits]
-    assert goals == [*places, places[-1]] and objections(of_test) == ()
+@pytest.mark.parametrize("step, then, first", [
+    ("Navigate", "giveUp", "given up"), ("DescribeExhibitSpeech", "skip", "skipped")])
+def test_the_last_exhibit_that_is_left_goes_back_to_the_list_once(step, then, first):
+    """Each request is refused: five exhibits are tried, and the last one once more. Without any
+    exhibit the tour is given up."""
+    node = "robotNavigation" if step == "Navigate" else "textToSpeech"
+    with policy("budget 20 60\n* * 0 0 {}\n".format(then)):
+        of_test = of_mission(TOUR.format(step), [f"{node}:{call}" for call in range(1, 8)])
+    exhibits = of_test.world.knowledge.exhibits
+    requests = [GoTo(exhibit.location) if step == "Navigate" else
+                Say(" ".join(filter(None, (exhibit.description1, exhibit.description2))))
+                for exhibit in exhibits]
+    assert [event.request for _, event in times(of_test, Asked)
+            if isinstance(event.request, (GoTo, Say))] == [*requests, requests[-1]]
+    assert [recovery.outcome for recovery in of_test.run.recoveries][:6] == (
+        [first] * 4 + ["given up"] * 2)
+    assert objections(of_test) == ()
 
 
 TWO_GIVE_UP = """<Parallel success_count="2">
@@ -322,14 +452,7 @@ def test_a_pass_waits_for_what_is_gone_if_the_last_one_failed_for_it(then, outco
     began, second = times(of_test, PassStarted)[1]
     assert first.outcome == outcome and objections(of_test) == ()
     assert (began - ended > 2.0) is is_awaited
-
-    def late(line):
-        event = line.event
-        if line.time < began:
-            return [line]
-        if isinstance(event, (Tick, PassStarted)):
-            event = replace(event, at=event.at + 5.0)
-        return [replace(line, time=line.time + 5.0, event=event)]
+    late = from_then_on(began, 5.0)
     assert any("pass 2 was due" in text for text in objections(changed(of_test, late)))
 
 
@@ -342,3 +465,52 @@ def test_what_a_node_answers_to_the_safe_state_after_the_end_is_awaited_no_more(
     more = [line for line in of_test.journal if line.node == "speechEvent" and not line.call][:1]
     assert objections(of_test._replace(journal=list(of_test.journal) + [
         line._replace(time=last.time + 30.0) for line in more])) == ()
+
+
+@pytest.mark.parametrize("seconds, words", [
+    (0.0, ""), (-0.2, "0.2 s too early"), (5.0, "pass 2 was due 5.0 s before")])
+def test_the_pause_after_a_spent_budget_ends_with_the_time_of_its_oldest_recovery(seconds, words):
+    """Of two recoveries in 12 s the older one is at 5 s, the pass ends after 9 s; the usual pause
+    is 10 s."""
+    with policy("budget 2 12\n* * 0 0 skip\n"):
+        of_test = of_mission(f'{STEP}<Sleep msec="5000"/>{STEP}<Sleep msec="4000"/>{STEP}',
+                             ["textToSpeech:1", "textToSpeech:2", "textToSpeech:3"], **TWO_PASSES)
+    (ended, _), _ = times(of_test, PassFinished)
+    began = times(of_test, PassStarted)[1][0]
+    assert began - ended == pytest.approx(8.0, abs=0.1)
+    assert (words or "()") in str(objections(changed(of_test, from_then_on(began, seconds))))
+
+
+GONE = ["textToSpeech:1:crash"]
+
+
+def given_up(then="", **test):
+    """Return the facts of a mission that gives up a step for a service that is gone, and goes on
+    with other steps then."""
+    with policy("budget 9 60\n* * 0 0 giveUp\n"):
+        return of_mission(f"<ForceSuccess>{STEP}</ForceSuccess>{then or '<AlwaysFailure/>'}", GONE,
+                          **test)
+
+
+@pytest.mark.parametrize("then", ["<AlwaysFailure/>", "<IsVisitorResponseYes/>"])
+def test_a_pass_that_failed_otherwise_waits_too_for_what_it_gave_up_a_step_for(then):
+    of_test = given_up(then, **TWO_PASSES)
+    (ended, first), _ = times(of_test, PassFinished)
+    began = times(of_test, PassStarted)[1][0]
+    assert first.outcome == "FAILURE" and began - ended > 2.0 and objections(of_test) == ()
+    # it begins while the service is gone
+    returned, = [event for _, event in times(of_test, HealthChanged) if event.is_well]
+    early = changed(of_test, lambda line: [] if line.event is returned else [line])
+    assert any("began without a pause, and the cause of the last failure persists" in text
+               for text in objections(early))
+
+
+def test_a_test_that_ends_while_the_mission_waits_for_a_service_has_passed():
+    of_test = given_up(test_timeout=1.5, **TWO_PASSES)
+    assert of_test.has_timed_out and len(of_test.run.visits) == 1
+    verdict = judge(of_test)
+    assert verdict.passed and "it waited for the end of a cause that persists" in str(verdict)
+    under_way = given_up('<Sleep msec="4000"/><AlwaysFailure/>', test_timeout=6.0, **TWO_PASSES)
+    assert [event.number for _, event in times(under_way, PassStarted)] == [1, 2]
+    text, = objections(under_way)
+    assert text.startswith("the mission did not end within 6 s; Sleep")

@@ -95,10 +95,14 @@ def test_a_controller_that_did_not_start():
     assert objections(facts()._replace(errors=why)) == ()
 
 
-@pytest.mark.parametrize("exit_code, words", [(3, ("exit code 3", "announced exit code 0")),
-                                              (-11, ("signal 11",))])
-def test_an_exit_code_that_was_not_announced(exit_code, words):
-    assert_objects(facts()._replace(exit_code=exit_code), *words)
+@pytest.mark.parametrize("announced, exit_code, words", [
+    (0, 3, ("ended with exit code 3", "announced exit code 0")), (0, -11, ("signal 11",)),
+    (3, 0, ("ended with exit code 0", "announced exit code 3")), (0, -1, ("signal 1,",))])
+def test_an_exit_code_that_was_not_announced(announced, exit_code, words):
+    def announce(line):
+        is_end = isinstance(line.event, RunFinished)
+        yield replace(line, event=replace(line.event, exit_code=announced)) if is_end else line
+    assert_objects(changed(facts(), announce)._replace(exit_code=exit_code), *words)
 
 
 def test_a_wrong_exit_code():
@@ -225,11 +229,13 @@ def test_the_knowledge_is_that_which_was_served():
                    "RetrieveListOfExhibits")
 
 
-def test_what_a_real_node_was_asked_has_the_record_as_its_only_witness():
+@pytest.mark.parametrize("node", ["textToSpeech", "speechEvent"])
+def test_what_a_real_node_was_asked_or_said_has_the_record_as_its_only_witness(node):
     of_test = facts()
-    lines = [line for line in of_test.journal if line.node != "textToSpeech"]
-    verdict = judge(of_test._replace(journal=lines, real=frozenset({"textToSpeech"})))
-    assert verdict.passed and "only witness: textToSpeech" in str(verdict)
+    lines = [line for line in of_test.journal if line.node != node]
+    assert not judge(of_test._replace(journal=lines)).passed
+    verdict = judge(of_test._replace(journal=lines, real=frozenset({node})))
+    assert verdict.passed and f"only witness: {node}" in str(verdict)
 
 
 # ------------------------------------------------------------------- what the record has to show

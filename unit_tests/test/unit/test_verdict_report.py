@@ -3,8 +3,11 @@ import datetime
 import re
 from xml.etree import ElementTree
 
+import pytest
 from msgspec.structs import replace
 
+from behavior_controller.bt.loader.document import parse
+from behavior_controller.config import settings
 from behavior_controller.execution.events import (
     Asked, LeafFinished, RunStarted, TreeShown)
 from behavior_controller.execution.run import Run
@@ -16,6 +19,7 @@ from unit_tests.judge.junit import to_xml
 from unit_tests.judge.report import (
     Report, decision_lines, failure_lines, summary_lines, title)
 from unit_tests.judge.verdict import Case
+from unit_tests.rehearsal.play import Stage
 from unit_tests.robot import options
 
 from plays import changed, facts, of_test_with
@@ -108,6 +112,63 @@ def test_a_failure_that_was_not_injected_has_its_service_and_cause():
     of_test = facts(mission=(("asrEnabled", False),), visitor_behaviour="silent")
     assert set(told(of_test)) == {("PressYesNoDialogue", "/tabletEvent/prompt_and_get_response",
                                    "missing-data", "none")}
+
+
+def with_faults(of_test, faults):
+    """Return facts whose journal has these faults of the speech's calls instead of its own."""
+    return of_test._replace(journal=[
+        line._replace(fault=faults.get(line.call)) if line.node == "textToSpeech" and line.call
+        else line for line in of_test.journal])
+
+
+BY_ITSELF = "/textToSpeech/say_text"
+
+
+@pytest.mark.parametrize("failing, injected, calls", [
+    # two attempts of one node
+    ((1, 2), {2: "refused"}, [BY_ITSELF, "textToSpeech:2"]),
+    ((1, 2), {1: "refused"}, ["textToSpeech:1", BY_ITSELF]),
+    # two nodes
+    ((1, 3), {3: "refused"}, [BY_ITSELF, "textToSpeech:3"]),
+    ((1, 3), {1: "refused"}, ["textToSpeech:1", BY_ITSELF])])
+def test_a_fault_explains_the_failure_of_its_own_node_that_came_after_it(failing, injected, calls):
+    of_test = with_faults(facts([f"textToSpeech:{call}" for call in failing]), injected)
+    assert [row.call for row in rows(of_test)] == calls
+    assert [row.is_injected for row in rows(of_test)] == [call != BY_ITSELF for call in calls]
+
+
+def test_a_wrong_answer_explains_whatever_its_node_makes_of_it():
+    of_test = facts(["tabletEvent:1:wrong"], mission=(("asrEnabled", False),))
+    assert told(of_test) == [("PressYesNoDialogue", "tabletEvent:1", "wrong", "none")]
+
+
+def test_a_fault_of_a_request_that_is_not_on_record_has_its_row():
+    of_test = facts(["textToSpeech:1"], mission_runs=2)
+    line = next(line for line in of_test.journal if line.fault)
+    second = of_test.run.visits[1].ended
+    more = [line._replace(time=at, call=90 + number)
+            for number, at in enumerate([line.time - 1.0, second])]
+    of_test = of_test._replace(journal=sorted([*of_test.journal, *more]))
+    assert told(of_test) == [
+        ("", "textToSpeech:90", "refused", "not on record"),
+        ("WelcomeSpeech", "textToSpeech:1", "refused", "done by retry 1"),
+        ("", "textToSpeech:91", "refused", "not on record")]
+    assert [row.visitor for row in rows(of_test)] == [1, 1, 2]
+
+
+def test_a_fault_after_the_point_of_difference_explains_a_failure_too():
+    of_test = facts(["textToSpeech:4"])
+    unasked = next(line.event for line in of_test.run.lines if isinstance(line.event, Asked))
+    of_test = changed(of_test, lambda line: [] if line.event is unasked else [line])
+    assert [row[:2] for row in told(of_test)] == [("DescribeExhibitSpeech", "textToSpeech:4")]
+
+
+def test_a_fault_of_what_was_halted_costs_no_time():
+    speech = '<Timeout msec="500"><WelcomeSpeech/></Timeout>'
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="M">{speech}</BehaviorTree></root>'
+    row, = rows(facts(["textToSpeech:1:unanswered"],
+                      on=Stage(settings.defaults(), [parse(text)])))
+    assert row[3:] == ("WelcomeSpeech", "textToSpeech:1", "unanswered", "halted", 0.0, True)
 
 
 def test_each_row_names_the_exhibit_that_was_under_way():

@@ -1,11 +1,14 @@
 """Tests of the journal as a witness: hand-made requests, messages and searches for a sign."""
+import dataclasses
+import functools
 from types import SimpleNamespace
 
 import pytest
 
+from behavior_controller.execution.events import HealthChanged, Line, Noticed
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, Say
+from behavior_controller.robot.requests import Answer, Say, SetAttention
 
 from unit_tests.judge.comparison import Query
 from unit_tests.judge.signs import JournalMessages, SignSearch, objections
@@ -83,6 +86,193 @@ def test_a_request_that_fails_before_its_node_has_it_leaves_the_line_to_the_next
 @pytest.mark.parametrize("at, is_its", [(-0.3, False), (-0.2, True), (1.2, True), (1.3, False)])
 def test_a_request_is_on_record_shortly_before_its_node_gets_it_and_after_it_answers(at, is_its):
     assert lines_of([("a", 0.0, 1.0, None)], [("a", at)]) == [0 if is_its else None]
+
+
+# ------------------------------------------------------------------ each result is that of its node
+
+
+SPEECH = "/textToSpeech/say_text"
+DEADLINE = 60.0  # of a speech, in seconds
+AWAY = [Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.CONNECTION_LOST]
+
+
+@functools.lru_cache(maxsize=None)
+def usual(**mission):
+    return facts(mission=tuple(mission.items()))
+
+
+def objected(answered=None, cause=None, got=None, dropped=None, request=Say("a"), node="",
+             health=(), more=(), ends=500.0, mission=(), absent=(), **of_test):
+    """Return the objections to one request at 0 s: when it was answered, or dropped, and why it
+    failed; ``got``: when its node got it, its fault and the seconds that it takes, None: never;
+    ``more``: nodes, times and faults of other lines; ``health``: times and fields of changes."""
+    known = usual(**dict(mission))
+    service = known.world.settings.interface.service(type(request))
+    query = Query(0, request, service.name, BEGAN, node or "WelcomeSpeech")
+    query.dropped = None if dropped is None else BEGAN + dropped
+    if answered is not None:
+        query.answered = BEGAN + answered
+        query.result = Answer() if cause is None else Failure(cause, "-", service.name)
+    journal = [JournalEntry(BEGAN + at, other, "-", 1, {"message": ""}, fault)
+               for other, at, fault in more]
+    if got is not None:
+        at, fault, seconds = got
+        content = {"message": "a"} if isinstance(request, Say) else dict(zip(
+            ("state", "x", "y", "z"), (request.state, *request.target)))
+        journal.append(JournalEntry(BEGAN + at, service.node, service.name, 1, content, fault,
+                                    seconds=seconds))
+    changes = [Line(BEGAN + at, HealthChanged(**dict(
+        dict(kind="service", name=service.name, node=service.node, is_well=False, status="-",
+             consequence="-", respect="gone"), **fields))) for at, fields in health]
+    test = dataclasses.replace(known.test, absent_services=absent)
+    judged = known._replace(
+        run=Run([*changes, Line(BEGAN + ends, Noticed("info", "-"))]), journal=sorted(journal),
+        test=test, **of_test)
+    signs = SimpleNamespace(waiting={}, searches=[])
+    return list(Witness(judged, SimpleNamespace(
+        queries={0: query}, offset=None, signs=signs)).objections())
+
+
+@pytest.mark.parametrize("at, is_late", [(0.0, False), (1.0, False), (1.25, True)])
+def test_a_request_reaches_its_node_within_a_second(at, is_late):
+    found = objected(at + 0.5, got=(at, None, 0.5))
+    assert found == [f"WelcomeSpeech: {SPEECH} got the request {at:.1f} s late"] * is_late
+
+
+@pytest.mark.parametrize("seconds, fault, cause, answered, due, is_in_time", [
+    (2.0, None, None, 2.0, 2.0, True), (2.0, None, None, 1.75, 2.0, True),
+    (2.0, None, None, 1.5, 2.0, False), (2.0, None, None, 3.0, 2.0, True),
+    (2.0, None, None, 3.25, 2.0, False), (2.0, "refused", Cause.REFUSED, 1.5, 2.0, False),
+    # its deadline comes before its answer
+    (70.0, None, Cause.NO_ANSWER, 60.0, 60.0, True),
+    (70.0, None, Cause.NO_ANSWER, 59.5, 60.0, False),
+    (70.0, None, Cause.NO_ANSWER, 61.25, 60.0, False),
+    # it never answers
+    (0.0, "unanswered", Cause.NO_ANSWER, 60.0, 60.0, True),
+    (0.0, "unanswered", Cause.NO_ANSWER, 59.5, 60.0, False)])
+def test_an_answer_is_awaited_until_it_is_there_or_the_deadline(
+        seconds, fault, cause, answered, due, is_in_time):
+    found = objected(answered, cause, got=(0.0, fault, seconds))
+    assert found == ([] if is_in_time else [
+        f"WelcomeSpeech: {SPEECH} was waited for {answered:.1f} s; it was due after {due:.1f} s, "
+        "its deadline is 60 s"])
+
+
+@pytest.mark.parametrize("dropped, is_in_time", [(0.5, True), (3.0, True), (3.25, False)])
+def test_the_answer_to_a_request_that_is_halted_may_never_be_awaited(dropped, is_in_time):
+    found = objected(dropped=dropped, got=(0.0, None, 2.0))
+    assert (found == []) is is_in_time
+
+
+@pytest.mark.parametrize("node, answered, is_in_time", [
+    ("DisabledOvertAttentionMode", 1.0, True), ("DisabledOvertAttentionMode", 1.25, False),
+    ("HandleFallBack", 1.25, True), ("HandleFallBack", 8.0, True), ("HandleFallBack", 8.25, False)])
+def test_the_answers_to_the_safe_state_are_read_together(node, answered, is_in_time):
+    """The slower of its two services may take 7 s."""
+    found = objected(answered, request=SetAttention("disabled"), node=node, got=(0.0, None, 0.0),
+                     mission=(("animateBehaviorDeadline", 7.0),))
+    assert [words for words in found if " was waited for " in words] == found
+    assert (found == []) is is_in_time
+
+
+@pytest.mark.parametrize("seconds, is_excused", [(58.5, False), (59.0, False), (59.5, True)])
+def test_an_answer_just_before_the_deadline_may_come_too_late(seconds, is_excused):
+    found = objected(60.0, Cause.NO_ANSWER, got=(0.0, None, seconds))
+    carried_out = "call 1 of {} for WelcomeSpeech was carried out; on record is no-answer"
+    assert (carried_out.format(SPEECH) in found) is not is_excused
+
+
+RESULTS = {None: None, "refused": Cause.REFUSED, "exception": Cause.HANDLER_EXCEPTION,
+           "unanswered": Cause.NO_ANSWER, "crash": Cause.CONNECTION_LOST,
+           "wrong": Cause.UNUSABLE_ANSWER}
+
+
+@pytest.mark.parametrize("fault", RESULTS)
+def test_each_fault_has_its_cause_on_record_and_no_other(fault):
+    at = DEADLINE if fault == "unanswered" else 0.5
+    for cause in [None, *Cause]:
+        found = objected(at, cause, got=(0.0, fault, at), health=[(at, {})] * (cause in AWAY))
+        assert (found == []) is (cause is RESULTS[fault]), cause
+
+
+@pytest.mark.parametrize("end, outcome", [
+    ({"dropped": 0.5}, ""), ({"dropped": 0.75}, "no answer"), ({"ends": 0.5}, ""),
+    ({"ends": 0.75}, "no answer"), ({"answered": 0.1}, "an answer")])
+def test_a_request_that_its_node_never_got_has_no_answer(end, outcome):
+    """One that was dropped at once, or made at the end, may have been on its way."""
+    words = f"WelcomeSpeech: {SPEECH} never got the request saying “a”, and on record is {outcome}"
+    assert objected(**end) == [words] * bool(outcome)
+
+
+CRASH = "crash"
+
+
+@pytest.mark.parametrize("more, is_away", [
+    ([], False), ([("textToSpeech", -1.0, CRASH)], True), ([("tabletEvent", -1.0, CRASH)], False),
+    ([("textToSpeech", -1.0, "refused")], False),
+    # it may be on record before
+    ([("textToSpeech", 1.0, CRASH)], True), ([("textToSpeech", 1.25, CRASH)], False),
+    # it is back after 15 s, or as soon as it is heard of then
+    ([("textToSpeech", -30.0, CRASH)], True),
+    ([("textToSpeech", -30.0, CRASH), ("textToSpeech", -10.0, None)], False),
+    ([("textToSpeech", -30.0, CRASH), ("tabletEvent", -10.0, None)], True),
+    ([("textToSpeech", -30.0, CRASH), ("textToSpeech", 0.0, None)], True),
+    ([("textToSpeech", -15.0, CRASH), ("textToSpeech", -10.0, None)], False),
+    ([("textToSpeech", -14.75, CRASH), ("textToSpeech", -10.0, None)], True),
+    # it has crashed again
+    ([("textToSpeech", -40.0, CRASH), ("textToSpeech", -30.0, None),
+      ("textToSpeech", -20.0, CRASH)], True)])
+def test_a_node_gets_no_request_between_its_crash_and_its_return(more, is_away):
+    for cause in [*AWAY, Cause.REFUSED, None]:
+        found = [words for words in objected(0.0, cause, more=more, health=[(0.0, {})])
+                 if "never got" in words]
+        assert (found == []) is (is_away and cause in AWAY), cause
+
+
+def test_at_a_test_that_is_stopped_each_node_may_have_ended():
+    assert objected(0.0, Cause.NOT_REACHABLE, health=[(0.0, {})], cut_off="stopped") == []
+    assert objected(0.0, Cause.NOT_REACHABLE, health=[(0.0, {})], cut_off="stopped",
+                    has_timed_out=True) != []
+
+
+@pytest.mark.parametrize("cause, is_well", [(None, True), (Cause.NOT_ADVERTISED, False),
+                                            (Cause.REFUSED, False)])
+def test_a_step_whose_service_the_robot_does_not_have_is_left_out(cause, is_well):
+    assert (objected(0.0, cause, absent=(SPEECH,)) == []) is is_well
+
+
+# ----------------------------------------------------------------------------- each loss is noticed
+
+
+CRASHED = [("textToSpeech", -1.0, CRASH)]
+
+
+@pytest.mark.parametrize("noticed, is_noticed", [
+    ([], False), ([(10.0, {})], True), ([(-4.75, {})], True), ([(-5.0, {})], False),
+    ([(10.75, {})], True), ([(11.0, {})], False), ([(10.0, {"is_well": True})], False),
+    ([(10.0, {"respect": "slow"})], False), ([(10.0, {"kind": "topic"})], False),
+    ([(10.0, {"name": "/x"})], False)])
+def test_a_service_that_is_gone_is_noticed_within_a_second(noticed, is_noticed):
+    for cause in [*AWAY, Cause.NO_ANSWER, Cause.REFUSED, None]:
+        found = [words for words in objected(10.0, cause, more=CRASHED, health=noticed)
+                 if "was gone, and that was not noticed" in words]
+        assert bool(found) is (cause in AWAY and not is_noticed), cause
+
+
+@pytest.mark.parametrize("ends, is_noticed", [(10.5, True), (10.75, True), (11.0, False)])
+def test_a_loss_at_the_end_of_the_run_need_not_be_noticed(ends, is_noticed):
+    assert (objected(10.0, Cause.NOT_REACHABLE, more=CRASHED, ends=ends) == []) is is_noticed
+
+
+@pytest.mark.parametrize("fields, facts_of, is_well", [
+    ({}, {}, False), ({"is_well": True}, {}, True), ({"respect": "slow"}, {}, True),
+    ({"kind": "topic"}, {}, True), ({}, {"more": CRASHED}, True), ({}, {"absent": (SPEECH,)}, True),
+    ({}, {"real": frozenset({"textToSpeech"})}, True),
+    ({}, {"real": frozenset({"tabletEvent"})}, False), ({"name": "/x"}, {}, True)])
+def test_what_is_taken_for_gone_is_gone(fields, facts_of, is_well):
+    found = objected(0.5, got=(0.0, None, 0.5), health=[(0.2, fields)], **facts_of)
+    taken = "{} was taken for gone, and /textToSpeech was running".format(SPEECH)
+    assert (taken in found) is not is_well
 
 
 # ---------------------------------------------------------------------------- no sign was missed

@@ -202,13 +202,17 @@ class WrittenEntries:
             is_written = (due.get(name) is None) is (self._news.get(name) is None)
             if wanted != text or not is_written:
                 writer = self._writers.get(name.rpartition("/")[2]) or last
-                due_text, came = ("nothing" if it is None else it for it in (wanted, text))
-                yield (f"{writer} had to leave {name} = {due_text}; on record is {came}"
-                       f"{'' if is_written else ', from before'}")
+                yield (f"{writer} had to leave {name} = {_left(wanted, name in due)}; on record is "
+                       f"{_left(text, name in self._news)}")
         self._before.update(self._news)
         self._newest = ()
         self._news.clear()
         self._writers.clear()
+
+
+def _left(value: Optional[str], is_news: bool) -> str:
+    """Return in words what a traversal left in an entry."""
+    return "nothing" if value is None else value if is_news else f"{value}, from before"
 
 
 def _entry_of(node: Duty, port: str) -> str:

@@ -14,12 +14,13 @@ than ``Facts.late`` before (a timer, the next traversal, the next pass), and ear
 """
 import itertools
 import math
+from contextlib import suppress
 from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution.events import (
@@ -265,7 +266,7 @@ class Execution(TaskContext):
         self.clock.set_to(tick.at)
         self.topics.begin()
         self.traversal.recorded, self.traversal.changes = tick.changes, []
-        result: Any = None
+        result: Any = None  # an exception, of a script, say: the pass is over
         changes = self.tree.changes
         try:
             if tick.first:
@@ -278,16 +279,25 @@ class Execution(TaskContext):
         except BehaviorControllerError as error:
             if not isinstance(getattr(error, "cause", error), BehaviorControllerError):
                 self._differ(f"the mission cannot be done again: {error}")
-            result = FAILURE  # of a script, say: the pass is over
         self._differ(self._first_difference())
         self.traversal = Traversal(self._last)
         self._expect_traversal(result is RUNNING, self.tree.changes != changes)
-        self._result = result.name if result in (SUCCESS, FAILURE) else ""
-        if self._result:
+        self._result = "" if result is RUNNING else NAMES.get(result, "FAILURE")
+        if result in (SUCCESS, FAILURE):
             self.tree.root.reset()
-        if not (result is RUNNING or self.tree.is_idle):
-            self.tree.halt()
+        elif result is not RUNNING:
+            self._halt()
         self.signs.end_traversal()
+
+    def _halt(self) -> None:
+        """Halt the tree, as the controller does: a script that fails meanwhile must not leave a node
+        running."""
+        try:
+            self.tree.halt()
+        except BehaviorControllerError:
+            for node in reversed(self.tree.nodes):
+                with suppress(BehaviorControllerError):
+                    node.interrupt()
 
     def _check_clock(self, tick: Tick) -> None:
         offset = self.now - tick.at

@@ -52,7 +52,7 @@ class Witness:
     def __init__(self, facts: Facts, execution: Execution):
         self._facts, self._interface = facts, facts.world.settings.interface
         self._execution, self._crashes, self._late = execution, facts.crashes, facts.late
-        lines = list(facts.journal) + facts.run.lines[-1:]
+        lines = itertools.chain(facts.journal, facts.run.lines)
         self.end = max((line.time for line in lines), default=0.0)
         self._answers = self._answers_of_nodes()
         self._deadlines = facts.world.settings.deadlines
