@@ -265,10 +265,12 @@ def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp
                        ("overtAttention", 2, "ScanningOvertAttentionMode", False),
                        ("textToSpeech", 1, "WelcomeSpeech", True),
                        ("textToSpeech", 2, "WelcomeSpeech", False))
-    added = {fault for scene in next(search.rounds()) for fault in scene.planned
-             if fault.node != "a"}
+    scenes = next(search.rounds())
+    added = {fault for scene in scenes for fault in scene.planned if fault.node != "a"}
     once = PlannedFault("textToSpeech", 1, "refused")
     assert added == {once, once._replace(is_lasting=True)}
+    # else the next round could not extend them
+    assert all(scene.is_listed for scene in scenes) and len({*scenes}) == 8
 
 
 def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(tmp_path):

@@ -66,8 +66,8 @@ class Play:
     them.
     """
 
-    def __init__(self, stage: Stage, played: Played, behaviour: str, faults: int = 0,
-                 calm: "Optional[Play]" = None):
+    def __init__(self, stage: Stage, played: Played, behaviour: str, faults: int,
+                 calm: "Optional[Play]"):
         self.stage, self.played, self.behaviour = stage, played, behaviour
         self.faults, self.calm = faults, calm
         self.nodes = stage.mission.tree.nodes
