@@ -13,7 +13,8 @@ from behavior_controller.execution.events import (
 from behavior_controller.monitoring.record.recorder import shown
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
-    Answer, GoTo, Location, QueryKnowledge, Say, SetAnimation, SetAttention)
+    Answer, GoTo, Location, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation,
+    SetAttention)
 
 from unit_tests.rehearsal import findings
 from unit_tests.rehearsal.findings import Play, RobotCall
@@ -28,7 +29,11 @@ STAGE = Stage(settings.defaults(), [
     <Sequence name="some"><IsVisitorDiscovered name="see"/><Navigate name="drive"/>
     <PressYesNoDialogue name="press"/></Sequence>
     <Sequence name="others"><SayGoodByeSpeech name="bye"/><IsMutualGazeDiscovered name="look"/>
-    <WelcomeSpeech name="hi"/><SelectExhibit name="take"/></Sequence>
+    <WelcomeSpeech name="hi"/><SelectExhibit name="take"/><LookUpHome name="where"/>
+    <DescribeExhibitSpeech name="tell" part="1"/><PerformDeicticGesture name="point"/>
+    <QueryTourSpeech name="ask"/><IsYesNoUttered name="hear"/><IsVisitorResponseYes name="agreed"/>
+    <PerformDeicticGesture name="next" target="{@nextExhibit}"/>
+    <PerformDeicticGesture name="answer" target="{@visitorResponse}"/></Sequence>
     <Parallel name="both"><Navigate name="left"/><Navigate name="right"/></Parallel>
     <HandleFallBack name="help"/></Fallback></BehaviorTree></root>""")
 ])
@@ -61,14 +66,22 @@ def asked(request, name="drive", result=Answer()):
     return events + ([Answered(number, result)] if result is not None else [])
 
 
+def answered(step):
+    """Return the events of the answer to a request that is open."""
+    number = next(event.call for event in step if isinstance(event, Asked))
+    return [Answered(number, Answer())]
+
+
 def ended(outcome="SUCCESS"):
     return [PassFinished(1, outcome, 100.0)]
 
 
-def recovered(outcome, resource="/x", cause=Cause.REFUSED):
+def recovered(outcome, resource="/x", cause=Cause.REFUSED, of=None):
+    """Return the events of a recovery, ``of`` the leaf of that name."""
     failure = replace(REFUSED, resource=resource, cause=cause)
+    path = "x" if of is None else TREE.nodes[UIDS[of] - 1].full_path
     uid = UIDS["help"]
-    return [Recovered("Navigate", "x", failure, "-", 0, outcome != "given up", outcome, "", uid),
+    return [Recovered("Navigate", path, failure, "-", 0, outcome != "given up", outcome, "", uid),
             LeafFinished(uid, "", "path of help", "SUCCESS", "", 0.0, None)]
 
 
@@ -159,8 +172,7 @@ def test_a_robot_may_wait_for_its_first_visitor(seen, is_for_visitor):
     (asked(TOUR[0], "left", None), asked(Say("x"), "hi"), []),
     (asked(QueryKnowledge("home"), "left", None), asked(QueryKnowledge("home"), "right"), [])])
 def test_one_service_carries_out_one_request_at_a_time(first, second, expected):
-    number = next(event.call for event in first if isinstance(event, Asked))
-    late = [] if isinstance(first[-1], Answered) else [Answered(number, Answer())]
+    late = [] if isinstance(first[-1], Answered) else answered(first)
     assert kinds(play(first, second, late)) == expected
 
 
@@ -273,6 +285,170 @@ def test_of_a_branch_that_no_play_reaches_only_the_top_is_told_and_of_a_row_the_
     assert unreached("all", "some", "see", "help") == ["drive", "others"]
     assert unreached("all", "some", "both") == ["see", "others", "left", "right", "help"]
     assert unreached(*UIDS) == []
+
+
+def first_half(name):
+    return leaf(name)[:1]
+
+
+def second_half(name):
+    return leaf(name)[1:]
+
+
+WAY = asked(TOUR[0], "drive", None)
+"""A drive to a stop that is under way."""
+
+
+@pytest.mark.parametrize("steps, expected", [
+    ([leaf("take"), asked(TOUR[0]), leaf("tell")], None),
+    ([leaf("take"), WAY, leaf("tell"), answered(WAY)], ("tell", "the robot drives meanwhile")),
+    ([leaf("take"), WAY, leaf("point"), answered(WAY)], ("point", "the robot drives meanwhile")),
+    ([leaf("take"), first_half("tell"), WAY, second_half("tell"), answered(WAY)],
+     ("tell", "the robot drives meanwhile")),
+    ([leaf("take"), WAY, first_half("tell"), answered(WAY), second_half("tell")],
+     ("tell", "the robot drives meanwhile")),
+    ([leaf("take"), WAY, leaf("hi"), answered(WAY)], None),
+    ([leaf("take"), WAY, leaf("tell", "FAILURE"), answered(WAY)], None),
+    # what is shown was not chosen, or is home
+    ([WAY, leaf("tell"), answered(WAY), leaf("take")], None),
+    ([leaf("take"), leaf("where"), WAY, leaf("point"), answered(WAY)], None),
+    ([leaf("take"), leaf("tell"), asked(TOUR[0])],
+     ("tell", "the robot drives there only after it")),
+    ([leaf("take"), leaf("tell"), asked(TOUR[0]), leaf("tell")], None),
+    ([leaf("take"), leaf("tell"), leaf("take"), asked(TOUR[0]), leaf("tell")], None),
+    ([leaf("take"), asked(TOUR[0]), leaf("tell"), leaf("take"), leaf("tell"), asked(TOUR[1])],
+     ("tell", "the robot drives there only after it")),
+    ([leaf("take"), leaf("tell"), asked(BACK)], None),
+    ([leaf("take"), leaf("tell"), ended(), asked(TOUR[0])], None)])
+def test_a_stop_is_shown_when_the_robot_has_driven_there(steps, expected):
+    over = {"ended": START + 4} if ended() in steps else {}
+    seen = play(*steps, **over)
+    shown = [each for each in found(seen) if each[0] == "shown-away"]
+    assert shown == ([] if expected is None else [("shown-away", *expected)])
+    assert kinds(play(*steps, faults=1, **over)) == []
+    assert kinds(play(*steps, behaviour=DECLINES, **over)) == []
+
+
+def old(*names):
+    return ["it fails, and {} uses the old {}".format(*each) for each in names]
+
+
+THERE = ["the drive fails, and DescribeExhibitSpeech goes on as if the robot were there"]
+
+
+@pytest.mark.parametrize("steps, at, expected", [
+    ([leaf("where", "FAILURE"), asked(BACK)], "where", old(("Navigate", "targetLocation"))),
+    ([leaf("where"), asked(BACK)], "where", []),
+    ([leaf("where", "FAILURE"), leaf("where"), asked(BACK)], "where", []),
+    ([leaf("where", "FAILURE"), leaf("take"), asked(BACK)], "where", []),
+    ([leaf("where", "IDLE"), asked(BACK)], "where", []),
+    ([asked(BACK), leaf("where", "FAILURE")], "where", []),
+    ([leaf("where", "FAILURE"), recovered("done", of="where"), asked(BACK)], "where", []),
+    ([leaf("where", "FAILURE"), recovered("done", of="hi"), asked(BACK)], "where",
+     old(("Navigate", "targetLocation"))),
+    ([leaf("where", "FAILURE"), recovered("given up", of="where"), asked(BACK)], "where",
+     old(("Navigate", "targetLocation"))),
+    ([leaf("take", "FAILURE"), asked(Say("x"), "tell")], "take",
+     old(("DescribeExhibitSpeech", "currentExhibit"), ("DescribeExhibitSpeech", "description1"),
+         ("DescribeExhibitSpeech", "description2"))),
+    ([leaf("take", "FAILURE"), asked(Say("x"), "hi")], "take", []),
+    # it reads that entry itself, and goes on from it
+    ([leaf("take", "FAILURE"), asked(Say("x"), "next")], "take", []),
+    # no answer is an answer
+    ([leaf("press", "FAILURE"), asked(Say("x"), "answer")], "press", []),
+    ([leaf("hear", "FAILURE"), asked(Say("x"), "answer")], "hear", []),
+    # a recovery uses what there is
+    ([leaf("take", "FAILURE"), asked(BACK, "help")], "take", []),
+    ([asked(TOUR[0], "drive", REFUSED), asked(Say("x"), "tell")], "drive", THERE),
+    ([asked(TOUR[0], "drive"), asked(Say("x"), "tell")], "drive", []),
+    ([asked(TOUR[0], "drive", REFUSED), asked(Say("x"), "hi")], "drive", []),
+    ([asked(TOUR[0], "drive", REFUSED), asked(TOUR[0], "right"), asked(Say("x"), "tell")], "drive",
+     []),
+    ([asked(TOUR[0], "drive", REFUSED), asked(QueryKnowledge("home"), "tell")], "drive", []),
+    ([asked(Say("x"), "tell"), asked(TOUR[0], "drive", REFUSED)], "drive", []),
+    ([asked(TOUR[0], "help", REFUSED), asked(Say("x"), "tell")], "help", [])])
+def test_a_failure_is_swallowed_if_a_later_step_builds_on_what_was_not_done(steps, at, expected):
+    assert found(play(*steps)) == [("swallowed-failure", at, what) for what in expected]
+
+
+QUESTION = Say("And you?")
+UNUSED, UNHEARD = "which nothing has looked at", "nothing listens to the answer"
+
+
+@pytest.mark.parametrize("steps, at, expected", [
+    ([asked(QUESTION, "ask"), ended()], "ask", UNHEARD),
+    ([asked(Say(STAGE.world.visitor.manners.questions[0].rstrip("?")), "ask"), ended()], None, None),
+    ([asked(Say("So."), "ask"), ended()], None, None),
+    ([asked(QUESTION, "hi"), ended()], None, None),
+    ([asked(QUESTION, "ask")], None, None),  # the pass has not ended
+    ([asked(QUESTION, "ask"), leaf("hear", "FAILURE"), ended()], None, None),
+    ([asked(QUESTION, "ask"), leaf("press"), ended()], None, None),
+    ([asked(QUESTION, "ask"), asked(Prompt(("yes", "no")), "press", None), ended()], None, None),
+    ([leaf("hear"), asked(QUESTION, "ask"), ended()], "ask", UNHEARD),
+    ([leaf("press"), leaf("agreed"), asked(QUESTION, "ask"), leaf("hear"), leaf("agreed")],
+     None, None),
+    ([leaf("press"), asked(QUESTION, "ask"), leaf("agreed")], "agreed",
+     "it looks at the answer of PressYesNoDialogue although another question was asked since"),
+    ([asked(QUESTION, "ask"), leaf("press"), leaf("agreed"), leaf("agreed", "FAILURE")],
+     None, None),
+    ([leaf("press"), leaf("hear")], "hear",
+     "it replaces the answer of PressYesNoDialogue, which nothing has looked at"),
+    ([leaf("press"), leaf("hear", "FAILURE")], None, None),
+    ([leaf("press", "FAILURE"), leaf("hear")], None, None),
+    ([leaf("hear"), leaf("agreed"), leaf("press"), leaf("hear")], "hear",
+     "it replaces the answer of PressYesNoDialogue, which nothing has looked at")])
+def test_an_answer_is_used_before_the_next_question(steps, at, expected):
+    assert found(play(*steps)) == ([] if at is None else [("answer-mixed-up", at, expected)])
+    assert found(play(*steps, faults=1)) == []
+
+
+GOODBYE = asked(Say("Bye"), "bye")
+
+
+@pytest.mark.parametrize("steps, expected", [
+    ([GOODBYE], None), ([GOODBYE, asked(Say("Bye"), "bye")], "the same visitor hears it again"),
+    ([GOODBYE, asked(Say("Farewell"), "bye")], None), ([GOODBYE, asked(Say("Bye"), "hi")], None),
+    ([asked(Say("Bye"), "hi"), asked(Say("Bye"), "hi")], None),
+    ([GOODBYE, asked(ON), asked(Say("Bye"), "bye")], None),
+    ([GOODBYE, asked(OFF), asked(Say("Bye"), "bye")], "the same visitor hears it again"),
+    ([GOODBYE, leaf("take"), leaf("tell")], "DescribeExhibitSpeech goes on after it"),
+    ([leaf("take"), GOODBYE, leaf("tell")], None), ([GOODBYE, leaf("hi")], None),
+    ([leaf("take"), leaf("tell"), GOODBYE], None)])
+def test_a_goodbye_is_the_last_that_a_visitor_hears(steps, expected):
+    assert found(play(*steps)) == ([] if expected is None else [("early-goodbye", "bye", expected)])
+    assert kinds(play(*steps, faults=1)) == []
+    for left in (0.5, 2.5):  # before the first step, and before the last
+        assert kinds(play(*steps, times=[1.0, 2.0, 3.0][-len(steps):],
+                          presence=[(START, True), (START + left, False)])) == []
+
+
+@pytest.mark.parametrize("request_, steps, expected", [
+    (Say("x"), [leaf("hi", "IDLE")], True), (PerformGesture("bow", 0, 900), [leaf("hi", "IDLE")], True),
+    (Say("x"), [leaf("hi")], True), (Say("x"), [], False), (ON, [leaf("hi", "IDLE")], False)])
+def test_speech_or_a_gesture_is_cut_short_if_it_is_halted(request_, steps, expected):
+    told = [("cut-short", "hi", "it is halted after 3.0 s, before the robot is done")] * expected
+    under_way = asked(request_, "hi", None)
+    times = [1.0, 4.0][:1 + len(steps)]
+    assert found(play(under_way, *steps, times=times)) == told
+    assert found(play(under_way, *steps, times=times, faults=1)) == []
+    assert found(play(under_way, *steps, times=times, presence=[(START, False)])) == []
+    in_time = [under_way, answered(under_way), *steps]
+    assert found(play(*in_time, times=[1.0, 2.0, 4.0][:len(in_time)])) == []
+
+
+def test_a_call_of_the_mission_is_of_the_leaf_that_asked_last():
+    speech = "/textToSpeech/say_text"
+    lines = [JournalEntry(START + at, "node", resource, call, {"b": at, "a": 1}, fault)
+             for at, resource, call, fault in (
+                 (0.5, speech, 1, None), (1.5, speech, 2, "refused"), (2.5, speech, 3, None),
+                 (2.6, "/topic", 0, None), (3.5, speech, 4, None), (9.0, speech, 5, None))]
+    seen = play(asked(Say("x"), "hi"), asked(TOUR[0], "drive"), asked(Say("y"), "bye"),
+                journal=lines, ended=START + 8, situations={("node", 3): b"met"})
+    assert seen.calls() == [
+        RobotCall("node", call, uid, "[('a', 1), ('b', {})]".format(at), is_done, met)
+        for call, uid, at, is_done, met in (
+            (1, findings.ROOT, 0.5, True, b""), (2, UIDS["hi"], 1.5, False, b""),
+            (3, UIDS["hi"], 2.5, True, b"met"), (4, UIDS["bye"], 3.5, True, b""))]
 
 
 def of_all_plays(reached=(), succeeded=(), switched=()):
