@@ -298,6 +298,9 @@ def second_half(name):
 WAY = asked(TOUR[0], "drive", None)
 """A drive to a stop that is under way."""
 
+TAKE_AND_TELL = leaf("take")[:-1] + [Tick(0.0, True, [(UIDS["take"], "S"), (UIDS["tell"], "R")])]
+"""One leaf ends and the next begins in one traversal."""
+
 
 @pytest.mark.parametrize("steps, expected", [
     ([leaf("take"), asked(TOUR[0]), leaf("tell")], None),
@@ -306,6 +309,8 @@ WAY = asked(TOUR[0], "drive", None)
     ([leaf("take"), first_half("tell"), WAY, second_half("tell"), answered(WAY)],
      ("tell", "the robot drives meanwhile")),
     ([leaf("take"), WAY, first_half("tell"), answered(WAY), second_half("tell")],
+     ("tell", "the robot drives meanwhile")),
+    ([WAY, TAKE_AND_TELL, second_half("tell"), answered(WAY)],
      ("tell", "the robot drives meanwhile")),
     ([leaf("take"), WAY, leaf("hi"), answered(WAY)], None),
     ([leaf("take"), WAY, leaf("tell", "FAILURE"), answered(WAY)], None),
@@ -464,6 +469,16 @@ def of_all_plays(reached=(), succeeded=(), switched=()):
 def test_a_leaf_that_only_fails_with_faults_may_never_succeed():
     assert of_all_plays(["see", "look", "help", "some"], ["look"]) == [
         ("never-true", "see", "it never succeeds")]
+
+
+def test_a_kind_is_explained_to_the_author_of_a_mission():
+    assert findings.BY_NAME["abandoned-drive"].means == (
+        "The mission stops waiting for a drive, and the robot drives on.")
+
+
+def test_what_is_switched_has_its_last_leaf():
+    seen = play(asked(ON, "hi"), asked(Say("x"), "hi"), asked(STIR, "drive"), asked(ON, "bye"))
+    assert seen.switched == {ON: UIDS["bye"], STIR: UIDS["drive"]}
 
 
 def test_what_is_switched_on_must_be_switched_off_in_some_play():
