@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import settings
 from behavior_controller.execution.events import (
-    Answered, Asked, LeafFinished, Noticed, PassFinished, PassStarted, Recovered, StepStarted, Tick)
+    Answered, Asked, LeafFinished, LeafSummary, Noticed, PassFinished, PassStarted, Recovered, StepStarted, Tick)
 from behavior_controller.monitoring.record.recorder import shown
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
@@ -29,7 +29,8 @@ STAGE = Stage(settings.defaults(), [
     <Sequence name="some"><IsVisitorDiscovered name="see"/><Navigate name="drive"/>
     <PressYesNoDialogue name="press"/></Sequence>
     <Sequence name="others"><SayGoodByeSpeech name="bye"/><IsMutualGazeDiscovered name="look"/>
-    <WelcomeSpeech name="hi"/><SelectExhibit name="take"/><LookUpHome name="where"/>
+    <WelcomeSpeech name="hi"/><SelectExhibit name="take"/><SelectExhibit name="again"/>
+    <LookUpHome name="where"/>
     <DescribeExhibitSpeech name="tell" part="1"/><PerformDeicticGesture name="point"/>
     <QueryTourSpeech name="ask"/><IsYesNoUttered name="hear"/><IsVisitorResponseYes name="agreed"/>
     <PerformDeicticGesture name="next" target="{@nextExhibit}"/>
@@ -43,6 +44,7 @@ HOME = STAGE.world.knowledge.home.location
 TOUR = [GoTo(exhibit.location._replace(theta_deg=7.0))
         for exhibit in STAGE.world.knowledge.exhibits]
 BACK = GoTo(HOME._replace(theta_deg=7.0))  # how the robot stands there does not matter
+ON, OFF, STIR = SetAttention("scanning"), SetAttention("disabled"), SetAnimation("enabled")
 NO_DATA, REFUSED = Failure(Cause.MISSING_DATA, "no {x}", "/x"), Failure(Cause.REFUSED, "no", "/x")
 FAULT = JournalEntry(START, "a node", "/x", 1, {}, fault="refused")
 NUMBERS = itertools.count(1)
@@ -82,7 +84,7 @@ def recovered(outcome, resource="/x", cause=Cause.REFUSED, of=None):
     path = "x" if of is None else TREE.nodes[UIDS[of] - 1].full_path
     uid = UIDS["help"]
     return [Recovered("Navigate", path, failure, "-", 0, outcome != "given up", outcome, "", uid),
-            LeafFinished(uid, "", "path of help", "SUCCESS", "", 0.0, None)]
+            LeafFinished(uid, "", TREE.nodes[uid - 1].full_path, "SUCCESS", "", 0.0, None)]
 
 
 def play(*steps, behaviour=ENGAGES, faults=0, calm=None, times=None, **played):
@@ -152,6 +154,29 @@ def test_what_a_fault_makes_endless_is_a_retry(calm, result, expected):
     assert kinds(seen) == expected
 
 
+def test_a_retry_is_told_with_the_number_of_its_requests():
+    seen = play(asked(Say("x"), "hi", REFUSED), asked(Say("x"), "bye", REFUSED),
+                asked(Say("x"), "hi", REFUSED), asked(OFF, "hi", REFUSED), times=[1.0, 2.0, 3.0, 90.0],
+                faults=1, calm=play(ended()), exit_code=None)
+    assert found(seen) == [
+        ("retries-for-ever", "hi", "after 3 requests in 100 s it still tries again")]
+
+
+@pytest.mark.parametrize("cause, resource, faults, is_found", [
+    (Cause.TYPE_MISMATCH, "/x", 0, True), (Cause.TYPE_MISMATCH, "/x", 1, True),
+    (Cause.TYPE_MISMATCH, "/faceDetection/data", 0, True), (Cause.UNUSABLE_ANSWER, "/x", 0, True),
+    (Cause.UNUSABLE_ANSWER, "/x", 1, False),
+    (Cause.UNUSABLE_ANSWER, "/faceDetection/data", 0, False), (Cause.REFUSED, "/x", 0, False)])
+def test_a_declaration_that_does_not_fit_is_an_exception(cause, resource, faults, is_found):
+    seen = play(leaf("drive", "FAILURE", Failure(cause, "no", resource)), faults=faults)
+    assert found(seen) == [("exception", "drive", "no")] * is_found
+
+
+def test_a_recovery_with_nothing_before_it_misses_its_data():
+    assert found(play(recovered("given up", of="help"))) == [("missing-data", "help", "no")]
+    assert found(play(recovered("given up", of="drive"))) == []
+
+
 @pytest.mark.parametrize("seen, is_for_visitor",
                          [(play(**waiting("see")), True), (play(**waiting("look")), False),
                           (play(**waiting("others", "see")), True),
@@ -170,6 +195,10 @@ def test_a_robot_may_wait_for_its_first_visitor(seen, is_for_visitor):
     (asked(TOUR[0], "left", None), asked(TOUR[1], "right"), ["shares-a-body"]),
     (asked(TOUR[0], "left"), asked(TOUR[1], "right"), []),
     (asked(TOUR[0], "left", None), asked(Say("x"), "hi"), []),
+    (asked(TOUR[0], "left", None), asked(TOUR[1], "help"), []),
+    (asked(TOUR[0], "left", None), asked(TOUR[1], "left"), []),
+    # the safe state, which no leaf asks for
+    (asked(TOUR[0], "left", None), asked(TOUR[1])[1:], []),
     (asked(QueryKnowledge("home"), "left", None), asked(QueryKnowledge("home"), "right"), [])])
 def test_one_service_carries_out_one_request_at_a_time(first, second, expected):
     late = [] if isinstance(first[-1], Answered) else answered(first)
@@ -186,6 +215,8 @@ def unrecovered(*more, outcome="FAILURE", other=None, calm="SUCCESS"):
 def test_a_service_whose_faults_end_the_pass_without_a_recovery_is_unrecovered():
     told = [("unrecovered", "bye", "its failure ends the pass, and no recovery handles it")]
     assert found(unrecovered()) == found(unrecovered(recovered("skipped", "/y"))) == told
+    # of several the first
+    assert found(unrecovered(leaf("drive", "FAILURE", REFUSED))) == told
     for other in (unrecovered(other="refused"), unrecovered(calm="FAILURE"),
                   unrecovered(outcome="SUCCESS"), unrecovered(recovered("given up"))):
         assert findings.findings(other) == []
@@ -194,7 +225,7 @@ def test_a_service_whose_faults_end_the_pass_without_a_recovery_is_unrecovered()
 @pytest.mark.parametrize("own, most, seconds, is_spent", [
     # the policy's budget: 30 in 600 s
     (15, 31, 599.0, False), (16, 31, 599.0, True), (31, 31, 599.0, True),
-    (30, 30, 599.0, False), (31, 31, 601.0, False)])
+    (30, 30, 599.0, False), (31, 31, 600.0, False), (31, 31, 601.0, False)])
 def test_a_budget_is_spent_by_the_mission_if_most_of_it_went_where_no_fault_was(
         own, most, seconds, is_spent):
     rounds = [recovered("done", "/calm" if at < own else "/x") for at in range(most)]
@@ -204,7 +235,6 @@ def test_a_budget_is_spent_by_the_mission_if_most_of_it_went_where_no_fault_was(
          "more than 30 recoveries in 600 s: whatever fails from here on is given up")]
 
 
-ON, OFF, STIR = SetAttention("scanning"), SetAttention("disabled"), SetAnimation("enabled")
 NOT_HOME = Location(HOME.x, HOME.y + 1.5, HOME.theta_deg)
 
 
@@ -272,6 +302,46 @@ def test_an_exhibit_is_left_out_of_a_tour_that_succeeds(steps, behaviour, expect
     assert kinds(whole) == [] and len(whole.stops) == 5
 
 
+@pytest.mark.parametrize("steps, expected", [
+    ([leaf("take"), leaf("take")], "take"), ([leaf("take"), leaf("take"), leaf("again")], "again"),
+    ([leaf("again"), leaf("take"), leaf("take")], "take"), ([leaf("take"), leaf("again")], None),
+    # the visitor is asked meanwhile
+    ([leaf("press"), leaf("take"), leaf("take")], "take"),
+    ([leaf("take"), leaf("press"), leaf("take")], None),
+    ([leaf("take"), leaf("take"), leaf("press")], None),
+    ([leaf("take"), leaf("press", "FAILURE"), leaf("take")], "take")])
+def test_stops_that_are_taken_one_after_the_other_are_all_to_be_shown(steps, expected):
+    seen = play(*steps, asked(TOUR[0], "left"), asked(BACK), ended())
+    names = ", ".join(exhibit.name for exhibit in STAGE.world.knowledge.exhibits[1:])
+    assert found(seen) == ([] if expected is None else [
+        ("left-out", expected, "the visitor says yes, and the robot does not drive to " + names)])
+
+
+def question(mark):
+    started, finished, done = leaf("ask")
+    return [started, replace(finished, summary=LeafSummary("asked", "so?", mark)), done]
+
+
+@pytest.mark.parametrize("behaviour, mark, faults, goals, is_unwanted", [
+    (DECLINES, "asked", 0, TOUR[:2], True), (DECLINES, "asked", 0, TOUR[:1] + [BACK], True),
+    (DECLINES, "asked", 0, [BACK], False), (DECLINES, "asked", 1, TOUR[:2], False),
+    (DECLINES, "", 0, TOUR[:2], False), (ENGAGES, "asked", 0, TOUR[:2], False)])
+def test_a_visitor_who_says_no_is_not_driven_to_a_stop(behaviour, mark, faults, goals,
+                                                       is_unwanted):
+    drives = [asked(to, name) for to, name in zip(goals, ("left", "right"))]
+    seen = play(question(mark), *drives, behaviour=behaviour, faults=faults)
+    assert found(seen) == is_unwanted * [
+        ("unwanted-drive", "left", "the visitor says no, and the robot drives to a stop")]
+
+
+@pytest.mark.parametrize("result, expected", [
+    (Answer(), ["drives-twice"]), (REFUSED, []), (None, [])])
+def test_a_robot_that_has_arrived_is_not_sent_there_again(result, expected):
+    steps = [asked(BACK, "drive", result), leaf("drive"), asked(BACK)]
+    assert [kind for kind in kinds(play(*steps)) if kind == "drives-twice"] == expected
+    assert "drives-twice" not in kinds(play(*steps, faults=1))
+
+
 def test_a_mission_that_takes_exhibits_one_by_one_may_be_meant_to_show_only_some():
     assert kinds(play(leaf("take"), asked(TOUR[0]), asked(BACK), leaf("bye"), ended())) == []
 
@@ -285,6 +355,19 @@ def test_of_a_branch_that_no_play_reaches_only_the_top_is_told_and_of_a_row_the_
     assert unreached("all", "some", "see", "help") == ["drive", "others"]
     assert unreached("all", "some", "both") == ["see", "others", "left", "right", "help"]
     assert unreached(*UIDS) == []
+
+
+def test_an_entry_is_of_its_subtree_unless_it_is_of_the_whole_mission():
+    stage = Stage(settings.defaults(), [parse("""<root BTCPP_format="4" main_tree_to_execute="M">
+        <BehaviorTree ID="M"><Sequence><SubTree ID="S" name="a"/><SubTree ID="S" name="b"/>
+        <Navigate name="last" target="{x}"/></Sequence></BehaviorTree>
+        <BehaviorTree ID="S"><LookUpHome name="find" targetLocation="{x}"/></BehaviorTree></root>""")])
+    nodes = [node for node in stage.mission.tree.nodes if node.spec.ports]
+    made = [(node.name, *(findings.entries(node, is_written) for is_written in (True, False)))
+            for node in nodes if node.name in ("find", "last")]
+    assert [(name, sorted(written), sorted(read)) for name, written, read in made] == [
+        ("find", ["@gestureTarget", "a/x"], []), ("find", ["@gestureTarget", "b/x"], []),
+        ("last", [], ["/x"])]
 
 
 def first_half(name):
@@ -323,6 +406,7 @@ TAKE_AND_TELL = leaf("take")[:-1] + [Tick(0.0, True, [(UIDS["take"], "S"), (UIDS
     ([leaf("take"), leaf("tell"), leaf("take"), asked(TOUR[0]), leaf("tell")], None),
     ([leaf("take"), asked(TOUR[0]), leaf("tell"), leaf("take"), leaf("tell"), asked(TOUR[1])],
      ("tell", "the robot drives there only after it")),
+    ([leaf("take"), leaf("tell"), leaf("take"), asked(TOUR[0]), leaf("tell"), leaf("take")], None),
     ([leaf("take"), leaf("tell"), asked(BACK)], None),
     ([leaf("take"), leaf("tell"), ended(), asked(TOUR[0])], None)])
 def test_a_stop_is_shown_when_the_robot_has_driven_there(steps, expected):
@@ -332,6 +416,17 @@ def test_a_stop_is_shown_when_the_robot_has_driven_there(steps, expected):
     assert shown == ([] if expected is None else [("shown-away", *expected)])
     assert kinds(play(*steps, faults=1, **over)) == []
     assert kinds(play(*steps, behaviour=DECLINES, **over)) == []
+
+
+@pytest.mark.parametrize("began, over, is_meanwhile", [
+    (1.0, 2.005, False), (1.0, 2.015, True), (4.985, 6.0, True), (4.995, 6.0, False)])
+def test_what_is_shown_until_a_drive_begins_or_from_its_end_on_is_not_shown_meanwhile(
+        began, over, is_meanwhile):
+    steps = sorted([(0.0, leaf("take")), (2.0, WAY), (5.0, answered(WAY)),
+                    (began, first_half("tell")), (over, second_half("tell"))],
+                   key=lambda step: step[0])
+    seen = play(*[step for _, step in steps], times=[at for at, _ in steps])
+    assert found(seen) == is_meanwhile * [("shown-away", "tell", "the robot drives meanwhile")]
 
 
 def old(*names):

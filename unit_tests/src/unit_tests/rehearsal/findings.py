@@ -336,7 +336,7 @@ def entries(node: Node, is_written: bool) -> FrozenSet[str]:
     """Return the entries that a node writes, or those that it reads; an entry of a SubTree with the
     path of that SubTree."""
     other = Direction.IN if is_written else Direction.OUT
-    names = (reference(node.attributes.get(port.name, port.default or ""), port.name)
+    names = (reference(node.attributes.get(port.name, ""), port.name)
              for port in node.spec.ports if port.direction is not other)
     tree = node.full_path.rpartition("/")[0]
     return frozenset(name if name.startswith("@") else f"{tree}/{name}" for name in names if name)
@@ -365,10 +365,9 @@ def _swallowed_failure(play: Play) -> Iterator[Place]:
                 continue
             read = entries(node, False)
             for entry in sorted(read & set(failed)):
-                if step.uid != failed[entry].uid:
-                    old = entry.rpartition("/")[2].lstrip("@")
-                    what = f"it fails, and {play.name(step.uid)} uses the old {old}"
-                    yield failed[entry].uid, what
+                old = entry.rpartition("/")[2].lstrip("@")
+                yield (failed[entry].uid,
+                       f"it fails, and {play.name(step.uid)} uses the old {old}")
             if isinstance(step.request, GoTo):
                 last_drive = step
             elif isinstance(step.request, (Say, PerformGesture)) and read & SHOWN_AT_THE_PLACE \
