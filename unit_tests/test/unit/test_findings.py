@@ -472,7 +472,7 @@ def test_a_failure_is_swallowed_if_a_later_step_builds_on_what_was_not_done(step
 
 
 QUESTION = Say("And you?")
-UNUSED, UNHEARD = "which nothing has looked at", "nothing listens to the answer"
+UNHEARD = "nothing listens to the answer"
 
 
 @pytest.mark.parametrize("steps, at, expected", [
@@ -483,6 +483,7 @@ UNUSED, UNHEARD = "which nothing has looked at", "nothing listens to the answer"
     ([asked(QUESTION, "ask")], None, None),  # the pass has not ended
     ([asked(QUESTION, "ask"), leaf("hear", "FAILURE"), ended()], None, None),
     ([asked(QUESTION, "ask"), leaf("press"), ended()], None, None),
+    ([asked(QUESTION, "ask"), leaf("see"), ended()], "ask", UNHEARD),
     ([asked(QUESTION, "ask"), asked(Prompt(("yes", "no")), "press", None), ended()], None, None),
     ([leaf("hear"), asked(QUESTION, "ask"), ended()], "ask", UNHEARD),
     ([leaf("press"), leaf("agreed"), asked(QUESTION, "ask"), leaf("hear"), leaf("agreed")],
@@ -500,6 +501,13 @@ UNUSED, UNHEARD = "which nothing has looked at", "nothing listens to the answer"
 def test_an_answer_is_used_before_the_next_question(steps, at, expected):
     assert found(play(*steps)) == ([] if at is None else [("answer-mixed-up", at, expected)])
     assert found(play(*steps, faults=1)) == []
+
+
+@pytest.mark.parametrize("before, is_mixed_up", [(0.005, False), (0.015, True)])
+def test_a_question_that_is_asked_with_the_look_at_an_answer_is_the_next(before, is_mixed_up):
+    seen = play(leaf("press"), asked(QUESTION, "ask")[1:], leaf("agreed"),
+                times=[1.0, 2.0 - before, 2.0])
+    assert kinds(seen) == ["answer-mixed-up"] * is_mixed_up
 
 
 GOODBYE = asked(Say("Bye"), "bye")

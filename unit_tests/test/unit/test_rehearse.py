@@ -766,7 +766,9 @@ def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, reached=[1, 2]))
     assert survey.findings() == []
     told, = survey.findings(search)
-    assert (told.where, told.scene, told.command) == ("WelcomeSpeech::3", None, "")
+    assert told == FindingSummary(findings.UNREACHED, "WelcomeSpeech::3", told.place,
+                                  "no visitor and no fault brings the mission here, in "
+                                  "1 simulated run", 0, None, 0.0, (), "", ())
     survey.take(outcome(Scene("leaves"), "", 900.0))
     assert survey.findings(search) == [], "what is behind a pass that does not end is not known"
 
@@ -814,6 +816,20 @@ def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
         survey.take(outcome(scene, "SUCCESS", 4.0, stops, *found))
     search = SimpleNamespace(unreached=lambda: [(uid, "not reached") for uid in unreached])
     assert consequences(survey.findings(search)) == list(expected.items())
+
+
+@pytest.mark.parametrize("voice, tablet, release, expected", [
+    (3, 1, {}, "by tablet the robot does not come to stop 1, stop 2"),
+    (1, 2, {}, "by voice the robot does not come to stop 1"), (2, 2, {}, None),
+    # a tablet of release 1.0 does not tell what was pressed
+    (3, 1, {"robotInterface": "release-1.0", "tabletSuccessIs": "press"}, None)])
+def test_a_stop_that_is_reached_one_way_only_is_told_with_the_other_way(tmp_path, voice, tablet,
+                                                                        release, expected):
+    survey = Survey(Theatre(release, mission(tmp_path, TWO_SPEECHES), 900.0))
+    for scene, stops in ((VOICE, voice), (TABLET, tablet), (QUIET, 5)):
+        survey.take(outcome(scene, "SUCCESS", 4.0, stops))
+    assert [(each.kind, each.what) for each in survey.findings()] == (
+        [] if expected is None else [(findings.ONE_WAY, expected)])
 
 
 def consequences(told):

@@ -515,21 +515,22 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
 def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place]:
     """Find a leaf that reads the ``answer`` to an earlier question, or that replaces one unread."""
     source = ""  # the type of the leaf that wrote the answer
-    is_used, listened = False, START
+    unread = ""  # the same, until a leaf has looked at the answer
+    listened = START
     for result in play.leaves:
         node = play.node(result.uid)
         if source and answer in entries(node, False):
-            is_used = True
+            unread = ""
             if any(listened < at < result.began - AT_ONCE for at in asked):
                 yield result.uid, (f"it looks at the answer of {source} although another question "
                                    "was asked since")
         if answer in entries(node, True):
             listened = result.ended
             if result.letter == "S":
-                if source and not is_used:
-                    what = f"it replaces the answer of {source}, which nothing has looked at"
+                if unread:
+                    what = f"it replaces the answer of {unread}, which nothing has looked at"
                     yield result.uid, what
-                source, is_used = play.name(result.uid), False
+                source = unread = play.name(result.uid)
 
 
 # ------------------------------------------------------------------------------------------ the end
