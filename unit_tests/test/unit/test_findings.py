@@ -243,7 +243,10 @@ NOT_HOME = Location(HOME.x, HOME.y + 1.5, HOME.theta_deg)
     ([OFF, ON], "FAILURE", []), ([ON, BACK], "", []), ([OFF, STIR, BACK], "FAILURE", ["left-on"]),
     ([BACK, TOUR[0]], "FAILURE", ["not-home"]), ([TOUR[0], BACK], "FAILURE", []),
     ([TOUR[0]], "", []), ([], "FAILURE", []), ([GoTo(NOT_HOME)], "FAILURE", ["not-home"]),
-    ([TOUR[0], QueryKnowledge("home")], "FAILURE", []), ([BACK, BACK], "FAILURE", ["drives-twice"]),
+    ([TOUR[0], QueryKnowledge("home")], "FAILURE", []),
+    ([QueryKnowledge("home"), TOUR[0]], "FAILURE", ["not-home"]),
+    ([TOUR[0], QueryKnowledge("exhibits")], "FAILURE", ["not-home"]),
+    ([BACK, BACK], "FAILURE", ["drives-twice"]),
     ([BACK, TOUR[0], BACK], "FAILURE", [])])
 def test_how_a_tour_leaves_the_robot(requests, outcome, expected):
     steps = [asked(request) for request in requests]
@@ -528,6 +531,32 @@ def test_a_goodbye_is_the_last_that_a_visitor_hears(steps, expected):
     for left in (0.5, 2.5):  # before the first step, and before the last
         assert kinds(play(*steps, times=[1.0, 2.0, 3.0][-len(steps):],
                           presence=[(START, True), (START + left, False)])) == []
+
+
+@pytest.mark.parametrize("stops, more, expected", [
+    (2, [ended()], True), (3, [ended()], True), (1, [ended()], False),
+    (2, [ended("FAILURE")], False), (2, [], False), (2, [leaf("bye"), ended()], False),
+    (2, [leaf("bye", "FAILURE"), ended()], True), (2, [leaf("hi"), ended()], True)])
+def test_a_visitor_who_was_shown_several_stops_is_told_goodbye(stops, more, expected):
+    steps = [*map(asked, TOUR[:stops]), asked(BACK, "right"), *more]
+    assert found(play(*steps)) == expected * [
+        ("no-goodbye", "right", "the last drive ends here, and the visitor is told no goodbye")]
+    assert found(play(*steps, faults=1)) == found(play(*steps, behaviour=DECLINES)) == []
+
+
+def without_goodbye(*more, outcome="SUCCESS", faults=1, calm=(leaf("bye"), ended())):
+    steps = [leaf("hi", "FAILURE", REFUSED), leaf("look", "FAILURE", REFUSED), *more]
+    return play(*steps, *[ended(outcome)] * bool(outcome), faults=faults, journal=[FAULT],
+                calm=calm and play(*calm))
+
+
+def test_a_failure_after_which_the_goodbye_is_not_even_tried_is_told():
+    assert found(without_goodbye()) == [
+        ("no-goodbye", "hi", "its failure leaves out the goodbye of SayGoodByeSpeech")]
+    for other in (without_goodbye(leaf("bye")), without_goodbye(leaf("bye", "FAILURE")),
+                  without_goodbye(outcome=""), without_goodbye(faults=0), without_goodbye(faults=2),
+                  without_goodbye(calm=None), without_goodbye(calm=(ended(),))):
+        assert findings.findings(other) == []
 
 
 @pytest.mark.parametrize("request_, steps, expected", [
