@@ -809,6 +809,8 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
     # a stop that is reached one way only may follow from what one of the ways has
     ([(VOICE, 1), (TABLET, 0, CAUSE)], [], {"missing-data": ["one-way-only"]}),
     ([(VOICE, 1), (TABLET, 0), (QUIET, 0, CAUSE)], [], {"missing-data": [], "one-way-only": []}),
+    # and brings nothing about
+    ([(VOICE, 1), (TABLET, 0), (QUIET, 1, THERE)], [], {"one-way-only": [], "left-on": []}),
 ])
 def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
     survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0))
