@@ -1,9 +1,12 @@
 """Tests of the journal that the simulated nodes share."""
+import dataclasses
 import threading
 
 from behavior_controller.config import settings
+from behavior_controller.robot.requests import Say
 
 from unit_tests.robot import options
+from unit_tests.robot.faults import PlannedFault
 from unit_tests.robot.journal import Journal, JournalEntry
 from unit_tests.robot.simulated_node import SimulatedNode
 from unit_tests.robot.visitor import ENGAGES
@@ -52,6 +55,19 @@ def test_a_message_gets_a_line_if_it_has_changed_or_a_tenth_of_a_second_has_pass
         assert node.message("/speechEvent/text") == {"data": text}
     assert [(entry.time, entry.content["data"]) for entry in told] == [
         (0.0, "a"), (0.1, "a"), (0.11, "b"), (0.12, "a")]
+
+
+def test_a_node_that_was_started_again_counts_on_from_its_last_call():
+    planned = tuple(PlannedFault("textToSpeech", call, kind)
+                    for call, kind in ((1, "crash"), (3, "unanswered"), (4, "exception")))
+    test = dataclasses.replace(options.defaults(failureRate=0.0), planned_faults=planned)
+    told, of_mission = [], settings.defaults()
+    node = SimulatedNode("textToSpeech", test, world(ENGAGES, of_mission), lambda: 0.0, told.append)
+    for earlier in (line(1), line(9, "robotNavigation"), line(2), line(0), line(1)):
+        node.catch_up(earlier)
+    for _ in range(2):
+        node.reply(of_mission.interface.service(Say), "/say", {"message": "x"}, ["success"])
+    assert [(entry.call, entry.fault) for entry in told] == [(3, "unanswered"), (4, "exception")]
 
 
 def test_half_a_line_is_left_for_later(tmp_path):

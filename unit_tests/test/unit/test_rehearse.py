@@ -266,10 +266,12 @@ def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp
                        ("overtAttention", 2, "ScanningOvertAttentionMode", False),
                        ("textToSpeech", 1, "WelcomeSpeech", True),
                        ("textToSpeech", 2, "WelcomeSpeech", False))
-    added = {fault for scene in next(search.rounds()) for fault in scene.planned
-             if fault.node != "a"}
+    scenes = next(search.rounds())
+    added = {fault for scene in scenes for fault in scene.planned if fault.node != "a"}
     once = PlannedFault("textToSpeech", 1, "refused")
     assert added == {once, once._replace(is_lasting=True)}
+    # else the next round could not extend them
+    assert all(scene.is_listed for scene in scenes) and len({*scenes}) == 8
 
 
 def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(tmp_path):
@@ -765,7 +767,9 @@ def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, reached=[1, 2]))
     assert survey.findings() == []
     told, = survey.findings(search)
-    assert (told.where, told.scene, told.command) == ("WelcomeSpeech::3", None, "")
+    assert told == FindingSummary(findings.UNREACHED, "WelcomeSpeech::3", told.place,
+                                  "no visitor and no fault brings the mission here, in "
+                                  "1 simulated run", 0, None, 0.0, (), "", ())
     survey.take(outcome(Scene("leaves"), "", 900.0))
     assert survey.findings(search) == [], "what is behind a pass that does not end is not known"
 
@@ -806,6 +810,8 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
     # a stop that is reached one way only may follow from what one of the ways has
     ([(VOICE, 1), (TABLET, 0, CAUSE)], [], {"missing-data": ["one-way-only"]}),
     ([(VOICE, 1), (TABLET, 0), (QUIET, 0, CAUSE)], [], {"missing-data": [], "one-way-only": []}),
+    # and brings nothing about
+    ([(VOICE, 1), (TABLET, 0), (QUIET, 1, THERE)], [], {"one-way-only": [], "left-on": []}),
 ])
 def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
     survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0))
@@ -813,6 +819,20 @@ def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
         survey.take(outcome(scene, "SUCCESS", 4.0, stops, *found))
     search = SimpleNamespace(unreached=lambda: [(uid, "not reached") for uid in unreached])
     assert consequences(survey.findings(search)) == list(expected.items())
+
+
+@pytest.mark.parametrize("voice, tablet, release, expected", [
+    (3, 1, {}, "by tablet the robot does not come to stop 1, stop 2"),
+    (1, 2, {}, "by voice the robot does not come to stop 1"), (2, 2, {}, None),
+    # a tablet of release 1.0 does not tell what was pressed
+    (3, 1, {"robotInterface": "release-1.0", "tabletSuccessIs": "press"}, None)])
+def test_a_stop_that_is_reached_one_way_only_is_told_with_the_other_way(tmp_path, voice, tablet,
+                                                                        release, expected):
+    survey = Survey(Theatre(release, mission(tmp_path, TWO_SPEECHES), 900.0))
+    for scene, stops in ((VOICE, voice), (TABLET, tablet), (QUIET, 5)):
+        survey.take(outcome(scene, "SUCCESS", 4.0, stops))
+    assert [(each.kind, each.what) for each in survey.findings()] == (
+        [] if expected is None else [(findings.ONE_WAY, expected)])
 
 
 def consequences(told):

@@ -66,8 +66,8 @@ class Play:
     them.
     """
 
-    def __init__(self, stage: Stage, played: Played, behaviour: str, faults: int = 0,
-                 calm: "Optional[Play]" = None):
+    def __init__(self, stage: Stage, played: Played, behaviour: str, faults: int,
+                 calm: "Optional[Play]"):
         self.stage, self.played, self.behaviour = stage, played, behaviour
         self.faults, self.calm = faults, calm
         self.nodes = stage.mission.tree.nodes
@@ -336,7 +336,7 @@ def entries(node: Node, is_written: bool) -> FrozenSet[str]:
     """Return the entries that a node writes, or those that it reads; an entry of a SubTree with the
     path of that SubTree."""
     other = Direction.IN if is_written else Direction.OUT
-    names = (reference(node.attributes.get(port.name, port.default or ""), port.name)
+    names = (reference(node.attributes.get(port.name, ""), port.name)
              for port in node.spec.ports if port.direction is not other)
     tree = node.full_path.rpartition("/")[0]
     return frozenset(name if name.startswith("@") else f"{tree}/{name}" for name in names if name)
@@ -365,10 +365,9 @@ def _swallowed_failure(play: Play) -> Iterator[Place]:
                 continue
             read = entries(node, False)
             for entry in sorted(read & set(failed)):
-                if step.uid != failed[entry].uid:
-                    old = entry.rpartition("/")[2].lstrip("@")
-                    what = f"it fails, and {play.name(step.uid)} uses the old {old}"
-                    yield failed[entry].uid, what
+                old = entry.rpartition("/")[2].lstrip("@")
+                yield (failed[entry].uid,
+                       f"it fails, and {play.name(step.uid)} uses the old {old}")
             if isinstance(step.request, GoTo):
                 last_drive = step
             elif isinstance(step.request, (Say, PerformGesture)) and read & SHOWN_AT_THE_PLACE \
@@ -516,21 +515,22 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
 def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place]:
     """Find a leaf that reads the ``answer`` to an earlier question, or that replaces one unread."""
     source = ""  # the type of the leaf that wrote the answer
-    is_used, listened = False, START
+    unread = ""  # the same, until a leaf has looked at the answer
+    listened = START
     for result in play.leaves:
         node = play.node(result.uid)
         if source and answer in entries(node, False):
-            is_used = True
+            unread = ""
             if any(listened < at < result.began - AT_ONCE for at in asked):
                 yield result.uid, (f"it looks at the answer of {source} although another question "
                                    "was asked since")
         if answer in entries(node, True):
             listened = result.ended
             if result.letter == "S":
-                if source and not is_used:
-                    what = f"it replaces the answer of {source}, which nothing has looked at"
+                if unread:
+                    what = f"it replaces the answer of {unread}, which nothing has looked at"
                     yield result.uid, what
-                source, is_used = play.name(result.uid), False
+                source = unread = play.name(result.uid)
 
 
 # ------------------------------------------------------------------------------------------ the end
