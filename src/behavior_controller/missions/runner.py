@@ -327,17 +327,8 @@ class Runner:
             self._doze(None if cause.awaited else failed_at + cause.limit - self.clock.now())
 
     def _halt(self) -> None:
-        """Halt the tree; a script or a leaf that fails meanwhile must not leave a node running."""
-        try:
-            self.tree.halt()
-        except BehaviorControllerError as error:
+        for error in self.tree.stop():
             self._report_exception(error, "while halting: ")
-            # children first: then no control has a child left to halt by script
-            for node in reversed(self.tree.nodes):
-                try:
-                    node.interrupt()
-                except BehaviorControllerError as another:
-                    self._report_exception(another, "while halting: ")
 
     def _leave_safe(self) -> None:
         """Halt what is under way and leave the robot in the safe state, however the run ends."""

@@ -113,6 +113,7 @@ def test_a_script_that_fails_ends_the_pass_and_what_runs_beside_it(beside):
     silent = changed(of_test, lambda line: [] if isinstance(line.event, LeafFinished)
                      and line.event.status == "IDLE" else [line])
     assert "WelcomeSpeech ended with IDLE; on record is nothing" in objections(silent)[1]
+    assert str(replay(list(of_test.run.lines))).startswith("the same path: 2 passes")
 
 
 def test_a_mission_that_is_skipped_as_a_whole_ends_its_pass():

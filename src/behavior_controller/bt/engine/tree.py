@@ -215,6 +215,22 @@ class Tree:
         self.root.reset()
         self._hand_over()
 
+    def stop(self) -> List[BehaviorControllerError]:
+        """Halt everything, and leave no node running even if a script or a leaf fails meanwhile.
+        Return what was raised."""
+        try:
+            self.halt()
+        except BehaviorControllerError as error:
+            raised = [error]
+            # children first: then no control has a child left to halt by script
+            for node in reversed(self.nodes):
+                try:
+                    node.interrupt()
+                except BehaviorControllerError as another:
+                    raised.append(another)
+            return raised
+        return []
+
     @property
     def is_idle(self) -> bool:
         """Return whether nothing is under way."""

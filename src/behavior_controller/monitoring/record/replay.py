@@ -247,7 +247,7 @@ class _Replay(FakeGateway):
         if result is SUCCESS or result is FAILURE:
             self._tree.root.reset()
         elif result is not RUNNING:
-            self._tree.halt()
+            self._tree.stop()
 
     def _differences(self, recorded: Sequence[Tuple[str, str]]) -> Iterator[str]:
         """Yield the first difference of statuses, and that of requests."""

@@ -14,7 +14,6 @@ than ``Facts.late`` before (a timer, the next traversal, the next pass), and ear
 """
 import itertools
 import math
-from contextlib import suppress
 from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 from behavior_controller.bt.engine.clock import ManualClock
@@ -286,18 +285,8 @@ class Execution(TaskContext):
         if result in (SUCCESS, FAILURE):
             self.tree.root.reset()
         elif result is not RUNNING:
-            self._halt()
+            self.tree.stop()
         self.signs.end_traversal()
-
-    def _halt(self) -> None:
-        """Halt the tree, as the controller does: a script that fails meanwhile must not leave a node
-        running."""
-        try:
-            self.tree.halt()
-        except BehaviorControllerError:
-            for node in reversed(self.tree.nodes):
-                with suppress(BehaviorControllerError):
-                    node.interrupt()
 
     def _check_clock(self, tick: Tick) -> None:
         offset = self.now - tick.at
