@@ -727,6 +727,10 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
     ([begins(3)], recovered("skipped", failure=replace(BUSY, message="a motor failed"), attempts=1),
      "warning", "went on without Navigate, which failed 2 times: refused (/go)",
      (3, "tour/go")),
+    ([begins(3)], recovered("skipped", failure=Failure(Cause.UNUSABLE_ANSWER, "a motor failed"),
+                            attempts=0),
+     "warning", "went on without Navigate, which failed: unusable answer, a motor failed",
+     (3, "tour/go")),
     ([START, exhibit("begun"), exhibit("omitted", 2)], recovered("given up"), "error",
      "gave up: Navigate failed 3 times: refused (/go)", (0, "tour/go")),
     ([START, exhibit("begun"), exhibit("omitted"), recovered("given up"), exhibit("omitted")],
@@ -745,6 +749,14 @@ def test_the_sentence_about_an_event(before, event, severity, text, leads_to):
     assert (told.at, told.visit, told.severity, told.text, told.kind
             in KINDS) == (60.0, int(START in before), severity, text, True)
     assert (told.uid, told.path) == (leads_to or (0, ""))
+
+
+@pytest.mark.parametrize("before, texts", [
+    ([], []), ([START], []), ([START, ARRIVED], ["visitor 1: the robot was stopped"]),
+    ([START, ARRIVED, PassFinished(1, "SUCCESS", 1.0)], [])])
+def test_a_visit_that_is_stopped_has_a_sentence_if_a_visitor_came(before, texts):
+    told = story_of(*before).take(60.0, RunFinished("stopped", 3))
+    assert [sentence.text for sentence in told] == texts + ["ends: stopped (exit code 3)"]
 
 
 @pytest.mark.parametrize(
