@@ -16,8 +16,9 @@ from py_trees.common import Status
 from behavior_controller.cli import create_tree
 from behavior_controller.execution import run as run_module
 from behavior_controller.execution.events import (
-    EntriesWritten, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-    RunStarted, Sources, StepStarted, Suspended, LeafSummary, Tick, TreeNode, TreeShown)
+    EntriesWritten, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovering,
+    RunFinished, RunStarted, Sources, StepStarted, Suspended, LeafSummary, Tick, TreeNode,
+    TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.state import State
@@ -198,6 +199,33 @@ def test_a_pause_of_the_operator_is_a_moment_of_the_record():
     assert news["now"]["card"]["kind"] == "paused"
 
 
+@pytest.mark.parametrize("every", [2, 100])
+def test_the_moments_of_a_record_have_what_was_shown_at_each_of_them(monkeypatch, every):
+    monkeypatch.setattr(moments_module, "EVERY", every)
+    happens = [
+        TreeShown("M", [TreeNode("a", "A", "a", 0)]), RUN, PassStarted(1, 0.0),
+        StepStarted(1, "x", "x", "driving", "", 0.0, False), Tick(0.0, True, [(1, "R")]),
+        EntriesWritten([("a", "1")]), Noticed("info", "so"), EntriesWritten([("a", "1")]),
+        GONE_AWAY, LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), Tick(0.0, True, [(1, "S")]),
+        PassFinished(1, "SUCCESS", 1.0), RunFinished("stopped", 0)]
+    moments, shown, expected = Moments(), view.View(), []
+    for at, event in enumerate(happens):
+        shown.take(float(at), event)
+        moments.take(shown, float(at))
+        parts = {name: msgspec.to_builtins(shown.part(name)) for name in moments_module.KEPT}
+        parts["story"] = parts["story"]["visit"]  # the report's page has the sentences itself
+        if not expected or expected[-1][1] != parts:
+            expected.append((1000 * at, parts))
+    found = []
+    for _, packed in moments.packed():
+        known = {}
+        for number, (at, news) in enumerate(json.loads(zlib.decompress(base64.b64decode(packed)))):
+            assert number < every
+            known = patched(known, news)
+            found.append((at, dict(known, story=known["story"]["visit"])))
+    assert found == expected and len(found) > 8
+
+
 def test_each_stretch_of_moments_begins_at_its_first_one(monkeypatch):
     monkeypatch.setattr(moments_module, "EVERY", 2)
     moments, shown = Moments(), view.View()
@@ -359,6 +387,21 @@ def test_results_that_each_took_less_than_an_instant_are_one(monkeypatch, took, 
         at += seconds
         shown.take(at, Tick(0.0, True, [(1, "S")]))
     assert [each["times"] for each in shown.results(1)] == times
+
+
+@pytest.mark.parametrize("path, uid, tip", [("go", 3, 2), ("go", 1, 3), ("unknown", 3, 3)])
+def test_where_the_run_is_while_a_recovery_does_a_node_again(path, uid, tip):
+    busy = Failure(Cause.REFUSED, "busy", "/go")
+    shown = view.View()
+    for event in (TreeShown("M", [TreeNode("all", "Fallback", "all", 0),
+                                  TreeNode("go", "Navigate", "go", 1),
+                                  TreeNode("help", "HandleFallBack", "help", 1)]),
+                  LeafFinished(2, "Navigate", "go", "FAILURE", "", 1.0, busy),
+                  Tick(0.0, True, [(1, "R"), (2, "F"), (3, "R")])):
+        shown.take(1.0, event)
+    assert msgspec.to_builtins(shown.statuses()) == {"letters": "RFR", "tip": 3}
+    shown.take(2.0, Recovering(uid, "Navigate", path, busy, 1, 2))
+    assert msgspec.to_builtins(shown.statuses()) == {"letters": "RFR", "tip": tip}
 
 
 def test_results_that_differ_are_not_one_and_a_failure_is_that_of_its_tick():

@@ -1158,8 +1158,9 @@ def test_a_loop_runs_what_it_is_told_on_its_own_thread_until_it_is_closed():
 
 
 def test_without_a_port_no_loop_runs():
-    begun = []
+    begun, before = [], len(os.listdir("/proc/self/fd"))
     loop = server.LoopThread("no loop", [], lambda: begun.append(1))
+    assert len(os.listdir("/proc/self/fd")) <= before
     assert "no loop" not in [each.name for each in threading.enumerate()]
     loop.call(begun.append, 2)
     loop.close()

@@ -66,6 +66,20 @@ def test_a_folder_that_cannot_be_written_is_one_complaint(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("is_writable", [True, False])
+def test_a_record_waits_no_longer_for_the_disk_than_until_it_is_open_or_has_failed(
+        tmp_path, monkeypatch, is_writable):
+    monkeypatch.setattr(module, "OPENING", 6.0)
+    if not is_writable:
+        (tmp_path / "place").write_text("")
+    began = time.monotonic()
+    record = Record(str(tmp_path / "place"), lambda complaint: None).open()
+    assert time.monotonic() - began < 5.0 and record.is_kept is is_writable
+    record.close()
+    record(PassFinished(1, "SUCCESS", 1.0))
+    assert list(record.lines()) == [] and not record.is_kept  # nothing is kept for it
+
+
 def test_until_it_is_opened_an_earlier_record_stays(tmp_path):
     (tmp_path / "mission.jsonl").write_text("earlier")
     record = Record(str(tmp_path), complain=None)
@@ -299,6 +313,22 @@ def test_each_message_is_recorded_once_at_the_reading_that_saw_it_first(tmp_path
     assert [sample.value for sample in topics.recent(SPEECH)] == ["a", "b", "c"]
     assert [(line["read"], line["value"], line["arrived"]) for line in lines(record)
             if line["_type"] == "Message"] == [(1, "a", 7.0), (3, "b", 7.0), (1, "c", 7.0)]
+
+
+def test_of_a_tree_that_is_shown_are_recorded_its_nodes_its_traversals_and_what_it_reads(tmp_path):
+    record, rig = Record(str(tmp_path), complain=None).open(), one_leaf("<AlwaysSuccess/>")
+    robot = FakeTopics(lambda: 7.0, lambda: None)
+    topics = record.topics(robot)
+    robot.publish(SPEECH, "a")
+    for tree in (one_leaf("<AlwaysFailure/>").tree, rig.tree):  # the next mission reads it anew
+        record.show(tree)
+        topics.recent(SPEECH)
+    rig.tree.halt()  # between two traversals
+    rig.tick()
+    found = lines(record)
+    assert [line["_type"] for line in found] == [
+        "TreeShown", "Message", "TreeShown", "Message", "Tick"]
+    assert found[-1]["changes"] == [[1, "S"]] and found[-1]["at"] == rig.clock.now()
 
 
 @pytest.mark.parametrize("there, kept", [(0, 0), (19, 19), (20, 19), (30, 19)])

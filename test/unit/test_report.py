@@ -502,6 +502,36 @@ def test_each_node_has_the_count_of_its_results():
     assert page.of("row") == ["the tour(Sequence) #1halted", "A#2✔ 3✘ 1", "B#3never"]
 
 
+@pytest.mark.parametrize("parents, expected", [
+    ([0, 1, 2, 1], [0, 1, 2, 1]), ([0, 1, 1, 1], [0, 1, 1, 1]),
+    ([0, 1, 2, 3, 2, 1], [0, 1, 2, 3, 2, 1]), ([0], [0]),
+    ([0, 1, 2, 1, 3], [0, 1, 2, 1, 2])])  # in an order that no tree has
+def test_nodes_stand_in_lists_below_their_parents(parents, expected):
+    nodes = [["N::{}".format(uid), "A", "n", parent] for uid, parent in enumerate(parents, 1)]
+    text = page_of(lines_of(nodes=nodes))
+    assert len(Page(text).of("row")) == len(nodes)
+    tree = text[text.index('<li id="n1"'):]
+    depths, depth = [], 0
+    for tag in re.findall('<ul>|</ul>|<li id="n[0-9]+"', tree[:tree.index("</section>")]):
+        depth += {"<ul>": 1, "</ul>": -1}.get(tag, 0)
+        depths += [depth] if tag[:3] == "<li" else []
+    assert depths == expected
+
+
+@pytest.mark.parametrize("node, letters, is_bare, has_run", [
+    (["S", "Sequence", "Sequence", 1], [], True, False),
+    (["S", "Sequence", "tour", 1], [], False, False),
+    (["S", "Sequence", "Sequence", 1], "S", True, True),
+    (["S", "Sequence", "Sequence", 1], "R", True, True),
+    (["S", "WelcomeSpeech", "WelcomeSpeech", 1], "F", False, True)])
+def test_which_nodes_only_group_others_and_which_have_run(node, letters, is_bare, has_run):
+    nodes = [["S", "Sequence", "Sequence", 0], node]
+    text = page_of(lines_of(*[tick([2, letter]) for letter in letters], nodes=nodes))
+    classes = [re.search('<li id="n{}"([^>]*)'.format(uid), text)[1] for uid in (1, 2)]
+    assert "bare" not in classes[0]
+    assert (("bare" in classes[1]), ("never" in Page(text).of("row")[1])) == (is_bare, not has_run)
+
+
 def test_a_node_without_events_has_its_results_from_its_changes_of_status():
     begun = {"event": "PassStarted", "time": 111.0, "number": 2, "at": 11.0}
     changes = [

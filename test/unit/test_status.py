@@ -136,6 +136,69 @@ def test_a_node_that_is_gone_is_told_once_and_what_is_done_again_is_marked():
     assert [line for line in status_tool.fitted(tree, 60, 2) if "Navigate #4" in line]
 
 
+def tree_rows(nodes, letters, tip=0, is_all=False):
+    """Return the rows of a tree of (parent, name), of which those in brackets are bare."""
+    rows = [{"uid": uid, "parent": parent, "name": name.strip("()"), "kind": "", "path": "",
+             "subtree": False, "bare": name[0] == "("} for uid, (parent, name) in enumerate(nodes, 1)]
+    state = read(good(), mission={"file": "m.xml", "nodes": rows},
+                 statuses={"letters": letters, "tip": tip})
+    return status_tool.lines(state, is_all)[2:]
+
+
+FOUR = [(0, "all"), (1, "(group)"), (2, "say"), (2, "go")]
+
+
+@pytest.mark.parametrize("nodes, letters, tip, is_all, expected", [
+    (FOUR, "RRSR", 4, False, ["▶ all: running", "  ✔ say: success", "  ▶ go: running"]),
+    (FOUR, "RRS-", 0, False, ["▶ all: running", "  ✔ say: success"]),
+    (FOUR, "RRS-", 2, False, ["▶ all: running", "  ▶ group: running", "    ✔ say: success"]),
+    (FOUR, "rrsf", 0, False, ["■ all: was halted", "  ✔ say: was success", "  ✘ go: was failure"]),
+    (FOUR, "RRSF", 4, False,
+     ["▶ all: running", "  ✔ say: success", "  ↻ go: done again after a failure"]),
+    (FOUR, "----", 0, False, ["· all"]),
+    (FOUR, "RR", 0, True, ["▶ all: running", "  ▶ group: running", "    · say", "    · go"]),
+    (FOUR, "????", 0, True, ["· all", "  · group", "    · say", "    · go"]),
+    ([(0, "(all)"), (1, "say")], "RR", 0, False, ["▶ all: running", "  ▶ say: running"]),
+    # numbers that no tree has
+    ([(7, "all"), (2, "say"), (3, "go")], "RRR", 0, False,
+     ["▶ all: running", "  ▶ say: running", "  ▶ go: running"])])
+def test_the_rows_of_a_tree(nodes, letters, tip, is_all, expected):
+    assert tree_rows(nodes, letters, tip, is_all) == expected
+
+
+def test_the_rows_of_a_deep_tree_are_indented_so_far():
+    rows = tree_rows([(parent, "n") for parent in range(33)], 33 * "R")
+    assert [len(row) - len(row.lstrip()) for row in rows] == [
+        2 * min(depth, status_tool.DEEPEST) for depth in range(33)]
+
+
+def told(*sentences):
+    """Return the lines about troubles of a story of (visit, kind, severity, incident)."""
+    rows = [{"at": 0.0, "visit": visit, "kind": kind, "severity": severity, "text": str(number),
+             "uid": 0, "incident": incident, "number": number, "time": "12:00:00"}
+            for number, (visit, kind, severity, incident) in enumerate(sentences, 1)]
+    state = read(good(), story={"visit": None, "sentences": rows})
+    return [line.replace("12:00:00  ", "") for line in status_tool.lines(state, False)[2:-1]]
+
+
+FAILS, HELPS = (1, "failure", "warning", 5.0), (1, "recovery", "info", 5.0)
+
+
+@pytest.mark.parametrize("sentences, lines", [
+    ([], []), ([HELPS], []), ([FAILS], ["1"]), ([FAILS, HELPS], ["1; 2"]),
+    ([HELPS, FAILS, HELPS, HELPS], ["2; 4"]),
+    ([FAILS, (2, *FAILS[1:]), HELPS], ["1; 3", "2"]),
+    ([(1, "notice", "error", 0.0), (1, "notice", "info", 0.0), (1, "notice", "error", 0.0)],
+     ["1", "3"]),
+    # how the robot is has lines of its own; that it is well again belongs to the incident
+    ([(1, "health", "warning", 5.0)], []),
+    ([FAILS, (1, "health", "warning", 5.0)], ["1"]),
+    ([FAILS, (1, "health", "info", 5.0)], ["1; 2"]),
+    ([(1, "notice", "error", float(number)) for number in range(1, 8)], list("34567"))])
+def test_what_went_wrong_is_a_line_for_each_incident(sentences, lines):
+    assert told(*sentences) == lines
+
+
 def test_how_the_run_ended_is_in_the_first_line():
     rig = Rig(answer=lambda request: None if isinstance(request, GoTo) else NotImplemented)
     board = board_of(rig)

@@ -20,20 +20,22 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Prompt, Say, SetAttention)
 from behavior_controller.execution.fold import KEPT
 from behavior_controller.execution.state import (
-    BROKEN_OFF, LEFT, LEFT_OUT, COMPLETED, UNDER_WAY, Reason)
+    BROKEN_OFF, DONE_ALL, FAILED, GAVE_UP, LEFT, LEFT_OUT, COMPLETED, NOTICED, UNDER_WAY, Reason,
+    Step, Stop, Visit)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.monitoring.moment import card
 from behavior_controller.monitoring.parts import card_line
 from behavior_controller.monitoring.story import (
-    KINDS, Story, condition, stop_name, how_it_ended, ordinal, safe_state, why as in_words,
-    why_failed)
+    KINDS, Story, completed, condition, conditions, counted, stop_name, how_it_ended, ordinal,
+    safe_state, step_words, why as in_words, why_failed)
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.replay import read_record, replay
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 
 
-HAS_LEFT = in_words(Reason(LEFT))
+HAS_GONE = Reason(LEFT)
+HAS_LEFT = in_words(HAS_GONE)
 
 
 def now_of(state, at):
@@ -725,6 +727,10 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
     ([begins(3)], recovered("skipped", failure=replace(BUSY, message="a motor failed"), attempts=1),
      "warning", "went on without Navigate, which failed 2 times: refused (/go)",
      (3, "tour/go")),
+    ([begins(3)], recovered("skipped", failure=Failure(Cause.UNUSABLE_ANSWER, "a motor failed"),
+                            attempts=0),
+     "warning", "went on without Navigate, which failed: unusable answer, a motor failed",
+     (3, "tour/go")),
     ([START, exhibit("begun"), exhibit("omitted", 2)], recovered("given up"), "error",
      "gave up: Navigate failed 3 times: refused (/go)", (0, "tour/go")),
     ([START, exhibit("begun"), exhibit("omitted"), recovered("given up"), exhibit("omitted")],
@@ -743,6 +749,14 @@ def test_the_sentence_about_an_event(before, event, severity, text, leads_to):
     assert (told.at, told.visit, told.severity, told.text, told.kind
             in KINDS) == (60.0, int(START in before), severity, text, True)
     assert (told.uid, told.path) == (leads_to or (0, ""))
+
+
+@pytest.mark.parametrize("before, texts", [
+    ([], []), ([START], []), ([START, ARRIVED], ["visitor 1: the robot was stopped"]),
+    ([START, ARRIVED, PassFinished(1, "SUCCESS", 1.0)], [])])
+def test_a_visit_that_is_stopped_has_a_sentence_if_a_visitor_came(before, texts):
+    told = story_of(*before).take(60.0, RunFinished("stopped", 3))
+    assert [sentence.text for sentence in told] == texts + ["ends: stopped (exit code 3)"]
 
 
 @pytest.mark.parametrize(
@@ -1015,6 +1029,87 @@ def test_a_weaker_trouble_has_no_sentence_while_a_stronger_one_lasts():
 def test_the_trouble_of_a_master_in_few_words(respect, words):
     change = HealthChanged("master", "http://m:11311", "", False, "is asleep", "so", respect)
     assert condition(change).endswith(words)
+
+
+def ill(kind, name, respect, status="does not answer"):
+    return HealthChanged(kind, name, "", False, status, "", respect)
+
+
+@pytest.mark.parametrize("changes, words", [
+    ([], ""),
+    ([ill("service", "/a", GONE)], "/a is gone"),
+    ([ill("service", "/a", "", "odd")], "/a is odd"),
+    ([ill("service", "/a", "", "")], "/a"),
+    ([ill("service", "/a", GONE), ill("topic", "/b", GONE)], "/a and /b are gone"),
+    ([ill("service", "/a", GONE), ill("service", "/b", FAILING), ill("topic", "/c", GONE)],
+     "/a and /c are gone; /b is failing"),
+    ([ill("service", "/a", GONE), ill("topic", "/b", GONE), ill("service", "/c", GONE)],
+     "/a, /b and /c are gone"),
+    ([ill("service", "/a", GONE), ill("topic", "/b", GONE), ill("service", "/c", GONE),
+      ill("action", "/d", GONE)], "2 services, 1 topic and 1 action are gone"),
+    # the master's trouble is not that of a service
+    ([ill("master", "http://m", GONE), ill("service", "/a", GONE), ill("service", "/b", GONE)],
+     "the ROS master does not answer; /a and /b are gone"),
+    ([ill("master", "http://m", GONE), ill("master", "http://n", NEW)],
+     "the ROS master does not answer; the ROS master is new")])
+def test_the_troubles_of_the_robot_in_few_words(changes, words):
+    assert conditions(changes) == words
+
+
+@pytest.mark.parametrize("outcomes, words", [
+    ({}, "no visit completed"), ({"SUCCESS": 1}, "1 visit, none failed"),
+    ({"SUCCESS": 2, "FAILURE": 1}, "3 visits, 1 failed"),
+    ({"FAILURE": 2, "": 1}, "3 visits, 2 failed, the last one was stopped")])
+def test_how_many_visits_there_were(outcomes, words):
+    assert counted(outcomes) == words
+
+
+ARM = Stop(1, 3, "arm", COMPLETED, None, 1.0)
+CUP = Stop(2, 3, "cup", BROKEN_OFF, HAS_GONE, 1.0, noun="exhibit")
+
+
+@pytest.mark.parametrize("stops, why, words", [
+    ((), None, ""), ((ARM,), None, ""),
+    ((), Reason(DONE_ALL), "done"),
+    ((), Reason(GAVE_UP, "Go", BUSY, 2), "gave up: Go failed 2 times: refused (/go)"),
+    ((), Reason(FAILED, "Go", BUSY, 2), "Go failed 2 times: refused (/go)"),
+    ((), Reason(FAILED), "it failed"),
+    ((ARM,), Reason(DONE_ALL), "done at stop 1 of 3, arm"),
+    ((replace(ARM, number=3),), Reason(DONE_ALL), "done, 1 of 3 stops completed"),
+    ((ARM, replace(CUP, number=3)), Reason(DONE_ALL), "done, 1 of 3 exhibits completed"),
+    ((ARM, CUP), HAS_GONE, "ended at exhibit 2 of 3, cup: the visitor left"),
+    ((ARM, CUP), Reason(GAVE_UP, "Go", BUSY),
+     "ended at exhibit 2 of 3, cup: Go failed: refused (/go)"),
+    ((CUP, ARM), HAS_GONE, "the visitor left")])
+def test_how_a_visit_ended(stops, why, words):
+    assert how_it_ended(Visit(1, 0.0, stops=stops, why=why)) == words
+
+
+def test_how_far_a_visit_came():
+    assert completed(Visit(1, 0.0)) == ""
+    assert completed(Visit(1, 0.0, stops=(ARM, ARM, CUP))) == "2 of 3 exhibits completed"
+    assert completed(Visit(1, 0.0, stops=(CUP, ARM))) == "1 of 3 stops completed"
+
+
+@pytest.mark.parametrize("reason, words", [
+    (None, ""), (HAS_GONE, "the visitor left"),
+    (replace(HAS_GONE, blind=ill("topic", "/f", GONE)), "the visitor could not be seen: /f is gone"),
+    (Reason(FAILED, blind=ill("topic", "/f", GONE)), "it failed: /f is gone"),
+    (Reason(FAILED, policy="no retry is left"), "no retry is left; it failed"),
+    (Reason(FAILED, "Go", BUSY, without="Look"), "Go failed: refused (/go)"),
+    (Reason(FAILED, "See", NO_FACE, without="Look"), "no face: went on without Look"),
+    (Reason(FAILED, "See", NO_FACE, 3), "no face"),
+    (Reason(NOTICED, text="so \x1b"), "so \\x1b")])
+def test_why_something_ended(reason, words):
+    assert in_words(reason) == words
+
+
+@pytest.mark.parametrize("step, words", [
+    (("driving", "to Arm", ""), "driving to Arm"), (("driving", "", ""), "driving"),
+    (("driving", "to Arm", "3 m left"), "driving to Arm (3 m left)")])
+def test_what_a_step_does(step, words):
+    doing, what, feedback = step
+    assert step_words(Step(doing, 0.0, 0.0, 1, False, what=what, feedback=feedback)) == words
 
 
 def test_a_visitor_is_not_blamed_for_what_the_robot_went_on_without():
