@@ -47,8 +47,8 @@ def package_folders(most: Optional[int] = None) -> Iterator[str]:
             yield folder
         if MANIFEST in files or any(name in files for name in _IGNORED):
             inner.clear()
-        inner[:] = sorted(name for name in inner
-                          if not name.startswith(".") and _is_new(os.path.join(folder, name), seen))
+        inner[:] = [name for name in sorted(inner)
+                    if not name.startswith(".") and _is_new(os.path.join(folder, name), seen)]
 
 
 def _roots() -> List[str]:

@@ -40,6 +40,13 @@ def test_a_command_ignores_what_roslaunch_adds():
     assert parsed("a", "__name:=x", "__log:=y", "./b:=c") == ["a", "./b:=c"]
 
 
+def test_a_command_reads_the_words_that_follow_its_name(monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["tool", "a", "b", "__log:=y"])
+    parser = argparse.ArgumentParser()
+    parser.add_argument("files", nargs="*")
+    assert ros_arguments.parse(parser).files == ["a", "b"]
+
+
 def test_a_command_refuses_other_words_of_ros(capsys):
     with pytest.raises(SystemExit) as raised:
         parsed("a", "_verbose:=1")

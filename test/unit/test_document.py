@@ -461,6 +461,18 @@ def test_where_a_ros_package_is(tmp_path, monkeypatch, name, found):
     assert package_folder(name) == (found and str(tmp_path / found))
 
 
+def test_packages_behind_links_are_found_once_and_a_circle_ends(tmp_path, monkeypatch):
+    packages_below(tmp_path, "root/z=z", "else/c=c", "else/d/e=e")
+    for name in ("a", "b"):
+        (tmp_path / "root" / name).symlink_to(tmp_path / "else")
+    (tmp_path / "else" / "circle").symlink_to(tmp_path / "root")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "root"))
+    found = [os.path.relpath(folder, str(tmp_path / "root"))
+             for folder in ros_packages.package_folders()]
+    assert {"a/c", "a/d/e", "z"} <= set(found)
+    assert not any(folder.startswith("b") for folder in found)
+
+
 @pytest.mark.parametrize("most, found", [(3, None), (4, "b")])
 def test_the_number_of_folders_where_packages_are_looked_for_has_an_end(
         tmp_path, monkeypatch, most, found):

@@ -58,3 +58,27 @@ def test_a_mission_with_and_without_its_extension():
         "lab_tour.xml")
     assert os.path.isfile(folders.mission("lab_tour"))
     assert os.path.isfile(folders.config("recoveryPolicy.ini"))
+
+
+def test_a_mission_may_have_a_file_of_its_own(tmp_path):
+    shared, own = str(tmp_path / "phrases.ini"), tmp_path / "reception_phrases.ini"
+    assert folders.of_mission(shared, "reception") == shared
+    own.write_text("")
+    assert folders.of_mission(shared, "reception") == str(own)
+    assert folders.of_mission(shared, "tour") == folders.of_mission(shared, "") == shared
+
+
+def test_the_name_of_a_mission_is_that_of_its_file():
+    assert folders.mission_name("/data/lab_tour.xml") == folders.mission_name("lab_tour")
+    assert folders.mission_name("/data/lab_tour.xml") == "lab_tour"
+
+
+@pytest.mark.parametrize("variables, records", [
+    ({}, "/home/x/.ros/log"), ({"ROS_HOME": ""}, "/home/x/.ros/log"),
+    ({"ROS_HOME": "/ros"}, "/ros/log"), ({"ROS_HOME": "/ros", "ROS_LOG_DIR": "/logs"}, "/logs")])
+def test_records_are_among_the_logs_of_ros(monkeypatch, variables, records):
+    for name in ("ROS_HOME", "ROS_LOG_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in dict(variables, HOME="/home/x").items():
+        monkeypatch.setenv(name, value)
+    assert folders.records() == records + "/behaviorController_records"

@@ -215,6 +215,8 @@ SCRIPTS = {  # what the first Script says, and what follows it -> line and code 
     "a word that is an entry": (SEQUENCE.format("not := 1; given := not", ""), []),
     "no effect": (SEQUENCE.format("given := 1;\n given == 1; given == 2", ""), [
         (4, "script-no-effect")]),
+    "no effect, of an entry that is not written": (
+        SEQUENCE.format("a := 1", '<Script code="lost == 1"/>'), [(4, "script-no-effect")]),
     "two conditions": (SEQUENCE.format(
         "given := 1", '<ScriptCondition code="given == 1\n given == 2\n given == 3"/>'), [
         (4, "script-no-effect")]),
@@ -271,6 +273,49 @@ SCRIPTS = {  # what the first Script says, and what follows it -> line and code 
 def test_what_is_said_of_a_script(rule):
     body, expected = SCRIPTS[rule]
     assert [(line, code) for line, _, code in warnings(body)] == expected
+
+
+@pytest.mark.parametrize("written, is_told", [
+    ("n := 0; n = 1", False), ("n := 0x1; n = 0x0", False), ("n := 01", False),
+    ("n := 2", True), ("n := 1; n = 2", True), ("n := 0x10", True), ("n := 0X2", True),
+    ("n := 10", True), ("n := -1", True), ("n := 1; n = -1", True), ("n := -0.5", True),
+    ("n := 2.5; n = -0.5", True), ("n := 2.5", False), ("n := -0.0", False),
+    # the entry holds reals, of which all but negative ones are true or false
+    ("n := 2.5; n = 3", False),
+    ("n := 1 - 3", False), ("n := true", False), ("n := '1'", False), ("n := 'true'", False)])
+def test_a_number_that_is_neither_true_nor_false_is_told_where_a_script_needs_that(written,
+                                                                                   is_told):
+    body = '<Sequence>\n<Script code="{}"/>\n<ScriptCondition code="{}"/></Sequence>'
+    for code, needs_truth in (("n", True), ("n || true", True), ("false &amp;&amp; n", True),
+                              ("n == 1", False)):
+        found = [(line, rule) for line, _, rule in warnings(body.format(written, code))
+                 if rule == "number-as-truth"]
+        assert found == [(4, "number-as-truth")] * (is_told and needs_truth)
+
+
+@pytest.mark.parametrize("code, is_told", [
+    ("2", True), ("-1", True), ("-2.5", True), ("2.5", False), ("1", False), ("0", False),
+    ("given &amp;&amp; 3", True), ("3 || given", True), ("given + 3", False), ("!2", False)])
+def test_a_literal_is_told_that_is_neither_true_nor_false(code, is_told):
+    found = [rule for _, _, rule in warnings('<ScriptCondition code="{}"/>'.format(code))]
+    assert found == ["number-as-truth"] * is_told
+
+
+@pytest.mark.parametrize("operation, text", [
+    ("'x' * 2", "'x' * 2 calculates with a text"),
+    ("2 - word", "2 - word calculates with a text"),
+    ("(1 + 2) * word", "… * word calculates with a text"),
+    ("word - (1 + 2)", "word - … calculates with a text"),
+    ("'3' + '4'", "'3' + '4' joins two texts"),
+    ("word == 2", "word == 2 compares a text with a number"),
+    ("2 &lt; word", "2 &lt; word compares a text with a number"),
+    ("-word", "-word needs a number, and gets a text"),
+    ("!~'x'", "!~'x' needs a number, and gets a text"),
+    ("word + 'y'", None), ("word .. 2", None), ("-given", None), ("-3", None), ("'3' == 2", None),
+    ("given * 2", None), ("word == given", None), ("'x' + '4'", None)])
+def test_what_is_done_with_a_text_and_a_number_is_said(operation, text):
+    found = faults('<Script code="word := \'x\'; a := {}"/>'.format(operation))
+    assert [fault.text.replace("<", "&lt;") for fault in found] == [text] * (text is not None)
 
 
 def test_a_name_is_suggested_only_if_the_tree_itself_creates_it():
@@ -601,6 +646,10 @@ def test_a_literal_that_a_subtree_only_writes_is_read_by_no_port():
     ("<Sequence _onSuccess='n := 3'><Act/></Sequence><SetBlackboard output_key='n' value='x'/>",
      True),
     ("<SetBlackboard output_key='n' value='x'/><Script code='n := 3'/>", False),
+    ("<Fallback><Script code='n := 3'/><SetBlackboard output_key='n' value='x'/></Fallback>",
+     False),
+    ("<Script code='n := 3'/><Fallback><Cond/><SetBlackboard output_key='n' value='x'/></Fallback>",
+     True),
     ("<Sequence _onSuccess='n := 3'><SetBlackboard output_key='n' value='x'/></Sequence>", False),
     ("<Sequence _onSuccess='n := 3'><Act/><SetBlackboard output_key='n' value='x'/></Sequence>",
      False)])

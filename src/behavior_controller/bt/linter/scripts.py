@@ -183,7 +183,7 @@ def _no_truth(words: List[str]) -> str:
     integers = [word for word in words if word.isdecimal() or word[:2] in ("0x", "0X")]
     # an entry whose first value is a real holds reals, of which all but the negative ones are
     return negative or next((word for word in integers if len(integers) == len(words) and
-                             word not in ("0", "1")), "")
+                             word.lstrip("0xX") not in ("", "1")), "")
 
 
 def _wrong(operation: Operation, left: str, right: str) -> Optional[Tuple[str, str]]:
