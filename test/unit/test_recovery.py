@@ -193,6 +193,12 @@ def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
     assert [event.node for event in rig.of(Recovered)] == ["SayGoodByeSpeech"]
 
 
+def test_a_recovery_needs_no_list_of_exhibits_under_either_spelling():
+    recoveries = [spec for spec in leaves.SPECS if spec.is_recovery]
+    assert [spec.id for spec in recoveries] == ["HandleFallBack", "HandleFallback"]
+    assert all(port.is_optional for spec in recoveries for port in spec.ports)
+
+
 def test_the_budget_ends_endless_recovery():
     rig = one_leaf("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>",
                    failing(9999, Cause.NO_ANSWER))
