@@ -11,7 +11,7 @@ from behavior_controller import leaves
 from behavior_controller.bt.loader.tree_builder import load_text
 from behavior_controller.bt.engine.node import Node, TickError
 from behavior_controller.bt.engine.ports import literal_fault
-from behavior_controller.bt.registry import Kind, NodeSpec, Port
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.execution.events import LeafFinished, StepStarted, LeafSummary, StopChanged
@@ -343,12 +343,13 @@ def test_other_speeches_are_no_questions():
     assert rig.tree.blackboard.get("questionAskedAt") is None
 
 
-def test_the_entrance_has_a_gesture_target_and_home_has_none():
+@pytest.mark.parametrize("home", ["LookUpHome", "RetrieveInitialLocation"])
+def test_the_entrance_has_a_gesture_target_and_home_has_none(home):
     rig = one_leaf("<LookUpEntrance/>")
     assert rig.tick() is SUCCESS
     assert rig.tree.blackboard.get("targetLocation") == ENTRANCE.location
     assert rig.tree.blackboard.get("gestureTarget") == ENTRANCE.gesture
-    rig = one_leaf("<Sequence><LookUpEntrance/><LookUpHome/></Sequence>")
+    rig = one_leaf("<Sequence><LookUpEntrance/><{}/></Sequence>".format(home))
     assert rig.tick() is SUCCESS
     assert rig.tree.blackboard.get("targetLocation") == HOME.location
     assert rig.tree.blackboard.get("gestureTarget") is None
@@ -548,6 +549,11 @@ def test_the_failure_log_finds_the_newest_in_a_range():
     assert log.newest(1, 2, 0) is None
     assert log.newest(3, 4, 1) is None
     assert log.newest(4, 9, 0) is None
+
+
+def test_only_what_is_read_may_be_left_out():
+    ports = [port for spec in leaves.SPECS for port in spec.ports if port.is_optional]
+    assert ports and all(port.direction is not Direction.OUT for port in ports)
 
 
 def test_every_leaf_can_be_made_without_anything_running():

@@ -1,6 +1,7 @@
 """HandleFallBack and its policy: what is retried, left out, given up, and when the budget is spent.
 """
 import dataclasses
+from math import inf
 
 import pytest
 
@@ -192,6 +193,18 @@ def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
     assert [event.node for event in rig.of(Recovered)] == ["SayGoodByeSpeech"]
 
 
+def test_no_policy_skips_a_drive_or_what_says_where_to_drive():
+    assert {spec.id for spec in leaves.SPECS if spec.is_indispensable} == {
+        "Navigate", "RetrieveListOfExhibits", "SelectExhibit", "LookUpEntrance", "LookUpHome",
+        "RetrieveInitialLocation"}
+
+
+def test_a_recovery_needs_no_list_of_exhibits_under_either_spelling():
+    recoveries = [spec for spec in leaves.SPECS if spec.is_recovery]
+    assert [spec.id for spec in recoveries] == ["HandleFallBack", "HandleFallback"]
+    assert all(port.is_optional for spec in recoveries for port in spec.ports)
+
+
 def test_the_budget_ends_endless_recovery():
     rig = one_leaf("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>",
                    failing(9999, Cause.NO_ANSWER))
@@ -201,6 +214,24 @@ def test_the_budget_ends_endless_recovery():
     assert to_the_end(rig) is FAILURE
     rig.clock.advance(100.0)
     assert to_the_end(rig) is SUCCESS
+
+
+@pytest.mark.parametrize("most, times, allowed, again_at", [
+    (0, [0.0, 100.0], "--", inf), (1, [], "", -inf), (1, [0.0], "+", 6.0),
+    (1, [0.0, 5.9], "+-", 11.9), (1, [0.0, 6.0], "++", 12.0), (1, [0.0, 6.1], "++", 12.1),
+    (2, [0.0], "+", -inf), (2, [0.0, 1.0], "++", 6.0), (2, [0.0, 1.0, 5.9], "++-", 7.0),
+    (2, [0.0, 1.0, 6.0], "+++", 7.0), (2, [0.0, 1.0, 6.0, 7.0], "++++", 12.0)])
+def test_so_many_recoveries_may_begin_within_the_seconds_of_the_budget(most, times, allowed,
+                                                                       again_at):
+    rig = one_leaf("<HandleFallBack/>")
+    mission, found = rig.mission, []
+    mission.policy = dataclasses.replace(mission.policy, most=most, seconds=6.0)
+    for time in times:
+        rig.clock.set_to(1000.0 + time)
+        found.append(mission.afford_recovery())
+    assert found == [sign == "+" for sign in allowed]
+    assert mission.failures.is_budget_spent is ("-" in allowed)
+    assert mission.recovers_again_at() - 1000.0 == pytest.approx(again_at)
 
 
 def test_beyond_the_budget_nothing_is_retried():

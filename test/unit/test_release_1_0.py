@@ -174,6 +174,14 @@ def test_a_phrase_that_the_culture_file_lacks_is_told_at_load_and_by_validate_mi
     assert re.search(r"m\.xml:2:10: warning: .*\[phrase-missing\]", capsys.readouterr().out)
 
 
+@pytest.mark.parametrize("state", ["social", "scanning", "seeking", "disabled"])
+def test_only_the_mode_that_looks_at_a_place_needs_one(state):
+    element = "<SetOvertAttentionMode name='{}'/>".format(state)
+    rig = one_leaf(element, robotInterface=RELEASE)
+    assert rig.tick() is SUCCESS and rig.requests == [SetAttention(state)]
+    assert rig.tree.warnings == []
+
+
 def test_nothing_is_looked_at_where_there_is_nothing():
     for element in ("SetOvertAttentionMode name='location'", "LocationOvertAttentionMode"):
         rig, result = ran("<{} target='0;0;0'/>".format(element))

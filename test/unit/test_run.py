@@ -11,7 +11,8 @@ from behavior_controller.execution.events import (
     StepStarted, Suspended, Tick, LeafSummary, StopChanged, TreeNode, TreeShown)
 from behavior_controller.execution.fold import KEPT, fold
 from behavior_controller.execution.run import Run
-from behavior_controller.execution.state import FAILED, STOPPED, NodeResult, Reason, State
+from behavior_controller.execution.state import (
+    FAILED, STOPPED, NodeResult, Reason, RecoveryRound, State)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE, SLOW
 from behavior_controller.robot.requests import (
@@ -63,6 +64,11 @@ def test_a_run_without_events_says_nothing():
     state = Run().state
     assert (state.visit, state.step, state.stop, state.waits_for, state.held_by) == (None,) * 5
     assert Run().at(5.0) == State()
+    assert (state.visit_count, state.lost, state.omitted) == (0, 0, 0)
+    assert not (state.robot.is_lost or state.course.is_unclear or state.course.handler)
+    assert state.course.failed == (0, None)
+    nothing = RecoveryRound("", "", 1, 0.0)
+    assert (nothing.attempt, nothing.attempts, nothing.is_halted) == (0, 0, False)
 
 
 def test_a_visit_has_its_times_and_its_end():

@@ -427,6 +427,16 @@ def test_what_is_saved_while_it_is_read_is_checked_again_at_once(file, monkeypat
 # ----------------------------------------------------------------------- files that are no missions
 
 
+def test_the_phrases_that_a_mission_has_of_its_own_are_checked_with_it(file, monkeypatch):
+    mission, other = file("greeting.xml", TREE.format("Main", LEAF)), file(
+        "other.xml", TREE.format("Main", LEAF))
+    own = file("greeting_phrases_English.ini", "WelcomeSpeech")
+    monkeypatch.setattr(folders, "of_mission",
+                        lambda path, name: own if name == "greeting" else path)
+    assert {name for name, _, _ in told(mission)} == {"greeting_phrases_English.ini"}
+    assert told(other) == []
+
+
 def test_a_palette_without_node_types_is_told(file):
     path = file("p.xml", "<TreeNodesModel/>")
     assert told(path) == [("p.xml", 2, "palette-empty")]
