@@ -5,13 +5,15 @@ from types import SimpleNamespace
 
 import pytest
 
+from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.bt.status import FAILURE, RUNNING
 from behavior_controller.execution.events import HealthChanged, Line, Noticed
 from behavior_controller.execution.run import Run
-from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.gateway import Cause, Failure, Sample
 from behavior_controller.robot.requests import Answer, Say, SetAttention
 
 from unit_tests.judge.comparison import Query
-from unit_tests.judge.signs import JournalMessages, SignSearch, objections
+from unit_tests.judge.signs import JournalMessages, Signs, SignSearch, objections
 from unit_tests.judge.witness import Witness
 from unit_tests.robot.journal import JournalEntry
 
@@ -351,3 +353,33 @@ def test_a_search_that_goes_on_lasts_until_the_end_of_the_run(is_waiting):
                         BEGAN + NOW + 5.0)
     assert [words.partition(": ")[0] for words in missed if words] == [
         UNSEEN.format(STATE, "4.0")] * is_waiting
+
+
+def test_a_search_goes_on_while_its_node_waits_for_the_same_sign():
+    clock, signs = ManualClock(10.0), Signs()
+    topic = stage().settings.interface.topic(STATE)
+    node = SimpleNamespace(uid=5, status=RUNNING, parent=None)
+
+    def traversal(at, **facts_of):
+        clock.set_to(at)
+        if facts_of:
+            node.status = facts_of.get("status", RUNNING)
+            signs.searched(node, topic, [Sample(0, at - 0.5)], facts_of.get("after", 1.0),
+                           lambda value: False, facts_of.get("has_sign", False))
+        signs.end_traversal()
+        return [(search.at, search.until) for search in signs.searches], list(signs.waiting)
+    signs.begin(clock, BEGAN)
+    assert traversal(10.0, after=1.0) == ([(10.0, 10.0)], [5])
+    assert traversal(12.0, after=1.0) == ([(10.0, 12.0)], [5])
+    # it was asked something else
+    assert traversal(13.0, after=2.0) == ([(10.0, 13.0), (13.0, 13.0)], [5])
+    # it was halted
+    assert traversal(15.0) == ([(10.0, 13.0), (13.0, 15.0)], [])
+    assert traversal(16.0) == ([(10.0, 13.0), (13.0, 15.0)], [])
+    # it has its sign, or has given up
+    assert traversal(17.0, has_sign=True)[1] == traversal(18.0, status=FAILURE)[1] == []
+    assert [search.until for search in signs.searches[2:]] == [17.0, 18.0]
+    assert [search.newest for search in signs.searches] == [9.5, 12.5, 16.5, 17.5]
+    assert traversal(19.0, after=1.0)[1] == [5]
+    signs.begin(clock, BEGAN)  # another mission
+    assert traversal(30.0)[1] == [] and signs.searches[-1].until == 19.0
