@@ -10,7 +10,8 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import recovery_policy, settings
 from behavior_controller.execution.events import (
     Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished, PassStarted,
-    SafeStateReported, StillHearing, StopChanged, Suspended, Tick)
+    RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended, Tick, TreeShown)
+from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.replay import replay
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import GoTo, Say
@@ -670,3 +671,72 @@ def test_what_was_to_come_after_the_record_of_a_step_ends_is_named():
         replace(line, event=replace(last, changes=[*last.changes, (9, "S")]))
         if line.event is last else line])
     assert "nothing more had to be; on record is node 9 SUCCESS" in objections(foreign)[0]
+
+
+def test_a_step_that_has_changed_something_is_followed_by_the_next_one_at_once():
+    """Though the timer that it set is due later."""
+    of_test = of_mission('<Sleep msec="9000"/>')
+    second = times(of_test, Tick)[1][1]
+    late = changed(of_test, lambda line: [
+        Line(line.time + 5.0, replace(second, at=second.at + 5.0))
+        if line.event is second else line])
+    assert re.match(r"pass 1, 5\.0 s: Sleep\S* was due 5\.0 s before$", objections(late)[0])
+
+
+def test_what_is_due_at_the_end_of_a_test_is_no_wait_for_the_visitor():
+    of_test = of_mission('<Parallel><IsYesNoUttered/><Sleep msec="30000"/></Parallel>',
+                         chosen={"conditionWait": 3000.0}, visitor_behaviour="silent",
+                         test_timeout=900.0)
+    cut_off = of_test.cut_off
+    assert of_test.has_timed_out and judge(of_test).passed  # it has waited for long enough
+    lines = [line for line in of_test.run.lines if line.time < 6020.0]
+    wait, = objections(of_test._replace(run=Run(lines), journal=[
+        line for line in of_test.journal if line.time < 6020.0]))
+    assert wait.startswith(f"{cut_off}; IsYesNoUttered has waited 20 s for a sign of the visitor")
+    overdue, goes_on = objections(of_test._replace(run=Run(lines)))
+    assert " was due " in overdue and goes_on.startswith(f"{cut_off}; ")
+    assert goes_on.endswith(" goes on") and "Sleep" in goes_on
+
+
+SPEECHES = """<RetrieveListOfExhibits/><SelectExhibit/><SayText name="1"/>
+<DescribeExhibitSpeech_1/><PerformIconicGesture name="welcome"/>"""
+
+
+@pytest.mark.parametrize("chosen, faults, waits", [
+    ({"waitForSpeech": "none"}, (), (False, False)),
+    ({"waitForSpeech": "descriptions"}, (), (False, True)),
+    ({"waitForSpeech": "all"}, (), (True, True)),
+    ({"waitForSpeech": "all"}, ["textToSpeech:1"], (False, True)),
+    ({"waitForSpeech": "all"}, ["textToSpeech:2"], (True, False))])
+def test_the_speech_of_release_1_0_is_waited_for_as_long_as_it_takes(chosen, faults, waits):
+    """In English it answers at once; a word takes half a second here."""
+    steps = "".join(f"<ForceSuccess>{step}/></ForceSuccess>" for step in SPEECHES.split("/>")[:-1])
+    text = MISSION.format("StartOfTree", steps)
+    on = settings.defaults(**RELEASE, speechPace=2.0, **chosen)
+    of_test = facts(faults, on=Stage(on, [parse(text)]))
+    asked = [(time, event.request) for time, event in times(of_test, Asked)][1:4]
+    gaps = [later - time for (time, _), (later, _) in zip(asked, asked[1:])]
+    seconds = [len(request.text.split()) / 2.0 for _, request in asked[:2]]
+    assert gaps == pytest.approx([length * is_waited for length, is_waited in zip(seconds, waits)],
+                                 abs=0.1)
+    assert objections(of_test) == ()
+
+
+# -------------------------------------------------------------------------------- several missions
+
+
+def test_a_mission_may_be_replaced_before_its_first_pass():
+    of_test = of_mission("<WelcomeSpeech/>")
+    lines = of_test.run.lines
+    begun = [isinstance(line.event, PassStarted) for line in lines].index(True)
+    assert objections(of_test._replace(run=Run(lines[:begun] + lines))) == ()
+
+
+def test_what_is_on_record_before_the_mission_begins_is_not_judged():
+    of_test = of_mission("<WelcomeSpeech/>")
+    lines = of_test.run.lines
+    begun = [isinstance(line.event, (TreeShown, RunStarted)) for line in lines].index(True)
+    earlier = [Line(line.time - 100.0, line.event) for line in lines[begun:]
+               if not isinstance(line.event, (TreeShown, RunStarted))]
+    unjudged = of_test._replace(run=Run(earlier + lines))
+    assert Case(unjudged).execution.difference == ""

@@ -60,6 +60,8 @@ A_AGAIN = ("a", 1.0, 3.0, None)
     ([A_HALTED, B], [("a", 1.5), ("b", 1.9)], [0, 1]),
     ([A_HALTED, B], [("a", 1.5)], [0, None]),
     ([A_HALTED, B], [("a", 2.1), ("b", 2.2)], [None, 0]),
+    ([A_HALTED, B], [("a", 2.0), ("b", 2.2)], [0, 1]),
+    ([A_HALTED, B], [("x", 1.0), ("b", 1.5)], [0, 1]),
     # it never reaches it
     ([A_HALTED, B], [("b", 1.5)], [None, 0]),
     ([A_HALTED, B], [("b", 1.5), ("x", 1.9)], [None, 0]),
@@ -67,6 +69,7 @@ A_AGAIN = ("a", 1.0, 3.0, None)
     # the next one is the same
     ([A_HALTED, A_AGAIN], [("a", 1.5)], [None, 0]),
     ([A_HALTED, A_AGAIN], [("a", 1.5), ("a", 1.9)], [0, 1]),
+    ([A_HALTED, A_AGAIN], [("a", 1.5), ("a", 3.0)], [0, 1]),
     ([A_HALTED, A_AGAIN], [("a", 1.5), ("a", 3.1)], [None, 0]),
     ([A_HALTED, ("a", 1.0, 1.1, Cause.NOT_REACHABLE)], [("a", 1.5)], [0, None])])
 def test_a_request_that_is_halted_may_reach_its_node_after_the_next_one_or_never(
@@ -85,7 +88,7 @@ def test_a_request_that_fails_before_its_node_has_it_leaves_the_line_to_the_next
     assert lines_of(queries, [("a", 0.3, fault)]) == ([0, None] if may_reach else [None, 0])
 
 
-@pytest.mark.parametrize("at, is_its", [(-0.3, False), (-0.2, True), (1.2, True), (1.3, False)])
+@pytest.mark.parametrize("at, is_its", [(-0.3, False), (-0.25, True), (1.25, True), (1.3, False)])
 def test_a_request_is_on_record_shortly_before_its_node_gets_it_and_after_it_answers(at, is_its):
     assert lines_of([("a", 0.0, 1.0, None)], [("a", at)]) == [0 if is_its else None]
 
