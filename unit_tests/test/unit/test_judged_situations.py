@@ -10,7 +10,8 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import recovery_policy, settings
 from behavior_controller.execution.events import (
     Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished, PassStarted,
-    SafeStateReported, StillHearing, StopChanged, Tick)
+    RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended, Tick, TreeShown)
+from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.replay import replay
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import GoTo, Say
@@ -515,3 +516,228 @@ def test_a_test_that_ends_while_the_mission_waits_for_a_service_has_passed():
     assert [event.number for _, event in times(under_way, PassStarted)] == [1, 2]
     text, = objections(under_way)
     assert text.startswith("the mission did not end within 6 s; Sleep")
+
+
+SHORT_PASS = 1.0
+"""Seconds from the end of a short pass to the next one, and to its pause."""
+
+
+def test_the_pause_after_passes_that_fail_for_a_spent_budget_doubles_until_one_succeeds():
+    """10 s at first and 15 s at most; the first pass spends the budget."""
+    with policy("budget 1 600\npause 10 15\n* * 0 0 giveUp\n"):
+        of_test = of_mission(STEP, ["textToSpeech:{}".format(call) for call in (1, 2, 3, 4, 6)],
+                             mission_runs=7)
+    ended = [(time, event.outcome) for time, event in times(of_test, PassFinished)]
+    began = [time for time, _ in times(of_test, PassStarted)]
+    assert [outcome for _, outcome in ended] == ["FAILURE"] * 4 + ["SUCCESS", "FAILURE", "SUCCESS"]
+    gaps = [begin - end - SHORT_PASS for begin, (end, _) in zip(began[1:], ended)]
+    assert gaps == pytest.approx([0.0, 10.0, 15.0, 15.0, 0.0, 10.0], abs=0.01)
+    assert objections(of_test) == ()
+    for number, begin in enumerate(began[1:], 2):
+        early = objections(changed(of_test, from_then_on(begin, -0.1)))
+        assert any(f"pass {number}, " in text and "0.1 s too early" in text for text in early)
+        late = objections(changed(of_test, from_then_on(begin, 1.5)))
+        assert any(f"pass {number} was due 1.5 s before" in text for text in late)
+
+
+# ------------------------------------------------------------------------------ what an operator does
+
+
+def due(of_test):
+    """Return the objections to what came too late."""
+    return tuple(text for text in objections(of_test)
+                 if re.search(r" was due [\d.]+ s before$", text))
+
+
+def held(of_test, at, seconds, late=0.0):
+    """Return facts of a run that was held at a time for so many seconds, and went on some seconds
+    too late."""
+    def hold(line):
+        if line.time >= at and not begun:
+            begun.append(line)
+            yield Line(at, Suspended("an operator holds it"))
+            yield Line(at + seconds, Suspended(""))
+        yield from from_then_on(at, seconds + late)(line)
+    begun = []
+    return changed(of_test, hold)
+
+
+@pytest.mark.parametrize("place", ["between two steps", "between two passes"])
+def test_a_run_that_is_held_goes_on_as_soon_as_it_is_let_go(place):
+    of_test = of_mission('<Sleep msec="500"/><Sleep msec="500"/>', chosen={"rosInterface": True},
+                         **TWO_PASSES)
+    at = times(of_test, PassStarted)[1][0] if "passes" in place else 6000.7
+    assert objections(of_test) == () == due(held(of_test, at, 30.0))
+    assert due(changed(of_test, from_then_on(at, 30.0))) != ()
+    text, = due(held(of_test, at, 30.0, 2.0))
+    assert ": the mission was due " in text
+
+
+def test_a_run_that_nobody_can_hold_is_not_held():
+    of_test = held(of_mission('<Sleep msec="1000"/>'), 6000.7, 30.0)
+    assert any("an operator holds it, and there is no way to ask for that" in text
+               for text in objections(of_test))
+
+
+# -------------------------------------------------------------------------- what is on record amiss
+
+
+@pytest.mark.parametrize("change", [{"uid": 0}, {"uid": 5}, {"uid": 4}, {"node": "FollowMeSpeech"},
+                                    {"path": "x"}, {"uid": -1}])
+def test_an_end_is_on_record_with_the_number_path_and_type_of_its_node(change):
+    """The mission has four nodes."""
+    of_test = of_mission("<WelcomeSpeech/><WelcomeGesture/>")
+    ended, = [event for _, event in times(of_test, LeafFinished) if event.node == "WelcomeSpeech"]
+    wrong = replace(ended, **change)
+    found = objections(changed(of_test, lambda line: [
+        replace(line, event=wrong) if line.event is ended else line]))
+    assert any(f": node {wrong.uid} is not {wrong.node} {wrong.path}" in text for text in found)
+
+
+@pytest.mark.parametrize("seconds", [-1.25, -0.9, 0.9, 1.25])
+def test_a_pass_lasts_as_long_as_its_clock_says(seconds):
+    of_test = of_mission('<Sleep msec="3000"/>')
+
+    def other(line):
+        is_end = isinstance(line.event, PassFinished)
+        event = replace(line.event, seconds=line.event.seconds + seconds) if is_end else line.event
+        return [replace(line, event=event)]
+    found = any(f"the pass took 3.0 s; on record are {3 + seconds:.1f} s" in text
+                for text in objections(changed(of_test, other)))
+    assert found is (abs(seconds) > 1.0)
+
+
+@pytest.mark.parametrize("seconds, is_wrong", [(-0.1, True), (0.0, False), (0.9, False),
+                                               (1.1, True)])
+def test_the_first_step_of_a_pass_comes_within_a_second(seconds, is_wrong):
+    """By the mission's clock."""
+    of_test = of_mission("<WelcomeSpeech/>")
+    first = times(of_test, Tick)[0][1]
+    later = changed(of_test, from_then_on(times(of_test, PassStarted)[0][0], 5.0))
+    assert any("the first pass was due 5.0 s before" in text for text in objections(later))
+
+    def begun_before(line):
+        is_begin = isinstance(line.event, PassStarted)
+        event = replace(line.event, at=first.at - seconds) if is_begin else line.event
+        return [replace(line, event=event)]
+    found = objections(changed(of_test, begun_before))
+    words = f"the pass began at {first.at - seconds:.1f} s, its first step came at {first.at:.1f} s"
+    assert any(words in text for text in found) is is_wrong
+
+
+def test_before_the_first_pass_nothing_is_asked():
+    of_test = of_mission("<WelcomeSpeech/>")
+    asked = times(of_test, Asked)[0][1]
+
+    def sooner(line):
+        if line.event is asked:
+            return []
+        return [replace(line, event=asked)] * isinstance(line.event, PassStarted) + [line]
+    assert any("before the pass nothing is due; what was asked: saying “Hello, " in text
+               for text in objections(changed(of_test, sooner)))
+
+
+def test_a_request_in_the_middle_of_a_step_is_placed_after_the_one_before():
+    of_test = of_mission("<WelcomeSpeech/>")
+    asked = times(of_test, Asked)[0][1]
+    more = replace(asked, call=asked.call + 90, request=Say("Psst"))
+    found = objections(changed(of_test, lambda line: [line] + [
+        replace(line, event=more)] * (line.event is asked)))
+    assert any("after WelcomeSpeech, while WelcomeSpeech goes on, nothing more was due; what was "
+               "asked: saying “Psst”" in text for text in found)
+    again = objections(changed(of_test, lambda line: [line] + [
+        replace(line, event=replace(more, request=asked.request))] * (line.event is asked)))
+    assert any(text.endswith("”, as WelcomeSpeech did before") for text in again)
+
+
+def test_what_was_due_is_placed_after_the_leaf_that_ended_in_the_same_step():
+    of_test = of_mission("<WelcomeSpeech/>")
+    silent = changed(of_test, lambda line: [] if isinstance(line.event, Asked) else [line])
+    assert ": after START_OF_TREE, WelcomeSpeech was due: saying “Hello" in objections(silent)[0]
+    first = changed(of_mission("<AlwaysSuccess/>"), lambda line: [
+        replace(line, event=replace(line.event, changes=[(1, "S")]))
+        if isinstance(line.event, Tick) else line])
+    assert "0.0 s: Sequence of START_OF_TREE had to be RUNNING; on record is Sequence of " \
+        "START_OF_TREE SUCCESS" in objections(first)[0]
+
+
+def test_what_was_to_come_after_the_record_of_a_step_ends_is_named():
+    of_test = of_mission("<AlwaysSuccess/>")
+    last = times(of_test, Tick)[-1][1]
+    shorter = changed(of_test, lambda line: [
+        replace(line, event=replace(last, changes=last.changes[:-1]))
+        if line.event is last else line])
+    assert "had to be SUCCESS; on record is nothing" in objections(shorter)[0]
+    foreign = changed(of_test, lambda line: [
+        replace(line, event=replace(last, changes=[*last.changes, (9, "S")]))
+        if line.event is last else line])
+    assert "nothing more had to be; on record is node 9 SUCCESS" in objections(foreign)[0]
+
+
+def test_a_step_that_has_changed_something_is_followed_by_the_next_one_at_once():
+    """Though the timer that it set is due later."""
+    of_test = of_mission('<Sleep msec="9000"/>')
+    second = times(of_test, Tick)[1][1]
+    late = changed(of_test, lambda line: [
+        Line(line.time + 5.0, replace(second, at=second.at + 5.0))
+        if line.event is second else line])
+    assert re.match(r"pass 1, 5\.0 s: Sleep\S* was due 5\.0 s before$", objections(late)[0])
+
+
+def test_what_is_due_at_the_end_of_a_test_is_no_wait_for_the_visitor():
+    of_test = of_mission('<Parallel><IsYesNoUttered/><Sleep msec="30000"/></Parallel>',
+                         chosen={"conditionWait": 3000.0}, visitor_behaviour="silent",
+                         test_timeout=900.0)
+    cut_off = of_test.cut_off
+    assert of_test.has_timed_out and judge(of_test).passed  # it has waited for long enough
+    lines = [line for line in of_test.run.lines if line.time < 6020.0]
+    wait, = objections(of_test._replace(run=Run(lines), journal=[
+        line for line in of_test.journal if line.time < 6020.0]))
+    assert wait.startswith(f"{cut_off}; IsYesNoUttered has waited 20 s for a sign of the visitor")
+    overdue, goes_on = objections(of_test._replace(run=Run(lines)))
+    assert " was due " in overdue and goes_on.startswith(f"{cut_off}; ")
+    assert goes_on.endswith(" goes on") and "Sleep" in goes_on
+
+
+SPEECHES = """<RetrieveListOfExhibits/><SelectExhibit/><SayText name="1"/>
+<DescribeExhibitSpeech_1/><PerformIconicGesture name="welcome"/>"""
+
+
+@pytest.mark.parametrize("chosen, faults, waits", [
+    ({"waitForSpeech": "none"}, (), (False, False)),
+    ({"waitForSpeech": "descriptions"}, (), (False, True)),
+    ({"waitForSpeech": "all"}, (), (True, True)),
+    ({"waitForSpeech": "all"}, ["textToSpeech:1"], (False, True)),
+    ({"waitForSpeech": "all"}, ["textToSpeech:2"], (True, False))])
+def test_the_speech_of_release_1_0_is_waited_for_as_long_as_it_takes(chosen, faults, waits):
+    """In English it answers at once; a word takes half a second here."""
+    steps = "".join(f"<ForceSuccess>{step}/></ForceSuccess>" for step in SPEECHES.split("/>")[:-1])
+    text = MISSION.format("StartOfTree", steps)
+    on = settings.defaults(**RELEASE, speechPace=2.0, **chosen)
+    of_test = facts(faults, on=Stage(on, [parse(text)]))
+    asked = [(time, event.request) for time, event in times(of_test, Asked)][1:4]
+    gaps = [later - time for (time, _), (later, _) in zip(asked, asked[1:])]
+    seconds = [len(request.text.split()) / 2.0 for _, request in asked[:2]]
+    assert gaps == pytest.approx([length * is_waited for length, is_waited in zip(seconds, waits)],
+                                 abs=0.1)
+    assert objections(of_test) == ()
+
+
+# -------------------------------------------------------------------------------- several missions
+
+
+def test_a_mission_may_be_replaced_before_its_first_pass():
+    of_test = of_mission("<WelcomeSpeech/>")
+    lines = of_test.run.lines
+    begun = [isinstance(line.event, PassStarted) for line in lines].index(True)
+    assert objections(of_test._replace(run=Run(lines[:begun] + lines))) == ()
+
+
+def test_what_is_on_record_before_the_mission_begins_is_not_judged():
+    of_test = of_mission("<WelcomeSpeech/>")
+    lines = of_test.run.lines
+    begun = [isinstance(line.event, (TreeShown, RunStarted)) for line in lines].index(True)
+    earlier = [Line(line.time - 100.0, line.event) for line in lines[begun:]
+               if not isinstance(line.event, (TreeShown, RunStarted))]
+    unjudged = of_test._replace(run=Run(earlier + lines))
+    assert Case(unjudged).execution.difference == ""

@@ -146,7 +146,7 @@ def test_a_mission_that_cannot_be_built_again_is_not_passed():
             documents = (Source("mission.xml", "<root"),)
             event = replace(event, sources=replace(event.sources, documents=documents))
         yield replace(line, event=event)
-    assert not judge(changed(facts(), broken)).passed
+    assert_objects(changed(facts(), broken), "the mission on record cannot be done again: ")
 
 
 # --------------------------------------------------------------------- what the journal has to show
@@ -459,6 +459,7 @@ def test_a_pass_that_begins_without_the_pause_after_a_spent_budget():
         event.sources, policy=event.sources.policy._replace(text="budget 9 9"))),
      "another recovery policy"),
     (TreeShown, lambda event: replace(event, nodes=event.nodes[1:]), "the tree on record"),
+    (RunStarted, lambda event: replace(event, leaves=event.leaves[1:]), "the tree on record"),
     (StepStarted, lambda event: None, "EnableAnimateBehavior begins; on record is"),
     (StopChanged, lambda event: replace(event, name="?"), "SelectExhibit is at stop 1 of 5"),
     (LeafFinished, lambda event: replace(event, node="Navigate"), "is not Navigate START_OF"),
@@ -586,12 +587,14 @@ def test_on_a_machine_that_stood_still_all_may_come_as_much_later(stall, is_late
         journal=sorted(journal), stall=stall))) is is_late
 
 
-def test_a_request_that_is_not_on_record_is_placed():
+@pytest.mark.parametrize("node, content", [("textToSpeech", {"message": "Psst"}),
+                                           ("animateBehavior", {"state": "Psst"})])
+def test_a_request_that_is_not_on_record_is_placed(node, content):
     of_test = facts()
-    line = calls(of_test, "textToSpeech")[0]
-    more = line._replace(time=line.time + 0.002, content={"message": "Psst"})
+    line, at = calls(of_test, node)[0], calls(of_test, "textToSpeech")[0].time
+    more = line._replace(time=at + 0.002, content=content, call=99)
     assert_objects(of_test._replace(journal=sorted(list(of_test.journal) + [more])),
-                   "after WelcomeSpeech", "Psst", "no such request is on record")
+                   "after WelcomeSpeech, /", "Psst", "no such request is on record")
 
 
 # --------------------------------------------------------------------------- a robot of release 1.0

@@ -5,13 +5,15 @@ from types import SimpleNamespace
 
 import pytest
 
+from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.bt.status import FAILURE, RUNNING
 from behavior_controller.execution.events import HealthChanged, Line, Noticed
 from behavior_controller.execution.run import Run
-from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.gateway import Cause, Failure, Sample
 from behavior_controller.robot.requests import Answer, Say, SetAttention
 
 from unit_tests.judge.comparison import Query
-from unit_tests.judge.signs import JournalMessages, SignSearch, objections
+from unit_tests.judge.signs import JournalMessages, Signs, SignSearch, objections
 from unit_tests.judge.witness import Witness
 from unit_tests.robot.journal import JournalEntry
 
@@ -58,6 +60,8 @@ A_AGAIN = ("a", 1.0, 3.0, None)
     ([A_HALTED, B], [("a", 1.5), ("b", 1.9)], [0, 1]),
     ([A_HALTED, B], [("a", 1.5)], [0, None]),
     ([A_HALTED, B], [("a", 2.1), ("b", 2.2)], [None, 0]),
+    ([A_HALTED, B], [("a", 2.0), ("b", 2.2)], [0, 1]),
+    ([A_HALTED, B], [("x", 1.0), ("b", 1.5)], [0, 1]),
     # it never reaches it
     ([A_HALTED, B], [("b", 1.5)], [None, 0]),
     ([A_HALTED, B], [("b", 1.5), ("x", 1.9)], [None, 0]),
@@ -65,6 +69,7 @@ A_AGAIN = ("a", 1.0, 3.0, None)
     # the next one is the same
     ([A_HALTED, A_AGAIN], [("a", 1.5)], [None, 0]),
     ([A_HALTED, A_AGAIN], [("a", 1.5), ("a", 1.9)], [0, 1]),
+    ([A_HALTED, A_AGAIN], [("a", 1.5), ("a", 3.0)], [0, 1]),
     ([A_HALTED, A_AGAIN], [("a", 1.5), ("a", 3.1)], [None, 0]),
     ([A_HALTED, ("a", 1.0, 1.1, Cause.NOT_REACHABLE)], [("a", 1.5)], [0, None])])
 def test_a_request_that_is_halted_may_reach_its_node_after_the_next_one_or_never(
@@ -83,7 +88,7 @@ def test_a_request_that_fails_before_its_node_has_it_leaves_the_line_to_the_next
     assert lines_of(queries, [("a", 0.3, fault)]) == ([0, None] if may_reach else [None, 0])
 
 
-@pytest.mark.parametrize("at, is_its", [(-0.3, False), (-0.2, True), (1.2, True), (1.3, False)])
+@pytest.mark.parametrize("at, is_its", [(-0.3, False), (-0.25, True), (1.25, True), (1.3, False)])
 def test_a_request_is_on_record_shortly_before_its_node_gets_it_and_after_it_answers(at, is_its):
     assert lines_of([("a", 0.0, 1.0, None)], [("a", at)]) == [0 if is_its else None]
 
@@ -351,3 +356,33 @@ def test_a_search_that_goes_on_lasts_until_the_end_of_the_run(is_waiting):
                         BEGAN + NOW + 5.0)
     assert [words.partition(": ")[0] for words in missed if words] == [
         UNSEEN.format(STATE, "4.0")] * is_waiting
+
+
+def test_a_search_goes_on_while_its_node_waits_for_the_same_sign():
+    clock, signs = ManualClock(10.0), Signs()
+    topic = stage().settings.interface.topic(STATE)
+    node = SimpleNamespace(uid=5, status=RUNNING, parent=None)
+
+    def traversal(at, **facts_of):
+        clock.set_to(at)
+        if facts_of:
+            node.status = facts_of.get("status", RUNNING)
+            signs.searched(node, topic, [Sample(0, at - 0.5)], facts_of.get("after", 1.0),
+                           lambda value: False, facts_of.get("has_sign", False))
+        signs.end_traversal()
+        return [(search.at, search.until) for search in signs.searches], list(signs.waiting)
+    signs.begin(clock, BEGAN)
+    assert traversal(10.0, after=1.0) == ([(10.0, 10.0)], [5])
+    assert traversal(12.0, after=1.0) == ([(10.0, 12.0)], [5])
+    # it was asked something else
+    assert traversal(13.0, after=2.0) == ([(10.0, 13.0), (13.0, 13.0)], [5])
+    # it was halted
+    assert traversal(15.0) == ([(10.0, 13.0), (13.0, 15.0)], [])
+    assert traversal(16.0) == ([(10.0, 13.0), (13.0, 15.0)], [])
+    # it has its sign, or has given up
+    assert traversal(17.0, has_sign=True)[1] == traversal(18.0, status=FAILURE)[1] == []
+    assert [search.until for search in signs.searches[2:]] == [17.0, 18.0]
+    assert [search.newest for search in signs.searches] == [9.5, 12.5, 16.5, 17.5]
+    assert traversal(19.0, after=1.0)[1] == [5]
+    signs.begin(clock, BEGAN)  # another mission
+    assert traversal(30.0)[1] == [] and signs.searches[-1].until == 19.0
