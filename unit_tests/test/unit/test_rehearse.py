@@ -154,7 +154,7 @@ def outcome(scene, ended, seconds, exhibits=0, *found, calls=(), reached=()):
 
 
 def test_the_shortest_play_of_a_finding_has_the_fewest_faults():
-    survey = Survey(Theatre({}, planted("good"), 900.0))
+    survey = Survey(Theatre({}, planted("good"), 900.0), True, ())
     finding = Finding("not-home", 1, "x")
     faulty = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "refused"),))
     for scene, seconds in ((faulty, 5.0), (Scene("leaves"), 90.0), (Scene("engages"), 80.0)):
@@ -682,7 +682,7 @@ def test_a_result_is_data_for_other_programs(result):
 
 
 def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
     for each in [
             outcome(Scene("engages"), "SUCCESS", 60.0, 5),
             outcome(Scene("engages", False), "SUCCESS", 70.0, 4),
@@ -703,7 +703,7 @@ def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
 
 
 def test_a_share_is_counted_for_each_failure_rate(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
     drawn = [Scene("engages", rate=rate, seed=seed) for rate in (0.5, 0.0) for seed in (1, 2, 3)]
     for scene, ended, seconds in zip(drawn, ("SUCCESS", "FAILURE", "", "", "", ""),
                                      (10.0, 20.0, 900.0) + 3 * (900.0, )):
@@ -745,7 +745,7 @@ def test_a_call_is_refused_and_a_seed_is_1_if_not_told_otherwise(tmp_path, words
 
 def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_path):
     theatre = Theatre({}, mission(tmp_path, UNREACHED), 900.0)
-    survey = Survey(theatre)
+    survey = Survey(theatre, True, ())
     later, sooner, other = (Finding("left-on", uid, "x") for uid in (3, 2, 1))
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, 0, later, sooner,
                         Finding("left-out", 1, "y"), reached=[1, 2]))
@@ -761,7 +761,7 @@ def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_
 
 def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
     theatre = Theatre({}, mission(tmp_path, UNREACHED), 900.0)
-    survey = Survey(theatre)
+    survey = Survey(theatre, True, ())
     search = Search(survey.nodes, survey.reached, survey.outcomes, "refused")
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, reached=[1, 2]))
     assert survey.findings() == []
@@ -774,7 +774,7 @@ def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
 
 
 def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0), True, ())
     cause, also, free = (Finding("missing-data", 2, "x"), Finding("not-home", 3, "y"),
                          Finding("left-on", 1, "z"))
     survey.take(outcome(Scene("engages"), "FAILURE", 4.0, 0, cause, also, free))
@@ -813,7 +813,7 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
     ([(VOICE, 1), (TABLET, 0), (QUIET, 1, THERE)], [], {"one-way-only": [], "left-on": []}),
 ])
 def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
-    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for scene, stops, *found in plays_with:
         survey.take(outcome(scene, "SUCCESS", 4.0, stops, *found))
     search = SimpleNamespace(unreached=lambda: [(uid, "not reached") for uid in unreached])
@@ -827,7 +827,7 @@ def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
     (3, 1, {"robotInterface": "release-1.0", "tabletSuccessIs": "press"}, None)])
 def test_a_stop_that_is_reached_one_way_only_is_told_with_the_other_way(tmp_path, voice, tablet,
                                                                         release, expected):
-    survey = Survey(Theatre(release, mission(tmp_path, TWO_SPEECHES), 900.0))
+    survey = Survey(Theatre(release, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for scene, stops in ((VOICE, voice), (TABLET, tablet), (QUIET, 5)):
         survey.take(outcome(scene, "SUCCESS", 4.0, stops))
     assert [(each.kind, each.what) for each in survey.findings()] == (
@@ -844,7 +844,7 @@ def consequences(told):
     ("SUCCESS", [2], [THERE], [("never-true", ["left-on"])])])
 def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path, ended, reached,
                                                                         found, expected):
-    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for visitor in BEHAVIOURS:
         survey.take(outcome(Scene(visitor), ended, 4.0, 0, reached=reached))
     survey.take(outcome(FAULTY, ended, 4.0, 0, *found))
@@ -869,7 +869,7 @@ def test_a_long_story_is_cut_in_its_middle():
          "a", 9, "refused"), )), Scene("engages", planned=(PlannedFault("a", 1, "crash"), )))])
 @pytest.mark.parametrize("turn", [1, -1])
 def test_of_two_plays_the_shorter_is_told(tmp_path, shorter, longer, turn):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
     for scene in (shorter, longer)[::turn]:
         survey.take(
             outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0,
