@@ -181,6 +181,13 @@ def test_single_faults_are_each_call_in_each_way_each_service_for_good_and_each_
     assert len(made) == 3 * 5 + 2 + 1
 
 
+@pytest.mark.parametrize("ended, is_played", [
+    ("SUCCESS", True), ("FAILURE", True), (plays.NO_VISITOR, False), ("", False)])
+def test_a_pass_that_does_not_end_without_a_fault_is_not_played_with_one(ended, is_played):
+    made = plays.single([outcome(Scene("engages"), ended, 9.0, calls=TALK)], KINDS, ["/x"])
+    assert any(made) is is_played
+
+
 def test_what_the_tablet_does_not_change_is_not_played_again():
     both = [outcome(Scene("engages"), "SUCCESS", 9.0, calls=TALK[:2]),
             outcome(Scene("engages", False), "SUCCESS", 9.0, calls=TALK)]
@@ -188,12 +195,16 @@ def test_what_the_tablet_does_not_change_is_not_played_again():
     assert [scene.planned for scene in made if not scene.by_voice] == [
         (PlannedFault("textToSpeech", 2, "crash"),),
         (PlannedFault("textToSpeech", 2, "crash", True),)]
+    every = list(plays.single(both, ["crash"], [], is_every=True))
+    assert [scene.planned[0][:2] for scene in every if not scene.planned[0].is_lasting] == [
+        call[:2] for call in TALK[:2] + TALK]
 
 
 def test_pairs_are_each_later_call_that_meets_what_no_call_has_met():
     calm = Scene("engages")
     met = [call._replace(situation=bytes([number])) for number, call in enumerate(TALK)]
     again = met[1]._replace(number=3, situation=b"again")
+    unknown = [call._replace(situation=b"") for call in met]  # up to the first fault
     singles = [
         # the second call is done again, then all goes on as without the fault; with crash it is
         # not, and what comes after it differs
@@ -258,9 +269,12 @@ def search_of(tmp_path, body, *calls):
     return Search(nodes, reached, outcomes, "refused")
 
 
+WAY_TO_THE_LAST = """<Sequence><ScanningOvertAttentionMode/>
+    <Fallback><WelcomeSpeech/><EndTourSpeech/></Fallback></Sequence>"""
+
+
 def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp_path):
-    search = search_of(tmp_path, """<Sequence><ScanningOvertAttentionMode/>
-        <Fallback><WelcomeSpeech/><EndTourSpeech/></Fallback></Sequence>""",
+    search = search_of(tmp_path, WAY_TO_THE_LAST,
                        ("overtAttention", 1, "ScanningOvertAttentionMode", True),
                        ("overtAttention", 2, "ScanningOvertAttentionMode", False),
                        ("textToSpeech", 1, "WelcomeSpeech", True),
@@ -271,6 +285,51 @@ def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp
     assert added == {once, once._replace(is_lasting=True)}
     # else the next round could not extend them
     assert all(scene.is_listed for scene in scenes) and len({*scenes}) == 8
+
+
+def test_the_nearest_plays_get_a_further_fault_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(plays, "MOST_BASES", 2)
+    search = search_of(tmp_path, WAY_TO_THE_LAST, ("textToSpeech", 1, "WelcomeSpeech", True))
+    bases = [{scene._replace(planned=tuple(fault for fault in scene.planned if fault.node == "a"),
+                             is_traced=False) for scene in scenes}
+             for scenes, _ in zip(search.rounds(), range(2))]
+    first = PlannedFault("a", 1, "crash")
+    assert bases == [{Scene("engages"), Scene("silent")},
+                     {Scene("engages", planned=(first,)), Scene("silent", planned=(first,))}]
+
+
+@pytest.mark.parametrize("most, is_cut, told", [
+    (7, True, "not reached by 4 simulated runs"), (10, True, "not reached by 4 simulated runs"),
+    (11, False, "no visitor and no fault brings the mission here, in 4 simulated runs")])
+def test_a_search_that_would_take_too_long_is_cut(tmp_path, monkeypatch, most, is_cut, told):
+    monkeypatch.setattr(plays, "MOST_PLAYS", most)
+    search = search_of(tmp_path, WAY_TO_THE_LAST, ("textToSpeech", 1, "WelcomeSpeech", True))
+    # four plays with a fault once and for good, then rows of 2, 3 and 4 of a visitor who engages
+    scenes = [scene for scenes in search.rounds() for scene in scenes]
+    assert (len(scenes), search.plays, search.is_cut) == (most, most, is_cut)
+    assert [what for _, what in search.unreached()] == [told]
+
+
+@pytest.mark.parametrize("scene, is_faultless, is_calm, is_listed", [
+    (Scene("engages"), True, True, True), (Scene("engages", False), True, True, True),
+    (Scene("engages", seed=1), True, False, False),
+    (Scene("engages", rate=0.5, seed=1), False, False, False),
+    (Scene("engages", silent=("/x",)), False, False, True),
+    (Scene("engages", planned=(PlannedFault("a", 1, "crash"),)), False, False, True),
+    (Scene("engages", planned=2 * (PlannedFault("a", 1, "crash"),)), False, False, False),
+    (Scene("engages", planned=2 * (PlannedFault("a", 1, "crash"),), is_traced=True),
+     False, False, True)])
+def test_which_scenes_have_faults_and_whose_calls_are_listed(scene, is_faultless, is_calm,
+                                                             is_listed):
+    assert (scene.is_faultless, scene.is_calm, scene.is_listed) == (is_faultless, is_calm,
+                                                                    is_listed)
+
+
+@pytest.mark.parametrize("by_voice", [True, False])
+def test_who_answers_on_the_tablet_is_not_heard(tmp_path, by_voice):
+    theatre = Theatre({}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
+    journal = theatre.play(Scene("engages", by_voice)).played.journal
+    assert ("/speechEvent/text" in {line.resource for line in journal}) is by_voice
 
 
 def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(tmp_path):
@@ -865,6 +924,8 @@ def test_a_long_story_is_cut_in_its_middle():
     [(Scene("noGaze"), Scene("engages", silent=("/x", ))),
      (Scene("noGaze", planned=TWO, silent=("/x", )), Scene("engages", rate=0.5, seed=1)),
      (Scene("engages"), Scene("silent")), (Scene("silent"), Scene("silent", False)),
+     (Scene("noGaze", planned=TWO[:1]), Scene("engages", planned=(
+         TWO[0]._replace(is_lasting=True),))),
      (Scene("engages", planned=(PlannedFault(
          "a", 9, "refused"), )), Scene("engages", planned=(PlannedFault("a", 1, "crash"), )))])
 @pytest.mark.parametrize("turn", [1, -1])
