@@ -541,6 +541,16 @@ def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
     assert end.value.code == exit_codes.WRONG_INPUT and told in capsys.readouterr().err
 
 
+def test_numbers_are_allowed_up_to_their_bounds():
+    many = "--jobs 1024 --seed 1000000000 --runs 1000000 --limit 1000000 --failureRate 0,1"
+    few = "--jobs 1 --seed 1 --runs 1 --limit 1"
+    assert [vars(cli.read(["m", *words.split()])) for words in (many, few)] == [
+        dict(vars(cli.read(["m"])), jobs=jobs, seed=seed, runs=runs, limit=limit, failureRate=rates)
+        for jobs, seed, runs, limit, rates in ((1024, 10**9, 10**6, 1e6, [0.0, 1.0]),
+                                               (1, 1, 1, 1.0, None))]
+    assert cli.read(["m"]).jobs == len(os.sched_getaffinity(0))
+
+
 def test_a_planned_fault_that_no_call_meets_is_reported(capsys):
     planned = "knowledgeBase:1:refused,robotNavigation:99:crash"
     cli.main(["lab_tour", "--visitors", "engages", "--planned", planned, "--jobs", "1"])
@@ -870,6 +880,10 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
     ([(VOICE, 1), (TABLET, 0), (QUIET, 0, CAUSE)], [], {"missing-data": [], "one-way-only": []}),
     # and brings nothing about
     ([(VOICE, 1), (TABLET, 0), (QUIET, 1, THERE)], [], {"one-way-only": [], "left-on": []}),
+    # what is known of a place is enough, and of two causes the first
+    ([(VOICE, 1, THERE)], [3], {"left-on": []}),
+    ([(VOICE, 1, Finding("exception", 1, "e"), CAUSE, THERE)], [],
+     {"exception": ["missing-data", "left-on"]}),
 ])
 def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
     survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
@@ -899,6 +913,7 @@ def consequences(told):
 
 @pytest.mark.parametrize("ended, reached, found, expected", [
     ("FAILURE", [], [THERE], [("never-succeeds", ["left-on"])]),
+    ("FAILURE", [], [THERE._replace(uid=1)], [("never-succeeds", ["left-on"])]),
     ("SUCCESS", [2, 3], [], [("never-true", []), ("never-true", [])]),
     ("SUCCESS", [2], [THERE], [("never-true", ["left-on"])])])
 def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path, ended, reached,
@@ -909,6 +924,24 @@ def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path
     survey.take(outcome(FAULTY, ended, 4.0, 0, *found))
     told = survey.findings(SimpleNamespace(unreached=lambda: ()))
     assert consequences(told) == expected
+
+
+@pytest.mark.parametrize("seed, outcomes, told", [
+    (0, dict.fromkeys(BEHAVIOURS, "FAILURE"), ["each of 6 passes fails"]),
+    (0, dict.fromkeys(BEHAVIOURS[1:], "FAILURE"), []),
+    (0, dict(dict.fromkeys(BEHAVIOURS, "FAILURE"), silent="SUCCESS"), []),
+    (0, dict(dict.fromkeys(BEHAVIOURS, "FAILURE"), silent=plays.NO_VISITOR), []),
+    (0, dict(dict.fromkeys(BEHAVIOURS, "FAILURE"), silent=""), []),
+    (1, {"engages": "FAILURE"}, ["each of 1 pass fails"]), (1, {"silent": "FAILURE"}, []),
+    (0, {"engages": "FAILURE"}, [])])
+def test_a_mission_never_succeeds_if_no_visitor_brings_it_to_success(tmp_path, seed, outcomes,
+                                                                     told):
+    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    for visitor, ended in outcomes.items():
+        survey.take(outcome(Scene(visitor, seed=seed), ended, 4.0))
+    survey.take(outcome(Scene("engages", rate=0.5, seed=1), "SUCCESS", 4.0))
+    assert [(each.kind, each.what) for each in survey.findings()] == [
+        (findings.NEVER_SUCCEEDS, what) for what in told]
 
 
 def test_a_long_story_is_cut_in_its_middle():
