@@ -209,11 +209,16 @@ def test_pairs_are_each_later_call_that_meets_what_no_call_has_met():
         # the second call is done again, then all goes on as without the fault; with crash it is
         # not, and what comes after it differs
         outcome(calm.with_fault(PlannedFault(*met[1][:2], kind)), "SUCCESS", 9.0, calls=calls)
-        for kind, calls in (("refused", [*met[:2], again, met[2]]),
-                            ("wrong", [*met[:2], again, met[2]]),
-                            ("crash", [*met[:2], met[2]._replace(situation=b"away")]))]
+        for kind, calls in (("refused", [*unknown[:2], again, met[2]]),
+                            ("wrong", [*unknown[:2], again, met[2]]),
+                            ("crash", [*unknown[:2], met[2]._replace(situation=b"away")]))]
+    other = PlannedFault(*met[0][:2], "crash")
+    not_played = [  # a pass that does not end, and a fault that lasts
+        outcome(calm.with_fault(other), "", 9.0, calls=[*unknown[:1], again]),
+        outcome(calm.with_fault(other._replace(is_lasting=True)), "SUCCESS", 9.0,
+                calls=[*unknown[:1], again])]
     made = [scene.planned for scene in plays.pairs(
-        [outcome(calm, "SUCCESS", 9.0, calls=met)] + singles, KINDS)]
+        [outcome(calm, "SUCCESS", 9.0, calls=met), *not_played, *singles], KINDS)]
     first = {kind: PlannedFault("textToSpeech", 1, kind) for kind in KINDS}
     assert made == [(first["refused"], PlannedFault("textToSpeech", 3, kind)) for kind in KINDS] + [
         (first["crash"], PlannedFault("textToSpeech", 2, kind)) for kind in KINDS]

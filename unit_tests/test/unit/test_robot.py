@@ -24,7 +24,8 @@ from unit_tests.robot.faults import (
     CRASH, EXCEPTION, KINDS, PlannedFault, REFUSED, UNANSWERED, WRONG)
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.behaviour import (
-    NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, services, simulated)
+    NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, rehearsed_topics, services,
+    simulated)
 from unit_tests.robot.virtual_robot import VirtualRobot, response, slots
 from unit_tests.robot.visitor import (
     BEHAVIOURS, DECLINES, ENGAGES, Manners, NOTHING_HEARD, NO_GAZE, SILENT, SMALL_TALK, Visitor)
@@ -100,6 +101,10 @@ def test_what_another_package_declares_is_not_simulated():
     more = replace(INTERFACE, services=INTERFACE.services + (LAMP,),
                    topics=INTERFACE.topics + (topic,))
     assert len(more.offers) == len(INTERFACE.offers) + 2 and nodes(more) == nodes(INTERFACE)
+    assert rehearsed_topics(more) == rehearsed_topics(INTERFACE) == list(INTERFACE.topics)
+    rehearsed = replace(topic, rehearsed=lambda seconds: None)
+    assert rehearsed_topics(replace(more, topics=INTERFACE.topics + (rehearsed,))) == [
+        *INTERFACE.topics, rehearsed]
 
 
 def test_each_kind_of_request_has_a_robot_that_is_asked_so():
