@@ -155,7 +155,7 @@ def outcome(scene, ended, seconds, exhibits=0, *found, calls=(), reached=()):
 
 
 def test_the_shortest_play_of_a_finding_has_the_fewest_faults():
-    survey = Survey(Theatre({}, planted("good"), 900.0))
+    survey = Survey(Theatre({}, planted("good"), 900.0), True, ())
     finding = Finding("not-home", 1, "x")
     faulty = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "refused"),))
     for scene, seconds in ((faulty, 5.0), (Scene("leaves"), 90.0), (Scene("engages"), 80.0)):
@@ -182,6 +182,13 @@ def test_single_faults_are_each_call_in_each_way_each_service_for_good_and_each_
     assert len(made) == 3 * 5 + 2 + 1
 
 
+@pytest.mark.parametrize("ended, is_played", [
+    ("SUCCESS", True), ("FAILURE", True), (plays.NO_VISITOR, False), ("", False)])
+def test_a_pass_that_does_not_end_without_a_fault_is_not_played_with_one(ended, is_played):
+    made = plays.single([outcome(Scene("engages"), ended, 9.0, calls=TALK)], KINDS, ["/x"])
+    assert any(made) is is_played
+
+
 def test_what_the_tablet_does_not_change_is_not_played_again():
     both = [outcome(Scene("engages"), "SUCCESS", 9.0, calls=TALK[:2]),
             outcome(Scene("engages", False), "SUCCESS", 9.0, calls=TALK)]
@@ -189,21 +196,30 @@ def test_what_the_tablet_does_not_change_is_not_played_again():
     assert [scene.planned for scene in made if not scene.by_voice] == [
         (PlannedFault("textToSpeech", 2, "crash"),),
         (PlannedFault("textToSpeech", 2, "crash", True),)]
+    every = list(plays.single(both, ["crash"], [], is_every=True))
+    assert [scene.planned[0][:2] for scene in every if not scene.planned[0].is_lasting] == [
+        call[:2] for call in TALK[:2] + TALK]
 
 
 def test_pairs_are_each_later_call_that_meets_what_no_call_has_met():
     calm = Scene("engages")
     met = [call._replace(situation=bytes([number])) for number, call in enumerate(TALK)]
     again = met[1]._replace(number=3, situation=b"again")
+    unknown = [call._replace(situation=b"") for call in met]  # up to the first fault
     singles = [
         # the second call is done again, then all goes on as without the fault; with crash it is
         # not, and what comes after it differs
         outcome(calm.with_fault(PlannedFault(*met[1][:2], kind)), "SUCCESS", 9.0, calls=calls)
-        for kind, calls in (("refused", [*met[:2], again, met[2]]),
-                            ("wrong", [*met[:2], again, met[2]]),
-                            ("crash", [*met[:2], met[2]._replace(situation=b"away")]))]
+        for kind, calls in (("refused", [*unknown[:2], again, met[2]]),
+                            ("wrong", [*unknown[:2], again, met[2]]),
+                            ("crash", [*unknown[:2], met[2]._replace(situation=b"away")]))]
+    other = PlannedFault(*met[0][:2], "crash")
+    not_played = [  # a pass that does not end, and a fault that lasts
+        outcome(calm.with_fault(other), "", 9.0, calls=[*unknown[:1], again]),
+        outcome(calm.with_fault(other._replace(is_lasting=True)), "SUCCESS", 9.0,
+                calls=[*unknown[:1], again])]
     made = [scene.planned for scene in plays.pairs(
-        [outcome(calm, "SUCCESS", 9.0, calls=met)] + singles, KINDS)]
+        [outcome(calm, "SUCCESS", 9.0, calls=met), *not_played, *singles], KINDS)]
     first = {kind: PlannedFault("textToSpeech", 1, kind) for kind in KINDS}
     assert made == [(first["refused"], PlannedFault("textToSpeech", 3, kind)) for kind in KINDS] + [
         (first["crash"], PlannedFault("textToSpeech", 2, kind)) for kind in KINDS]
@@ -259,9 +275,12 @@ def search_of(tmp_path, body, *calls):
     return Search(nodes, reached, outcomes, "refused")
 
 
+WAY_TO_THE_LAST = """<Sequence><ScanningOvertAttentionMode/>
+    <Fallback><WelcomeSpeech/><EndTourSpeech/></Fallback></Sequence>"""
+
+
 def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp_path):
-    search = search_of(tmp_path, """<Sequence><ScanningOvertAttentionMode/>
-        <Fallback><WelcomeSpeech/><EndTourSpeech/></Fallback></Sequence>""",
+    search = search_of(tmp_path, WAY_TO_THE_LAST,
                        ("overtAttention", 1, "ScanningOvertAttentionMode", True),
                        ("overtAttention", 2, "ScanningOvertAttentionMode", False),
                        ("textToSpeech", 1, "WelcomeSpeech", True),
@@ -272,6 +291,51 @@ def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp
     assert added == {once, once._replace(is_lasting=True)}
     # else the next round could not extend them
     assert all(scene.is_listed for scene in scenes) and len({*scenes}) == 8
+
+
+def test_the_nearest_plays_get_a_further_fault_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(plays, "MOST_BASES", 2)
+    search = search_of(tmp_path, WAY_TO_THE_LAST, ("textToSpeech", 1, "WelcomeSpeech", True))
+    bases = [{scene._replace(planned=tuple(fault for fault in scene.planned if fault.node == "a"),
+                             is_traced=False) for scene in scenes}
+             for scenes, _ in zip(search.rounds(), range(2))]
+    first = PlannedFault("a", 1, "crash")
+    assert bases == [{Scene("engages"), Scene("silent")},
+                     {Scene("engages", planned=(first,)), Scene("silent", planned=(first,))}]
+
+
+@pytest.mark.parametrize("most, is_cut, told", [
+    (7, True, "not reached by 4 simulated runs"), (10, True, "not reached by 4 simulated runs"),
+    (11, False, "no visitor and no fault brings the mission here, in 4 simulated runs")])
+def test_a_search_that_would_take_too_long_is_cut(tmp_path, monkeypatch, most, is_cut, told):
+    monkeypatch.setattr(plays, "MOST_PLAYS", most)
+    search = search_of(tmp_path, WAY_TO_THE_LAST, ("textToSpeech", 1, "WelcomeSpeech", True))
+    # four plays with a fault once and for good, then rows of 2, 3 and 4 of a visitor who engages
+    scenes = [scene for scenes in search.rounds() for scene in scenes]
+    assert (len(scenes), search.plays, search.is_cut) == (most, most, is_cut)
+    assert [what for _, what in search.unreached()] == [told]
+
+
+@pytest.mark.parametrize("scene, is_faultless, is_calm, is_listed", [
+    (Scene("engages"), True, True, True), (Scene("engages", False), True, True, True),
+    (Scene("engages", seed=1), True, False, False),
+    (Scene("engages", rate=0.5, seed=1), False, False, False),
+    (Scene("engages", silent=("/x",)), False, False, True),
+    (Scene("engages", planned=(PlannedFault("a", 1, "crash"),)), False, False, True),
+    (Scene("engages", planned=2 * (PlannedFault("a", 1, "crash"),)), False, False, False),
+    (Scene("engages", planned=2 * (PlannedFault("a", 1, "crash"),), is_traced=True),
+     False, False, True)])
+def test_which_scenes_have_faults_and_whose_calls_are_listed(scene, is_faultless, is_calm,
+                                                             is_listed):
+    assert (scene.is_faultless, scene.is_calm, scene.is_listed) == (is_faultless, is_calm,
+                                                                    is_listed)
+
+
+@pytest.mark.parametrize("by_voice", [True, False])
+def test_who_answers_on_the_tablet_is_not_heard(tmp_path, by_voice):
+    theatre = Theatre({}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
+    journal = theatre.play(Scene("engages", by_voice)).played.journal
+    assert ("/speechEvent/text" in {line.resource for line in journal}) is by_voice
 
 
 def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(tmp_path):
@@ -483,6 +547,16 @@ def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
     assert end.value.code == exit_codes.WRONG_INPUT and told in capsys.readouterr().err
 
 
+def test_numbers_are_allowed_up_to_their_bounds():
+    many = "--jobs 1024 --seed 1000000000 --runs 1000000 --limit 1000000 --failureRate 0,1"
+    few = "--jobs 1 --seed 1 --runs 1 --limit 1"
+    assert [vars(cli.read(["m", *words.split()])) for words in (many, few)] == [
+        dict(vars(cli.read(["m"])), jobs=jobs, seed=seed, runs=runs, limit=limit, failureRate=rates)
+        for jobs, seed, runs, limit, rates in ((1024, 10**9, 10**6, 1e6, [0.0, 1.0]),
+                                               (1, 1, 1, 1.0, None))]
+    assert cli.read(["m"]).jobs == len(os.sched_getaffinity(0))
+
+
 def test_a_planned_fault_that_no_call_meets_is_reported(capsys):
     planned = "knowledgeBase:1:refused,robotNavigation:99:crash"
     cli.main(["lab_tour", "--visitors", "engages", "--planned", planned, "--jobs", "1"])
@@ -683,7 +757,7 @@ def test_a_result_is_data_for_other_programs(result):
 
 
 def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
     for each in [
             outcome(Scene("engages"), "SUCCESS", 60.0, 5),
             outcome(Scene("engages", False), "SUCCESS", 70.0, 4),
@@ -704,7 +778,7 @@ def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
 
 
 def test_a_share_is_counted_for_each_failure_rate(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
     drawn = [Scene("engages", rate=rate, seed=seed) for rate in (0.5, 0.0) for seed in (1, 2, 3)]
     for scene, ended, seconds in zip(drawn, ("SUCCESS", "FAILURE", "", "", "", ""),
                                      (10.0, 20.0, 900.0) + 3 * (900.0, )):
@@ -746,7 +820,7 @@ def test_a_call_is_refused_and_a_seed_is_1_if_not_told_otherwise(tmp_path, words
 
 def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_path):
     theatre = Theatre({}, mission(tmp_path, UNREACHED), 900.0)
-    survey = Survey(theatre)
+    survey = Survey(theatre, True, ())
     later, sooner, other = (Finding("left-on", uid, "x") for uid in (3, 2, 1))
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, 0, later, sooner,
                         Finding("left-out", 1, "y"), reached=[1, 2]))
@@ -762,7 +836,7 @@ def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_
 
 def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
     theatre = Theatre({}, mission(tmp_path, UNREACHED), 900.0)
-    survey = Survey(theatre)
+    survey = Survey(theatre, True, ())
     search = Search(survey.nodes, survey.reached, survey.outcomes, "refused")
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, reached=[1, 2]))
     assert survey.findings() == []
@@ -775,7 +849,7 @@ def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
 
 
 def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0), True, ())
     cause, also, free = (Finding("missing-data", 2, "x"), Finding("not-home", 3, "y"),
                          Finding("left-on", 1, "z"))
     survey.take(outcome(Scene("engages"), "FAILURE", 4.0, 0, cause, also, free))
@@ -812,9 +886,13 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
     ([(VOICE, 1), (TABLET, 0), (QUIET, 0, CAUSE)], [], {"missing-data": [], "one-way-only": []}),
     # and brings nothing about
     ([(VOICE, 1), (TABLET, 0), (QUIET, 1, THERE)], [], {"one-way-only": [], "left-on": []}),
+    # what is known of a place is enough, and of two causes the first
+    ([(VOICE, 1, THERE)], [3], {"left-on": []}),
+    ([(VOICE, 1, Finding("exception", 1, "e"), CAUSE, THERE)], [],
+     {"exception": ["missing-data", "left-on"]}),
 ])
 def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
-    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for scene, stops, *found in plays_with:
         survey.take(outcome(scene, "SUCCESS", 4.0, stops, *found))
     search = SimpleNamespace(unreached=lambda: [(uid, "not reached") for uid in unreached])
@@ -828,7 +906,7 @@ def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
     (3, 1, {"robotInterface": "release-1.0", "tabletSuccessIs": "press"}, None)])
 def test_a_stop_that_is_reached_one_way_only_is_told_with_the_other_way(tmp_path, voice, tablet,
                                                                         release, expected):
-    survey = Survey(Theatre(release, mission(tmp_path, TWO_SPEECHES), 900.0))
+    survey = Survey(Theatre(release, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for scene, stops in ((VOICE, voice), (TABLET, tablet), (QUIET, 5)):
         survey.take(outcome(scene, "SUCCESS", 4.0, stops))
     assert [(each.kind, each.what) for each in survey.findings()] == (
@@ -841,16 +919,35 @@ def consequences(told):
 
 @pytest.mark.parametrize("ended, reached, found, expected", [
     ("FAILURE", [], [THERE], [("never-succeeds", ["left-on"])]),
+    ("FAILURE", [], [THERE._replace(uid=1)], [("never-succeeds", ["left-on"])]),
     ("SUCCESS", [2, 3], [], [("never-true", []), ("never-true", [])]),
     ("SUCCESS", [2], [THERE], [("never-true", ["left-on"])])])
 def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path, ended, reached,
                                                                         found, expected):
-    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for visitor in BEHAVIOURS:
         survey.take(outcome(Scene(visitor), ended, 4.0, 0, reached=reached))
     survey.take(outcome(FAULTY, ended, 4.0, 0, *found))
     told = survey.findings(SimpleNamespace(unreached=lambda: ()))
     assert consequences(told) == expected
+
+
+@pytest.mark.parametrize("seed, outcomes, told", [
+    (0, dict.fromkeys(BEHAVIOURS, "FAILURE"), ["each of 6 passes fails"]),
+    (0, dict.fromkeys(BEHAVIOURS[1:], "FAILURE"), []),
+    (0, dict(dict.fromkeys(BEHAVIOURS, "FAILURE"), silent="SUCCESS"), []),
+    (0, dict(dict.fromkeys(BEHAVIOURS, "FAILURE"), silent=plays.NO_VISITOR), []),
+    (0, dict(dict.fromkeys(BEHAVIOURS, "FAILURE"), silent=""), []),
+    (1, {"engages": "FAILURE"}, ["each of 1 pass fails"]), (1, {"silent": "FAILURE"}, []),
+    (0, {"engages": "FAILURE"}, [])])
+def test_a_mission_never_succeeds_if_no_visitor_brings_it_to_success(tmp_path, seed, outcomes,
+                                                                     told):
+    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    for visitor, ended in outcomes.items():
+        survey.take(outcome(Scene(visitor, seed=seed), ended, 4.0))
+    survey.take(outcome(Scene("engages", rate=0.5, seed=1), "SUCCESS", 4.0))
+    assert [(each.kind, each.what) for each in survey.findings()] == [
+        (findings.NEVER_SUCCEEDS, what) for what in told]
 
 
 def test_a_long_story_is_cut_in_its_middle():
@@ -866,11 +963,13 @@ def test_a_long_story_is_cut_in_its_middle():
     [(Scene("noGaze"), Scene("engages", silent=("/x", ))),
      (Scene("noGaze", planned=TWO, silent=("/x", )), Scene("engages", rate=0.5, seed=1)),
      (Scene("engages"), Scene("silent")), (Scene("silent"), Scene("silent", False)),
+     (Scene("noGaze", planned=TWO[:1]), Scene("engages", planned=(
+         TWO[0]._replace(is_lasting=True),))),
      (Scene("engages", planned=(PlannedFault(
          "a", 9, "refused"), )), Scene("engages", planned=(PlannedFault("a", 1, "crash"), )))])
 @pytest.mark.parametrize("turn", [1, -1])
 def test_of_two_plays_the_shorter_is_told(tmp_path, shorter, longer, turn):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
     for scene in (shorter, longer)[::turn]:
         survey.take(
             outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0,

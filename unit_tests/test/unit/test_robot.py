@@ -1,13 +1,17 @@
 """Tests of the answers and messages of the simulated nodes."""
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
+from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.robot import d543
-from behavior_controller.robot.declarations import Sense, Service, Success, Topic, Unusable
+from behavior_controller.robot.declarations import (
+    Action, Publication, Sense, Service, Success, Topic, Unusable)
 from behavior_controller.robot.d543 import INTERFACE
+from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, Prompt,
     QueryKnowledge, Request, Say, SetAnimation, SetAttention, SetPose, SetRecognition,
@@ -15,11 +19,14 @@ from behavior_controller.robot.requests import (
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.config.settings import defaults
 
-from unit_tests.robot.faults import CRASH, REFUSED, WRONG
+from unit_tests.robot import options
+from unit_tests.robot.faults import (
+    CRASH, EXCEPTION, KINDS, PlannedFault, REFUSED, UNANSWERED, WRONG)
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.behaviour import (
-    NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, services, simulated)
-from unit_tests.robot.virtual_robot import response, slots
+    NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, rehearsed_topics, services,
+    simulated)
+from unit_tests.robot.virtual_robot import VirtualRobot, response, slots
 from unit_tests.robot.visitor import (
     BEHAVIOURS, DECLINES, ENGAGES, Manners, NOTHING_HEARD, NO_GAZE, SILENT, SMALL_TALK, Visitor)
 from unit_tests.robot.world import Building, FORM, World, building_file, load_building
@@ -35,6 +42,11 @@ class Lamp(Request):
 
 LAMP = Service(Lamp, "/lamp/set", "lamp", "a/B", lambda lamp: (), Success("done", True, False), 5.0,
                "no light")
+
+
+DANCE = Action(Lamp, "/dance", "lamp", "a/B", lambda lamp: (), None, 5.0, "no dance",
+               rehearsed=lambda lamp: Answer(response="danced"))
+COLOUR = Publication(Lamp, "/lamp/colour", "lamp", "a/B", lambda lamp: (), None, 5.0, "no colour")
 
 
 def world(behaviour=ENGAGES, *states, **settings):
@@ -89,6 +101,10 @@ def test_what_another_package_declares_is_not_simulated():
     more = replace(INTERFACE, services=INTERFACE.services + (LAMP,),
                    topics=INTERFACE.topics + (topic,))
     assert len(more.offers) == len(INTERFACE.offers) + 2 and nodes(more) == nodes(INTERFACE)
+    assert rehearsed_topics(more) == rehearsed_topics(INTERFACE) == list(INTERFACE.topics)
+    rehearsed = replace(topic, rehearsed=lambda seconds: None)
+    assert rehearsed_topics(replace(more, topics=INTERFACE.topics + (rehearsed,))) == [
+        *INTERFACE.topics, rehearsed]
 
 
 def test_each_kind_of_request_has_a_robot_that_is_asked_so():
@@ -145,6 +161,41 @@ def test_an_answer_is_nonsense_only_where_a_field_can_hold_any(kind, response, f
 
 def test_what_another_package_answers_is_never_nonsense():
     assert possible(WRONG, LAMP, ("done", "more")) == REFUSED
+
+
+@pytest.mark.parametrize("fault", KINDS)
+def test_a_message_goes_wrong_where_nothing_subscribes(fault):
+    assert possible(fault, COLOUR, ()) == REFUSED and possible(None, COLOUR, ()) is None
+
+
+AT_ONCE, CARRIED_OUT, LATE = 0.01, 1.01, 5.0
+"""Seconds after which the result of a call is there: the node takes a second, its caller waits 5.
+"""
+
+
+@pytest.mark.parametrize("offer, fault, over, expected", [
+    (LAMP, None, CARRIED_OUT, Answer()), (LAMP, REFUSED, CARRIED_OUT, Cause.REFUSED),
+    (LAMP, WRONG, CARRIED_OUT, Cause.REFUSED), (LAMP, EXCEPTION, AT_ONCE, Cause.HANDLER_EXCEPTION),
+    (LAMP, CRASH, AT_ONCE, Cause.CONNECTION_LOST), (LAMP, UNANSWERED, LATE, Cause.NO_ANSWER),
+    (DANCE, None, CARRIED_OUT, Answer(response="danced")),
+    (DANCE, REFUSED, CARRIED_OUT, Cause.REFUSED), (DANCE, EXCEPTION, AT_ONCE, Cause.REFUSED),
+    (DANCE, CRASH, AT_ONCE, Cause.CONNECTION_LOST), (DANCE, UNANSWERED, LATE, Cause.NO_ANSWER),
+    (COLOUR, None, CARRIED_OUT, Answer()), (COLOUR, REFUSED, CARRIED_OUT, Cause.NOT_ADVERTISED)])
+def test_what_another_package_declares_ends_as_on_its_robot(offer, fault, over, expected):
+    clock = ManualClock(0.0)
+    interface = replace(INTERFACE, services=INTERFACE.services + (offer,))
+    mission = SimpleNamespace(
+        tree=SimpleNamespace(clock=clock, wake=SimpleNamespace(emit=lambda: None)), offers=(),
+        settings=SimpleNamespace(interface=interface, deadline=lambda service: service.deadline))
+    planned = (PlannedFault("lamp", 1, fault),) if fault else ()
+    test = replace(options.defaults(failureRate=0.0), planned_faults=planned)
+    call, results = VirtualRobot(mission, world(), test).start(Lamp()), {}
+    for moment in (AT_ONCE, CARRIED_OUT, LATE):
+        clock.set_to(moment)
+        clock.run_due()
+        results[moment] = call.result
+    assert [moment for moment, result in results.items() if result is not None][0] == over
+    assert getattr(call.result, "cause", call.result) == expected
 
 
 def test_what_tells_an_outcome_may_be_neither_yes_nor_no():

@@ -184,10 +184,20 @@ def test_a_robot_that_prepares_to_listen_does_not_go_on(call):
     assert after(DECLINES, say("A tour?"), call).utterance() == "No"
 
 
-@pytest.mark.parametrize("at, heard", ((13.9, ""), (14.1, ""), (15.0, "No")))
-def test_nobody_answers_before_the_robot_has_asked(at, heard):
+@pytest.mark.parametrize("seconds, at, heard", (
+    (4.0, 13.9, ""), (4.0, 14.1, ""), (4.0, 15.0, "No"), (0.5, 10.7, ""), (0.5, 10.9, "No"),
+    (0.0, 10.0, "No")))
+def test_nobody_answers_before_the_robot_has_asked(seconds, at, heard):
     person = after(DECLINES, attention("scanning"),
-                   say("A tour?")._replace(time=10.0, seconds=4.0), told(at))
+                   say("A tour?")._replace(time=10.0, seconds=seconds), told(at))
+    assert person.utterance() == heard
+
+
+@pytest.mark.parametrize("words, heard", (
+    ("A tour?", "No"), ("What now?", "No"), ("Tell me yes or no", "No"), ("What now", SMALL_TALK)))
+def test_a_question_is_one_of_the_robots_or_ends_with_its_mark(words, heard):
+    person = Visitor(Manners(DECLINES, ("A tour?", "Tell me yes or no"), "Yes", "No", HOME))
+    person.notice(say(words))
     assert person.utterance() == heard
 
 

@@ -83,7 +83,7 @@ class Share(NamedTuple):
 class Survey:
     """Collects the results of the plays."""
 
-    def __init__(self, theatre: Theatre, by_voice: bool = True, chosen: Sequence[str] = ()):
+    def __init__(self, theatre: Theatre, by_voice: bool, chosen: Sequence[str]):
         """``by_voice``: the stage whose tree gives the nodes their places; ``chosen`` are the
         arguments of the command that are the same for all plays."""
         self._theatre, self._chosen = theatre, chosen
