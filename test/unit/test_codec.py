@@ -77,7 +77,7 @@ def test_numbers_have_limits(old, new, fault):
         assert len(list(decode(data, "r"))) == len(BEGIN)
 
 
-ROOT, CHILD = BEGIN[0].nodes
+ROOT = BEGIN[0].nodes[0]
 
 
 def trees(*parents):

@@ -139,7 +139,8 @@ def test_a_node_that_is_gone_is_told_once_and_what_is_done_again_is_marked():
 def tree_rows(nodes, letters, tip=0, is_all=False):
     """Return the rows of a tree of (parent, name), of which those in brackets are bare."""
     rows = [{"uid": uid, "parent": parent, "name": name.strip("()"), "kind": "", "path": "",
-             "subtree": False, "bare": name[0] == "("} for uid, (parent, name) in enumerate(nodes, 1)]
+             "subtree": False, "bare": name[0] == "("}
+            for uid, (parent, name) in enumerate(nodes, 1)]
     state = read(good(), mission={"file": "m.xml", "nodes": rows},
                  statuses={"letters": letters, "tip": tip})
     return status_tool.lines(state, is_all)[2:]

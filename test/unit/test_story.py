@@ -1093,7 +1093,8 @@ def test_how_far_a_visit_came():
 
 @pytest.mark.parametrize("reason, words", [
     (None, ""), (HAS_GONE, "the visitor left"),
-    (replace(HAS_GONE, blind=ill("topic", "/f", GONE)), "the visitor could not be seen: /f is gone"),
+    (replace(HAS_GONE, blind=ill("topic", "/f", GONE)),
+     "the visitor could not be seen: /f is gone"),
     (Reason(FAILED, blind=ill("topic", "/f", GONE)), "it failed: /f is gone"),
     (Reason(FAILED, policy="no retry is left"), "no retry is left; it failed"),
     (Reason(FAILED, "Go", BUSY, without="Look"), "Go failed: refused (/go)"),
