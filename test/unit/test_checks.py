@@ -200,6 +200,17 @@ def test_a_value_that_begins_with_a_new_line_is_named_where_its_attribute_begins
     assert place in [fault[:2] for fault in told(text)]
 
 
+@pytest.mark.parametrize("port, entry", [
+    ('number="goal"', "goal"), ('number=" {goal} "', "goal"), ('number="${goal}"', "goal"),
+    ('flag="{goal"', "goal"), ('number="two words"', None), ('number="a-b"', None),
+    ('flag="maybe"', None)])  # a word in place of a truth is a truth misspelt
+def test_what_may_be_meant_for_an_entry_is_said_how_an_entry_is_written(port, entry):
+    fault, = checked(main("<Typed {}/>".format(port))).faults
+    assert fault.code == "wrong-literal"
+    assert fault.hint.endswith("; an entry is written {{{}}}".format(entry)) is (entry is not None)
+    assert ("an entry is written" in fault.hint) is (entry is not None)
+
+
 def port_called(name):
     return root(tree(LEAF) + "\n" + model('<input_port name="{}"/>'.format(name)))
 

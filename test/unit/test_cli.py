@@ -261,6 +261,18 @@ def test_a_file_that_is_no_project_is_not_overwritten(file, tmp_path, capsys):
             assert opened.read() == before
 
 
+@pytest.mark.parametrize("name", ["new.xml", "new", "p.btproj.xml"])
+def test_a_project_is_written_to_no_file_of_another_kind(tmp_path, name, capsys):
+    project = tmp_path / name
+    for text in (None, '<root BTCPP_format="4" project_name="p"/>'):
+        if text is not None:
+            project.write_text(text)
+        with pytest.raises(SystemExit) as caught:
+            cli.export_node_model(["--project", str(project)])
+        assert caught.value.code == 2 and ".btproj" in capsys.readouterr().err.splitlines()[-1]
+        assert (project.read_text() if project.exists() else None) == text
+
+
 def test_a_project_has_the_missions_of_other_packages(tmp_path, monkeypatch):
     data = tmp_path / "greeter" / "data"
     data.mkdir(parents=True)

@@ -1,5 +1,5 @@
-"""A program ends with its exit code; what it lacks is a line, also where a standard stream is closed
-or full."""
+"""A program ends with its exit code; what it lacks is a line, also where a stream is closed or
+full."""
 import io
 import os
 import signal
@@ -93,7 +93,8 @@ def test_the_exit_code_is_what_the_function_returns(program, code):
     (RecursionError(), 1, ["there is too little memory for this"]),
 ])
 def test_what_a_command_cannot_do_is_told_line_by_line(program, error, code, lines):
-    assert program.run(raising(error)) == (code, "".join("tool: {}\n".format(line) for line in lines))
+    text = "".join("tool: {}\n".format(line) for line in lines)
+    assert program.run(raising(error)) == (code, text)
 
 
 @pytest.mark.parametrize("error, reason", [

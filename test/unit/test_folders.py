@@ -74,11 +74,11 @@ def test_the_name_of_a_mission_is_that_of_its_file():
 
 
 @pytest.mark.parametrize("variables, records", [
-    ({}, "/home/x/.ros/log"), ({"ROS_HOME": ""}, "/home/x/.ros/log"),
+    ({}, "/house/.ros/log"), ({"ROS_HOME": ""}, "/house/.ros/log"),
     ({"ROS_HOME": "/ros"}, "/ros/log"), ({"ROS_HOME": "/ros", "ROS_LOG_DIR": "/logs"}, "/logs")])
 def test_records_are_among_the_logs_of_ros(monkeypatch, variables, records):
     for name in ("ROS_HOME", "ROS_LOG_DIR"):
         monkeypatch.delenv(name, raising=False)
-    for name, value in dict(variables, HOME="/home/x").items():
+    for name, value in dict(variables, HOME="/house").items():
         monkeypatch.setenv(name, value)
     assert folders.records() == records + "/behaviorController_records"

@@ -19,7 +19,7 @@ INSTALLED = os.path.join(os.path.dirname(os.path.dirname(LIBRARY)), "dist-packag
 
 
 def raised(files, statement="raise KeyError('gripper')"):
-    """Return what the last of these files raises; line 1 of the first calls line 2 of the second …"""
+    """Return what the last of these files raises; line 1 of the first calls line 2 of the next."""
     names = {}
     for line, file in reversed(list(enumerate(files))):
         names = {"code": compile("\n" * line + statement, file, "exec"), "names": names}

@@ -30,6 +30,8 @@ REGISTRY = Registry(builtin_specs() + [
     NodeSpec("In", Kind.ACTION, AlwaysSuccess, (Port("in", "any"), )),
     NodeSpec("Out", Kind.ACTION, AlwaysSuccess, (Port("out", "any", Direction.OUT), )),
     NodeSpec("Own", Kind.DECORATOR, Inverter),
+    NodeSpec("Foreign", Kind.ACTION, AlwaysSuccess, (Port("in", "any", is_optional=True), ),
+             is_stub=True),
     NodeSpec("Drive", Kind.ACTION, AlwaysSuccess, (Port("target", "int", default="{@goal}"),
                                                    Port("speed", "int", default="{@pace}"))),
     NodeSpec("Aim", Kind.ACTION, AlwaysSuccess, (Port("to", "int", Direction.OUT, "{@goal}"), )),
@@ -316,6 +318,14 @@ def test_a_literal_is_told_that_is_neither_true_nor_false(code, is_told):
 def test_what_is_done_with_a_text_and_a_number_is_said(operation, text):
     found = faults('<Script code="word := \'x\'; a := {}"/>'.format(operation))
     assert [fault.text.replace("<", "&lt;") for fault in found] == [text] * (text is not None)
+
+
+@pytest.mark.parametrize("node, hint", [
+    ('<Script code="given == 1; given := 2"/>', "a value is assigned with :="),
+    ('<ScriptCondition code="given == 1; given == 2"/>', "&amp;&amp; or || joins two conditions")])
+def test_a_statement_without_effect_has_a_hint_for_what_it_stands_in(node, hint):
+    fault, = faults(node)
+    assert (fault.code, fault.hint.replace("&", "&amp;")) == ("script-no-effect", hint)
 
 
 def test_a_name_is_suggested_only_if_the_tree_itself_creates_it():
@@ -679,6 +689,44 @@ def test_an_action_that_is_done_at_every_tick_is_told_if_that_matters(action, is
     found = warnings("<Sequence><Script code='n := 0; list := 1'/><ReactiveSequence>" + action +
                      "<Sleep msec='9000'/></ReactiveSequence></Sequence>")
     assert (rules.DONE_AGAIN.code in {code for _, _, code in found}) is is_told
+
+
+SLEEP = "<Sleep msec='9000'/>"
+
+
+@pytest.mark.parametrize("body, is_told", [
+    # what Begin leads to is a success of its parent, a failure, or left to a condition
+    ("<ReactiveSequence><ForceSuccess><Begin/></ForceSuccess>{}</ReactiveSequence>", True),
+    ("<ReactiveSequence><Inverter><Begin/></Inverter>{}</ReactiveSequence>", False),
+    ("<ReactiveSequence><Precondition if='given == 1' else='SUCCESS'><Begin/></Precondition>{}"
+     "</ReactiveSequence>", False),
+    ("<ReactiveSequence><Own><Begin/></Own>{}</ReactiveSequence>", False),
+    ("<ReactiveSequence><Begin _skipIf='given == 1'/>{}</ReactiveSequence>", False),
+    ("<ReactiveSequence><Foreign/>{}</ReactiveSequence>", False),
+    ("<ReactiveSequence><Sequence><Cond/><Begin/></Sequence>{}</ReactiveSequence>", True),
+    ("<ReactiveSequence><Sequence><Begin/><Cond/></Sequence>{}</ReactiveSequence>", True),
+    ("<ReactiveSequence><Sequence><Begin/><AlwaysFailure/></Sequence>{}</ReactiveSequence>", False),
+    ("<ReactiveSequence><Fallback><Cond/><Begin/></Fallback>{}</ReactiveSequence>", False),
+    ("<ReactiveSequence><Fallback><Act/><Begin/></Fallback>{}</ReactiveSequence>", True),
+    ("<ReactiveFallback><Begin/>{}</ReactiveFallback>", False),
+    ("<ReactiveFallback><Inverter><Begin/></Inverter>{}</ReactiveFallback>", True),
+    ("<WhileDoElse><Begin/>{}<Cond/></WhileDoElse>", True),
+    ("<WhileDoElse><Cond/><Begin/>{}</WhileDoElse>", False),
+])
+def test_an_action_is_done_again_if_a_later_child_runs_after_its_success(body, is_told):
+    found = {code for _, _, code in warnings(body.format(SLEEP))}
+    assert (rules.DONE_AGAIN.code in found) is is_told
+    assert rules.DONE_AGAIN.code not in {code for _, _, code in warnings(body.format("<Cond/>"))}
+
+
+@pytest.mark.parametrize("node, is_told", [
+    ('<In in="place"/>', True), ('<In in="{place}"/>', False), ('<In in="palace"/>', False),
+    # what the ports of a node of another robot mean is not known
+    ('<Foreign in="place"/>', False)])
+def test_a_text_that_is_the_name_of_an_entry_lacks_its_braces(node, is_told):
+    body = "<Sequence><Script code=\"place := 'lab'\"/>\n{}</Sequence>".format(node)
+    assert ((3, node.index("in="), "braces-forgotten") in [
+        (line, column - 1, code) for line, column, code in warnings(body)]) is is_told
 
 
 @pytest.mark.parametrize("name", ["HandleFallBack", "HandleFallback"])

@@ -1,8 +1,9 @@
 """A palette in the file that does not fit the node types is told, with its place."""
 from behavior_controller import folders
-from behavior_controller.bt.linter.palette import check_models
+from behavior_controller.bt.linter.palette import check_models, stubs
 from behavior_controller.bt.linter.structure import MOST_FAULTS, Findings
 from behavior_controller.bt.loader.document import parse, read
+from behavior_controller.bt.registry import Direction, Kind
 from behavior_controller.leaves import registry
 from behavior_controller.missions.load import load_tree
 
@@ -55,3 +56,16 @@ def test_the_mission_loader_warns(tmp_path):
     path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><AlwaysSuccess/></BehaviorTree>"
                     "<TreeNodesModel><Action ID='Nothing'/></TreeNodesModel></root>")
     assert "palette-unknown-node" in [fault.code for fault in load_tree(str(path)).warnings]
+
+
+def test_a_palette_s_own_node_is_a_stub_with_its_ports():
+    text = ("<root BTCPP_format='4'><TreeNodesModel><Condition ID='FixtureIsNear'>"
+            "<input_port name='to' type='int' default='3'/><output_port name='by'/>"
+            "<input_port type='int'/><input_port name=''/><MetadataFields name='no port'/>"
+            "</Condition><Action ID='Sleep'/><Action ID='FixtureIsNear'/></TreeNodesModel></root>")
+    (stub,), faults = stubs([parse(text, "m.xml")], registry())
+    assert (stub.id, stub.kind, stub.is_stub, faults) == (
+        "FixtureIsNear", Kind.CONDITION, True, [])
+    assert [(port.name, port.type, port.direction, port.default, port.is_optional)
+            for port in stub.ports] == [("to", "int", Direction.IN, "3", True),
+                                        ("by", "any", Direction.OUT, None, True)]
