@@ -371,3 +371,4 @@ def test_what_a_robot_of_release_1_0_may_lack():
         "/speechEvent/set_language": False, "/tabletEvent/prompt_and_get_response": True
     }
     assert not any(service.is_optional for service in INTERFACE.services)
+    assert not any(topic.is_optional for topic in INTERFACE.topics + release_1_0.INTERFACE.topics)
