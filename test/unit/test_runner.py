@@ -696,8 +696,8 @@ def test_a_reloaded_mission_that_is_refused_ends_no_wait(monkeypatch):
     monkeypatch.setattr(other.tree.nodes[0], "setup", lambda **kwargs: 1 / 0)
     tell(rig, service_of(GoTo), False)
     waiting = [Running(other.tree, other.mission, "other.xml", 2)]
-    rig.run(advance, runs=0, successor=lambda: waiting.pop() if waiting and rig.of(Paused) else None,
-            is_stopped=lambda: rig.clock.now() > 1100.0)
+    rig.run(advance, runs=0, is_stopped=lambda: rig.clock.now() > 1100.0,
+            successor=lambda: waiting.pop() if waiting and rig.of(Paused) else None)
     assert not waiting and starts(rig) == [0.0]
 
 
