@@ -494,6 +494,14 @@ def test_why_an_answer_is_ignored_is_known_at_each_time():
     assert seen == [NOT_ASKED, BEFORE_QUESTION, "", NOT_ASKED]
 
 
+def test_where_answers_are_listened_to_they_count_without_a_question_before():
+    rig = one_leaf("<Sequence><IsYesNoUttered/><QueryTourSpeech/></Sequence>")
+    rig.tree.setup(mission=rig.mission)
+    rig.mission.begin_visit(rig.tree.blackboard, rig.clock.now())
+    assert rig.topics.ignoring[SPEECH] == NOT_ASKED
+    assert rig.tick() is FAILURE and rig.topics.ignoring[SPEECH] == ""
+
+
 def test_without_a_question_in_the_mission_no_answer_is_ignored():
     rig = one_leaf("<IsYesNoUttered/>")
     rig.tick()

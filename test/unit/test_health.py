@@ -2,7 +2,8 @@
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import Events, HealthChanged
-from behavior_controller.execution.health import CallCount, GONE, Health, SLOW, available_again, gone
+from behavior_controller.execution.health import (
+    CallCount, GONE, Health, SLOW, available_again, gone)
 
 DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer",
                      "the robot cannot speak", GONE)

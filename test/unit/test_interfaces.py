@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from behavior_controller.robot import release_1_0
-from behavior_controller.robot.declarations import Interface, Sense, Success, Unusable
+from behavior_controller.robot.declarations import (
+    MOST_EVENTS, Action, Interface, Publication, Sample, Sense, Service, Success, Unusable)
 from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.requests import (
     AttentionStatus, Exhibit, Faces, GoTo, Listen, Location, PerformGesture, Point, Prompt,
@@ -353,6 +354,36 @@ def test_a_service_names_the_piece_that_is_left_out(piece, following):
         piece, following)
 
 
+@pytest.mark.parametrize("kind, success, is_refused", [
+    (Service, None, True), (Action, None, False), (Publication, None, False),
+    (Action, 5.0, True), (Action, Success("success", True, False), False)])
+def test_only_a_service_needs_a_field_that_says_whether_it_was_done(kind, success, is_refused):
+    fields = vars(INTERFACE.service(Say))
+    declared = {field.name: fields[field.name] for field in dataclasses.fields(Service)}
+    declared["success"] = success
+    if is_refused:
+        with pytest.raises(TypeError, match="has no success, but"):
+            kind(**declared)
+    else:
+        assert kind(**declared).success is success
+
+
+def test_of_events_the_last_are_kept_and_of_a_state_the_newest_and_its_newest_event():
+    def kept(topic, *values):
+        samples = ()
+        for value in values:
+            samples = topic.kept(samples, Sample(value, 1.0))
+        return [sample.value for sample in samples]
+
+    events = dataclasses.replace(FACES, is_continuous=False)
+    assert kept(events, *range(MOST_EVENTS)) == list(range(MOST_EVENTS))
+    assert kept(events, *range(MOST_EVENTS + 50)) == list(range(50, MOST_EVENTS + 50))
+    assert kept(FACES, 1, 2, 3) == [3]
+    evens = dataclasses.replace(FACES, is_event=lambda value: value % 2 == 0)
+    assert [kept(evens, *values) for values in ((1,), (1, 3), (1, 2), (2, 3), (2, 3, 5), (2, 4))
+            ] == [[1], [3], [2], [2, 3], [2, 5], [4]]
+
+
 @pytest.mark.parametrize("request_, doing",
                          [(SetAnimation("enabled"), "starting lifelike movement"),
                           (SetAnimation("disabled"), "stopping lifelike movement"),
@@ -371,3 +402,4 @@ def test_what_a_robot_of_release_1_0_may_lack():
         "/speechEvent/set_language": False, "/tabletEvent/prompt_and_get_response": True
     }
     assert not any(service.is_optional for service in INTERFACE.services)
+    assert not any(topic.is_optional for topic in INTERFACE.topics + release_1_0.INTERFACE.topics)

@@ -16,7 +16,8 @@ from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.execution.events import LeafFinished, StepStarted, LeafSummary, StopChanged
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.declarations import Sense
+from behavior_controller.robot.d543 import FACES
+from behavior_controller.robot.declarations import Evidence, Sense
 from behavior_controller.robot.requests import (
     Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Say,
     SetAnimation, SetAttention)
@@ -25,6 +26,7 @@ from behavior_controller.leaves import data, registry
 from behavior_controller.leaves.base import (
     FailureLog, InstantAction, InstantCondition, ServiceLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import TopicCondition
+from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
 from behavior_controller.config.node_facts import MissionSpec, whole_mission
 from behavior_controller.config.phrases import SPEECHES
@@ -552,8 +554,15 @@ def test_the_failure_log_finds_the_newest_in_a_range():
 
 
 def test_only_what_is_read_may_be_left_out():
-    ports = [port for spec in leaves.SPECS for port in spec.ports if port.is_optional]
-    assert ports and all(port.direction is not Direction.OUT for port in ports)
+    ports = [(spec.id, port) for spec in leaves.SPECS for port in spec.ports if port.is_optional]
+    assert all(port.direction is not Direction.OUT for _, port in ports)
+    # a recovery needs no list, a pose none yet; without a time all evidence counts
+    assert {node: [port.name for other, port in ports if other == node] for node, _ in ports} == {
+        "IsMutualGazeDiscovered": ["attentionSetAt"], "IsYesNoUttered": ["questionAskedAt"],
+        "DescribeExhibitSpeech": ["part"], "SetOvertAttentionMode": ["target"],
+        "SetRobotPose": ["exhibits"], "ResetRobotPose": ["exhibits"],
+        "HandleFallBack": [port.name for port in LEAVING_OUT],
+        "HandleFallback": [port.name for port in LEAVING_OUT]}
 
 
 def test_every_leaf_can_be_made_without_anything_running():
@@ -709,6 +718,33 @@ def test_a_condition_needs_no_message_of_its_own(kind, monkeypatch):
     rig = one_leaf("<FixtureBare/>")
     assert rig.tick() is FAILURE
     assert rig.of(LeafFinished)[-1].failure.message == "it does not hold"
+
+
+@pytest.mark.parametrize("leaf, words", [
+    ("Say", "'Say', the leaf of FixtureBare, is not a class of mission leaves"),
+    (Node, "the leaf of FixtureBare, is not a class of mission leaves"),
+    (ServiceLeaf, "ServiceLeaf, the leaf of FixtureBare, does not say what it asks for"),
+    (type("Quoted", (ServiceLeaf,), {"asks": "Say"}), "does not say what it asks for"),
+    (type("Answers", (ServiceLeaf,), {"asks": Answer}), "does not say what it asks for"),
+    (type("Sees", (TopicCondition,), {"own_evidence": FACES}),
+     "own_evidence of Sees is no Evidence"),
+    (type("Sees", (TopicCondition,), {"own_evidence": Evidence("faces")}),
+     "own_evidence of Sees is no Evidence")])
+def test_a_class_that_cannot_be_a_leaf_is_refused_where_it_is_declared(leaf, words):
+    with pytest.raises(ImportError) as raised:
+        leaf_spec("FixtureBare", leaf, "A leaf with a mistake.")
+    assert words in str(raised.value)
+
+
+def test_kind_and_haste_of_a_node_type_are_those_of_its_class():
+    asks = type("Asks", (ServiceLeaf,), {"asks": Say})
+    sees = type("Sees", (TopicCondition,), {"own_evidence": Evidence(FACES)})
+    specs = [leaf_spec("FixtureBare", leaf, "A leaf.")
+             for leaf in (InstantAction, InstantCondition, asks, sees)]
+    assert [(spec.kind, spec.is_instant, spec.may_fail_at_once, spec.calls, spec.listens)
+            for spec in specs] == [
+        (Kind.ACTION, True, False, (), ()), (Kind.CONDITION, True, False, (), ()),
+        (Kind.ACTION, False, True, (Say,), ()), (Kind.CONDITION, False, False, (), (FACES,))]
 
 
 def test_an_argument_that_the_leaf_does_not_declare_is_refused():

@@ -10,7 +10,8 @@ from behavior_controller.config import recovery_policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed, Recovered,
-                                                  Recovering, Retried, StopChanged)
+                                                  Recovering, Retried, SafeStateReported,
+                                                  StopChanged)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.robot.requests import (
@@ -239,6 +240,9 @@ def test_beyond_the_budget_nothing_is_retried():
     rig.mission.policy = dataclasses.replace(rig.mission.policy, most=0, seconds=60.0)
     assert to_the_end(rig) is FAILURE
     assert rig.requests[1:] == SAFE
+    report, = rig.of(SafeStateReported)
+    assert [(part.what, part.failure) for part in report.parts] == [
+        ("attention", None), ("lifelike movement", None)]
     assert [event.policy for event in rig.of(Recovered)
             ] == ["give up: the budget of 0 recoveries in 60 s is spent"]
     rig.mission.policy = dataclasses.replace(rig.mission.policy, most=99)

@@ -12,7 +12,7 @@ from behavior_controller.execution.events import (
 from behavior_controller.execution.fold import KEPT, fold
 from behavior_controller.execution.run import Run
 from behavior_controller.execution.state import (
-    FAILED, STOPPED, NodeResult, Reason, RecoveryRound, State)
+    FAILED, STOPPED, NodeResult, Reason, RecoveryRound, State, step_over)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE, SLOW
 from behavior_controller.robot.requests import (
@@ -188,6 +188,16 @@ def test_a_step_that_goes_on_is_the_same_one_with_a_later_end(uid, goes_on, limi
     run = after(PassStarted(1, 0.0), DRIVES, Noticed("info", "so"),
                 replace(DRIVES, uid=uid, limit=7.0, goes_on=goes_on))
     assert [(step.began, step.limit) for step in run.state.steps] == limits
+
+
+def test_a_step_is_over_where_another_one_is_the_newest():
+    says = StepStarted(6, "Say", "all/say", "speaking", "", 0.0, False)
+    run = after(PassStarted(1, 0.0), DRIVES, Asked(1, "/nav", GoTo(ARM)), says,
+                ended(uid=6, path="all/say"), ended(), Noticed("info", "so"))
+    states = [run.at(float(time)) for time in range(102, 109)]
+    over = [step_over(before, now) for before, now in zip(states, states[1:])]
+    assert [step and (step.uid, step.began, step.ended) for step in over] == [
+        None, None, (2, 103, 105), (6, 105, 106), (2, 103, 107), None]
 
 
 # ----------------------------------------------------------------------------- requests and answers

@@ -670,14 +670,34 @@ def test_a_reloaded_mission_ends_the_wait():
             for event in other.of(PassStarted)] == [2] and rig.clock.now() - began < 2.0
 
 
+def test_a_reloaded_mission_begins_with_the_shortest_pause():
+    rig, other = [one_leaf(GREET_AND_DRIVE, drives(Cause.TYPE_MISMATCH)) for _ in range(2)]
+    other.mission.gateway, other.mission.clock = rig.mission.gateway, rig.clock
+    other.tree.clock = rig.clock
+    waiting = [Running(other.tree, other.mission, "other.xml", 4)]
+    rig.run(advance, runs=0, successor=lambda: waiting.pop()
+            if waiting and len(rig.of(Paused)) == 2 and len(rig.of(PassFinished)) == 2 else None)
+    assert [event.limit for event in rig.of(Paused) + other.of(Paused)] == [10.0, 20.0, 10.0]
+
+
+def test_the_nodes_of_a_mission_are_set_up_once(monkeypatch):
+    rig, set_up = one_leaf("<AlwaysSuccess/>"), []
+    monkeypatch.setattr(rig.tree.nodes[0], "setup", lambda **kwargs: set_up.append(kwargs))
+    runner = Runner(Running(rig.tree, rig.mission, "m.xml", 1), lambda: False)
+    runner.prepare()
+    assert set_up == [{"mission": rig.mission}]
+    runner.run()
+    assert len(set_up) == 1
+
+
 def test_a_reloaded_mission_that_is_refused_ends_no_wait(monkeypatch):
     rig, other = one_leaf(GREET_AND_DRIVE,
                           drives(Cause.NOT_REACHABLE)), one_leaf("<FollowMeSpeech/>")
     monkeypatch.setattr(other.tree.nodes[0], "setup", lambda **kwargs: 1 / 0)
     tell(rig, service_of(GoTo), False)
     waiting = [Running(other.tree, other.mission, "other.xml", 2)]
-    rig.run(advance, runs=0, successor=lambda: waiting.pop() if waiting and rig.of(Paused) else None,
-            is_stopped=lambda: rig.clock.now() > 1100.0)
+    rig.run(advance, runs=0, is_stopped=lambda: rig.clock.now() > 1100.0,
+            successor=lambda: waiting.pop() if waiting and rig.of(Paused) else None)
     assert not waiting and starts(rig) == [0.0]
 
 

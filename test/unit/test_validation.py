@@ -12,7 +12,8 @@ import pytest
 
 from behavior_controller import cli, folders
 from behavior_controller.bt.linter.calls import is_misspelling
-from behavior_controller.missions.validation import Judgement, Validation
+from behavior_controller.errors import Fault
+from behavior_controller.missions.validation import Judgement, Validation, as_json
 
 HEAD = '<root BTCPP_format="4">\n{}\n</root>'
 TREE = '<BehaviorTree ID="{}">{}</BehaviorTree>'
@@ -435,6 +436,17 @@ def test_the_phrases_that_a_mission_has_of_its_own_are_checked_with_it(file, mon
                         lambda path, name: own if name == "greeting" else path)
     assert {name for name, _, _ in told(mission)} == {"greeting_phrases_English.ini"}
     assert told(other) == []
+
+
+@pytest.mark.parametrize("place, end", [((4, 7), (4, 7)), ((2, 9), (2, 9)), ((0, 0), (2, 3))])
+def test_a_fault_in_json_has_its_range_as_far_as_it_is_known(place, end):
+    fault = Fault("m.xml", 2, 3, "odd", "mend it", True, "code", *place)
+    assert as_json(fault) == {
+        "file": "m.xml", "range": {"start": {"line": 2, "column": 3},
+                                   "end": {"line": end[0], "column": end[1]}},
+        "severity": "warning", "code": "code", "text": "odd", "hint": "mend it"}
+    assert as_json(Fault("m.xml", 0, 0, "odd")) == {
+        "file": "m.xml", "range": None, "severity": "error", "code": "", "text": "odd", "hint": ""}
 
 
 def test_a_palette_without_node_types_is_told(file):

@@ -131,7 +131,7 @@ class Exchange(Struct, frozen=True):
     service: str
     request: Request
     asked: float
-    uid: int = 0
+    uid: int
     answered: Optional[float] = None
     result: Union[Answer, Failure, None] = None
 
