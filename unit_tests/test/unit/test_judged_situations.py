@@ -526,15 +526,15 @@ SHORT_PASS = 1.0
 
 
 def test_the_pause_after_passes_that_fail_for_a_spent_budget_doubles_until_one_succeeds():
-    """10 s at first and 15 s at most; the first pass spends the budget."""
-    with policy("budget 1 600\npause 10 15\n* * 0 0 giveUp\n"):
+    """10 s at first and 25 s at most; the first pass spends the budget."""
+    with policy("budget 1 600\npause 10 25\n* * 0 0 giveUp\n"):
         of_test = of_mission(STEP, ["textToSpeech:{}".format(call) for call in (1, 2, 3, 4, 6)],
                              mission_runs=7)
     ended = [(time, event.outcome) for time, event in times(of_test, PassFinished)]
     began = [time for time, _ in times(of_test, PassStarted)]
     assert [outcome for _, outcome in ended] == ["FAILURE"] * 4 + ["SUCCESS", "FAILURE", "SUCCESS"]
     gaps = [begin - end - SHORT_PASS for begin, (end, _) in zip(began[1:], ended)]
-    assert gaps == pytest.approx([0.0, 10.0, 15.0, 15.0, 0.0, 10.0], abs=0.01)
+    assert gaps == pytest.approx([0.0, 10.0, 20.0, 25.0, 0.0, 10.0], abs=0.01)
     assert objections(of_test) == ()
     for number, begin in enumerate(began[1:], 2):
         early = objections(changed(of_test, from_then_on(begin, -0.1)))

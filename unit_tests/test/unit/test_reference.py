@@ -100,6 +100,19 @@ def test_a_spoken_answer_is_whole_words_with_no_first(text, answer):
     assert reference.spoken(phrases.load("English"), text) == answer
 
 
+MEANINGS = SimpleNamespace(meanings={
+    "yes": [("good",), ("sure",), ("no", "problem"), ("that's", "it")],
+    "no": [("no",), ("not", "good"), ("sure", "not", "today")]})
+
+
+@pytest.mark.parametrize("text, answer", [
+    ("no problem", "yes"), ("no", "no"), ("not good", "no"), ("good", "yes"), ("sure", "yes"),
+    ("Sure not today", "no"), ("sure not", "yes"), ("problem", None), ("no problem, no", "no"),
+    ("That’s it", "yes"), ("good no problem", "yes")])
+def test_the_longest_phrase_counts(text, answer):
+    assert reference.spoken(MEANINGS, text) == answer
+
+
 @pytest.mark.parametrize("text, is_error", [
     ("Error: no speech", True), ("error", True), ("  ERROR 5", True), ("An Error occurred", True),
     ("terror", False), ("no", False), ("", False)])
