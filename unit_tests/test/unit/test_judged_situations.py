@@ -9,14 +9,15 @@ from msgspec.structs import replace
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import phrases, recovery_policy, settings
 from behavior_controller.execution.events import (
-    Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished, PassStarted,
-    Recovered, RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended, Tick, TreeShown)
+    Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished,
+    PassStarted, Recovered, RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended,
+    Tick, TreeShown)
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.replay import replay
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
-    GoTo, PerformGesture, QueryKnowledge, Say, SetAnimation, SetAttention, SetPose, SetRecognition,
-    SetRecognitionLanguage)
+    Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
+    SetRecognition, SetRecognitionLanguage)
 from behavior_controller.text import Source
 
 from unit_tests.judge import reference
@@ -874,3 +875,33 @@ def test_a_pass_that_failed_for_another_type_of_service_is_followed_by_a_pause()
     assert any("10.0 s too early" in text for text in objections(mistyped))
     later = objections(changed(mistyped, from_then_on(began, 10.0)))
     assert not any("too early" in text or "was due" in text for text in later)
+
+
+NO_PRESS = Failure(Cause.REFUSED, "-", "/tabletEvent/prompt_and_get_response")
+
+
+@pytest.mark.parametrize("chosen, behaviour, faults, result", [
+    ({}, "engages", [], Answer(response="Yes")), ({}, "declines", [], Answer(response="No")),
+    ({}, "silent", [], Answer(response="")),
+    ({}, "engages", ["tabletEvent:1:wrong"], Answer(response="Perhaps")),
+    # it says whether a button was pressed, but not which
+    (RELEASE, "engages", [], Answer()), (RELEASE, "declines", [], Answer()),
+    (RELEASE, "silent", [], NO_PRESS), (RELEASE, "engages", ["tabletEvent:1:wrong"], NO_PRESS)])
+def test_the_answer_of_the_tablet_is_what_the_visitor_pressed(chosen, behaviour, faults, result):
+    of_test = of_mission("<PressYesNoDialogue/>", faults, chosen=chosen,
+                         visitor_behaviour=behaviour)
+    call, = [event.call for _, event in times(of_test, Asked) if isinstance(event.request, Prompt)]
+    answered, = [event for _, event in times(of_test, Answered) if event.call == call]
+    cause = getattr(answered.result, "cause", None)
+    assert cause is Cause.REFUSED if result is NO_PRESS else answered.result == result
+    assert objections(of_test) == ()
+    others = [Answer(response="Maybe"), Failure(Cause.HANDLER_EXCEPTION, "-", NO_PRESS.resource)]
+    others += [Answer()] if result is NO_PRESS else [NO_PRESS]
+    if chosen and result is not NO_PRESS:
+        del others[0]  # it has no response
+    for other in others:
+        falsified = changed(of_test, lambda line: [
+            replace(line, event=replace(answered, result=other))
+            if line.event is answered else line])
+        assert any(" of /tabletEvent/prompt_and_get_response for PressYesNoDialogue was " in text
+                   for text in objections(falsified)), other
