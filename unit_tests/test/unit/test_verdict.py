@@ -13,7 +13,8 @@ from behavior_controller.execution.events import (
     SafeStateReported, StepStarted, StopChanged, Tick, TreeShown)
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, GoTo, Location, Say, SetAnimation, SetAttention
+from behavior_controller.robot.requests import (
+    Answer, GoTo, Location, Say, SetAnimation, SetAttention)
 from behavior_controller.text import Source
 
 from unit_tests.judge.junit import to_xml
