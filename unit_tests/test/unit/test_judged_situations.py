@@ -7,19 +7,24 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.config import recovery_policy, settings
+from behavior_controller.config import phrases, recovery_policy, settings
 from behavior_controller.execution.events import (
-    Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished, PassStarted,
-    RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended, Tick, TreeShown)
+    Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished,
+    PassStarted, Recovered, RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended,
+    Tick, TreeShown)
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.replay import replay
-from behavior_controller.robot.gateway import Cause
-from behavior_controller.robot.requests import GoTo, Say
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import (
+    Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
+    SetRecognition, SetRecognitionLanguage)
 from behavior_controller.text import Source
 
+from unit_tests.judge import reference
 from unit_tests.judge.failures import failure_rows
 from unit_tests.judge.verdict import Case, judge
 from unit_tests.rehearsal.play import Stage
+from unit_tests.robot import virtual_robot
 from unit_tests.robot.virtual_robot import VirtualTopics
 
 from plays import changed, facts, of_test_with
@@ -523,15 +528,15 @@ SHORT_PASS = 1.0
 
 
 def test_the_pause_after_passes_that_fail_for_a_spent_budget_doubles_until_one_succeeds():
-    """10 s at first and 15 s at most; the first pass spends the budget."""
-    with policy("budget 1 600\npause 10 15\n* * 0 0 giveUp\n"):
+    """10 s at first and 25 s at most; the first pass spends the budget."""
+    with policy("budget 1 600\npause 10 25\n* * 0 0 giveUp\n"):
         of_test = of_mission(STEP, ["textToSpeech:{}".format(call) for call in (1, 2, 3, 4, 6)],
                              mission_runs=7)
     ended = [(time, event.outcome) for time, event in times(of_test, PassFinished)]
     began = [time for time, _ in times(of_test, PassStarted)]
     assert [outcome for _, outcome in ended] == ["FAILURE"] * 4 + ["SUCCESS", "FAILURE", "SUCCESS"]
     gaps = [begin - end - SHORT_PASS for begin, (end, _) in zip(began[1:], ended)]
-    assert gaps == pytest.approx([0.0, 10.0, 15.0, 15.0, 0.0, 10.0], abs=0.01)
+    assert gaps == pytest.approx([0.0, 10.0, 20.0, 25.0, 0.0, 10.0], abs=0.01)
     assert objections(of_test) == ()
     for number, begin in enumerate(began[1:], 2):
         early = objections(changed(of_test, from_then_on(begin, -0.1)))
@@ -540,7 +545,7 @@ def test_the_pause_after_passes_that_fail_for_a_spent_budget_doubles_until_one_s
         assert any(f"pass {number} was due 1.5 s before" in text for text in late)
 
 
-# ------------------------------------------------------------------------------ what an operator does
+# ---------------------------------------------------------------------------- what an operator does
 
 
 def due(of_test):
@@ -741,3 +746,163 @@ def test_what_is_on_record_before_the_mission_begins_is_not_judged():
                if not isinstance(line.event, (TreeShown, RunStarted))]
     unjudged = of_test._replace(run=Run(earlier + lines))
     assert Case(unjudged).execution.difference == ""
+
+
+# -------------------------------------------------------------------------------- nodes one by one
+
+
+def failures(of_test):
+    """Return the nodes that failed and why, and the requests before the end of the run."""
+    failed = [(event.node, event.failure.cause.value)
+              for _, event in times(of_test, (LeafFinished, Recovered)) if event.failure is not None
+              and (isinstance(event, LeafFinished) or event.node in reference.HANDLERS)]
+    return failed, [event.request for _, event in times(of_test, Asked)][:-2]
+
+
+def forced(*steps):
+    return "".join(f"<ForceSuccess>{step}</ForceSuccess>" for step in steps)
+
+
+@pytest.mark.parametrize("steps, faults, expected", [
+    # nothing before it has failed, in its scope and since it was run last
+    ("<HandleFallBack/>", [], ["missing-data"]),
+    (forced("<WelcomeSpeech/>", "<Fallback><AlwaysFailure/><HandleFallBack/></Fallback>"),
+     ["textToSpeech:1"], ["refused", "missing-data"]),
+    ('<Repeat num_cycles="3">' + forced("<Fallback><Inverter><WelcomeSpeech/></Inverter>"
+                                        "<HandleFallBack/></Fallback>") + "</Repeat>",
+     ["textToSpeech:1"], ["refused", "missing-data"]),
+    # behind the last exhibit
+    ('<RetrieveListOfExhibits/><Repeat num_cycles="6"><SelectExhibit/></Repeat>', [],
+     ["missing-data"]),
+    # without a place to point or to look at, nothing is asked
+    ("""<Script code="t := '0;0;0'"/><PerformDeicticGesture target="{t}"/>
+<LocationOvertAttentionMode target="{t}"/>""", [], []),
+    ("<LookUpHome/>" + forced("<PerformDeicticGesture/>", "<LocationOvertAttentionMode/>"), [],
+     ["missing-data", "missing-data"])])
+def test_a_node_without_what_it_needs_asks_nothing(steps, faults, expected):
+    of_test = of_mission(steps, faults)
+    failed, requests = failures(of_test)
+    assert [cause for _, cause in failed] == expected and objections(of_test) == ()
+    assert {type(request) for request in requests} <= {Say, QueryKnowledge}
+
+
+def test_a_recovery_without_a_failure_before_it_says_so():
+    of_test = of_mission("<HandleFallBack/>")
+    silent = changed(of_test, lambda line: [] if isinstance(line.event, Recovered) else [line])
+    assert any("HandleFallBack ended with missing-data; on record is FAILURE although it did not "
+               "fail" in text for text in objections(silent))
+
+
+@pytest.mark.parametrize("step, is_left_out", [
+    ("<SelectExhibit/><FollowMeSpeech/>", True), ("<FollowMeSpeech/><SelectExhibit/>", False),
+    ("<SelectExhibit/><LookUpHome/><FollowMeSpeech/>", False)])
+def test_an_exhibit_is_left_out_if_the_robot_is_on_its_way_to_it(step, is_left_out):
+    with policy("budget 9 60\n* * 0 0 skip\n"):
+        of_test = of_mission(f"""<RetrieveListOfExhibits/><Fallback><Sequence>{step}</Sequence>
+<HandleFallBack/></Fallback>""", ["textToSpeech:1"])
+    assert [recovery.outcome for recovery in of_test.run.recoveries] == ["skipped"]
+    states = [event.state for _, event in times(of_test, StopChanged)]
+    assert ("omitted" in states) is is_left_out and objections(of_test) == ()
+
+
+@pytest.mark.parametrize("away, asked", [(2.0, 2.0), (40.0, 15.5)])
+def test_a_retry_of_what_must_not_be_left_out_waits_15_s_for_its_service(away, asked):
+    with policy("budget 9 60\nFollowMeSpeech * 1 0.5 giveUp\n* * 0 0 skip\n"), mock.patch.object(
+            virtual_robot, "AWAY", away):
+        of_test = of_mission(STEP, GONE)
+    first, second = [time for time, event in times(of_test, Asked)
+                     if isinstance(event.request, Say)]
+    assert second - first == pytest.approx(asked, abs=0.3) and objections(of_test) == ()
+
+
+@pytest.mark.parametrize("number, phrase", enumerate((
+    "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech",
+    "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", ""), start=1))
+def test_a_robot_without_utility_phrases_says_the_speeches_that_mean_the_same(number, phrase):
+    of_test = of_mission(f'<SayText name="{number}"/>')
+    failed, requests = failures(of_test)
+    assert requests == ([Say(phrases.load("English").speeches[phrase])] if phrase else [])
+    assert failed == ([] if phrase else [("SayText", "missing-data")])
+    assert objections(of_test) == ()
+
+
+@pytest.mark.parametrize("steps, requests", [
+    ('<SetSpeechEvent name="true"/><SetSpeechEvent name="false"/>',
+     [SetRecognition(True), SetRecognition(False)]),
+    ('<SetSpeechEvent name="enabled"/><SetSpeechEvent name="disabled"/>',
+     [SetRecognition(True), SetRecognition(False)]),
+    ('<PerformIconicGesture name="welcome"/><PerformIconicGesture name="goodbye"/>',
+     [PerformGesture("iconic", 1, 3000), PerformGesture("iconic", 3, 3000)]),
+    ('<SetOvertAttentionMode name="social"/><SetAnimateBehavior name="enabled"/>',
+     [SetAttention("social"), SetAnimation("enabled")])])
+def test_a_node_of_release_1_0_goes_by_its_argument(steps, requests):
+    of_test = of_mission(steps, chosen=RELEASE)
+    assert failures(of_test) == ([], [SetRecognitionLanguage("English"), *requests])
+    assert objections(of_test) == ()
+
+
+def test_a_robot_of_release_1_0_is_where_its_tour_begins():
+    of_test = of_mission("<RetrieveListOfExhibits/><SetRobotPose/>", chosen=RELEASE)
+    assert failures(of_test)[1][1:] == [SetPose(of_test.mission.knowledge.tour[0].location)]
+    assert objections(of_test) == ()
+    without = of_mission("<SetRobotPose/>", chosen=RELEASE)
+    assert failures(without)[0] == [("SetRobotPose", "missing-data")]
+    assert objections(without) == ()
+
+
+@pytest.mark.parametrize("behaviour", ["noGaze", "engages"])
+def test_a_gaze_that_release_1_0_has_given_up_is_waited_for_no_more(behaviour):
+    of_test = of_mission('<SetOvertAttentionMode name="seeking"/><IsMutualGazeDiscovered/>',
+                         chosen=RELEASE, visitor_behaviour=behaviour, test_timeout=900.0)
+    assert ends(of_test, "IsMutualGazeDiscovered") == [
+        "FAILURE" if behaviour == "noGaze" else "SUCCESS"]
+    assert objections(of_test) == ()
+
+
+def test_a_pass_that_failed_for_another_type_of_service_is_followed_by_a_pause():
+    """Of 10 s, after 1 s for a short pass."""
+    with policy("budget 9 60\n* * 0 0 giveUp\n"):
+        of_test = of_mission(STEP, ["textToSpeech:1"], **TWO_PASSES)
+
+    def other(line):
+        event = line.event
+        for name in ("result", "failure"):
+            failure = getattr(event, name, None)
+            if isinstance(failure, Failure):
+                event = replace(event, **{name: Failure(Cause.TYPE_MISMATCH, failure.message,
+                                                        failure.resource)})
+        return [replace(line, event=event)]
+    mistyped, began = changed(of_test, other), times(of_test, PassStarted)[1][0]
+    assert any("10.0 s too early" in text for text in objections(mistyped))
+    later = objections(changed(mistyped, from_then_on(began, 10.0)))
+    assert not any("too early" in text or "was due" in text for text in later)
+
+
+NO_PRESS = Failure(Cause.REFUSED, "-", "/tabletEvent/prompt_and_get_response")
+
+
+@pytest.mark.parametrize("chosen, behaviour, faults, result", [
+    ({}, "engages", [], Answer(response="Yes")), ({}, "declines", [], Answer(response="No")),
+    ({}, "silent", [], Answer(response="")),
+    ({}, "engages", ["tabletEvent:1:wrong"], Answer(response="Perhaps")),
+    # it says whether a button was pressed, but not which
+    (RELEASE, "engages", [], Answer()), (RELEASE, "declines", [], Answer()),
+    (RELEASE, "silent", [], NO_PRESS), (RELEASE, "engages", ["tabletEvent:1:wrong"], NO_PRESS)])
+def test_the_answer_of_the_tablet_is_what_the_visitor_pressed(chosen, behaviour, faults, result):
+    of_test = of_mission("<PressYesNoDialogue/>", faults, chosen=chosen,
+                         visitor_behaviour=behaviour)
+    call, = [event.call for _, event in times(of_test, Asked) if isinstance(event.request, Prompt)]
+    answered, = [event for _, event in times(of_test, Answered) if event.call == call]
+    cause = getattr(answered.result, "cause", None)
+    assert cause is Cause.REFUSED if result is NO_PRESS else answered.result == result
+    assert objections(of_test) == ()
+    others = [Answer(response="Maybe"), Failure(Cause.HANDLER_EXCEPTION, "-", NO_PRESS.resource)]
+    others += [Answer()] if result is NO_PRESS else [NO_PRESS]
+    if chosen and result is not NO_PRESS:
+        del others[0]  # it has no response
+    for other in others:
+        falsified = changed(of_test, lambda line: [
+            replace(line, event=replace(answered, result=other))
+            if line.event is answered else line])
+        assert any(" of /tabletEvent/prompt_and_get_response for PressYesNoDialogue was " in text
+                   for text in objections(falsified)), other

@@ -3,12 +3,15 @@ own words."""
 import ast
 import inspect
 import os
+from types import SimpleNamespace
 
 import pytest
 
-from behavior_controller.config import phrases
+from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.config import phrases, settings
+from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import (
-    GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
+    Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
 
 from unit_tests import judge
 from unit_tests.judge import reference
@@ -91,24 +94,125 @@ def test_the_requests_of_a_tour_are_those_of_the_document():
 @pytest.mark.parametrize("text, answer", [("Yes", "yes"), ("yes please", "yes"), ("No", "no"),
                                           ("not good", "no"), ("no, yes", "no"), ("goodbye", None),
                                           ("I know", None), ("Error: yes", None), ("", None),
-                                          ("yesterday", None)])
+                                          (" error yes", None), ("yesterday", None),
+                                          ("well, YES!", "yes"), ("yes no", "no")])
 def test_a_spoken_answer_is_whole_words_with_no_first(text, answer):
     assert reference.spoken(phrases.load("English"), text) == answer
 
 
-def test_the_policy_is_read_by_the_words_at_its_head():
-    class Failing:
-        registration_id, spec = "Navigate", None
+MEANINGS = SimpleNamespace(meanings={
+    "yes": [("good",), ("sure",), ("no", "problem"), ("that's", "it")],
+    "no": [("no",), ("not", "good"), ("sure", "not", "today")]})
 
-    policy = reference.PolicyTable(
-        "budget 3 60 # at most\nNavigate refused 2 1.5 skip\n* * 0 0 skip # the rest\n")
-    from behavior_controller.robot.gateway import Cause
-    assert (policy.most, policy.seconds) == (3, 60.0)
-    refused = policy.rule(Failing(), Cause.REFUSED)
-    # it is never skipped
-    assert (refused.retries, refused.back_off, refused.then) == (2, 1.5, "giveUp")
-    Failing.registration_id = "FollowMeSpeech"
-    assert policy.rule(Failing(), Cause.NO_ANSWER).then == "skip"
+
+@pytest.mark.parametrize("text, answer", [
+    ("no problem", "yes"), ("no", "no"), ("not good", "no"), ("good", "yes"), ("sure", "yes"),
+    ("Sure not today", "no"), ("sure not", "yes"), ("problem", None), ("no problem, no", "no"),
+    ("That’s it", "yes"), ("good no problem", "yes")])
+def test_the_longest_phrase_counts(text, answer):
+    assert reference.spoken(MEANINGS, text) == answer
+
+
+@pytest.mark.parametrize("text, is_error", [
+    ("Error: no speech", True), ("error", True), ("  ERROR 5", True), ("An Error occurred", True),
+    ("terror", False), ("no", False), ("", False)])
+def test_an_error_of_the_recognition_is_no_answer(text, is_error):
+    assert reference.is_error(text) is is_error
+
+
+class Failing:
+    """A node that fails."""
+
+    def __init__(self, registration_id, is_indispensable=False):
+        self.registration_id = registration_id
+        self.spec = SimpleNamespace(is_indispensable=is_indispensable)
+
+
+POLICY = """budget 3 60 # at most
+Navigate refused 2 1.5 skip
+FollowMeSpeech no-answer 1 0.5 WelcomeSpeech
+FollowMeSpeech * 4 0 skip
+* refused 3 2 skip
+"""
+
+
+@pytest.mark.parametrize("node, cause, rule", [
+    ("Navigate", Cause.REFUSED, (2, 1.5, "giveUp")),  # it is never skipped
+    ("FollowMeSpeech", Cause.NO_ANSWER, (1, 0.5, "WelcomeSpeech")),
+    ("FollowMeSpeech", Cause.REFUSED, (4, 0.0, "skip")),
+    ("WelcomeSpeech", Cause.REFUSED, (3, 2.0, "skip")),
+    # no line fits
+    ("WelcomeSpeech", Cause.NO_ANSWER, (0, 0.0, "giveUp"))])
+def test_the_first_line_of_the_policy_that_fits_is_the_rule(node, cause, rule):
+    found = reference.PolicyTable(POLICY).rule(Failing(node), cause)
+    assert (found.retries, found.back_off, found.then) == rule
+
+
+@pytest.mark.parametrize("is_indispensable, then", [(True, "giveUp"), (False, "skip")])
+def test_a_node_of_another_package_may_be_indispensable(is_indispensable, then):
+    found = reference.PolicyTable(POLICY).rule(Failing("Count", is_indispensable), Cause.REFUSED)
+    assert found.then == then
+
+
+@pytest.mark.parametrize("more, pauses", [("", (10.0, 300.0)), ("pause 5 60\n", (5.0, 60.0))])
+def test_the_policy_has_a_budget_and_pauses(more, pauses):
+    table = reference.PolicyTable(POLICY + more)
+    assert (table.most, table.seconds) == (3, 60.0)
+    assert (table.first_pause, table.longest_pause) == pauses
+
+
+REFUSED, MISTYPED = Cause.REFUSED, Cause.TYPE_MISMATCH
+
+
+@pytest.mark.parametrize("causes, is_spent, spent, number, at, seconds", [
+    # nothing failed that persists
+    ([], True, [0.0, 10.0, 20.0], 0, 30.0, 0.0),
+    ([REFUSED], False, [0.0, 10.0, 20.0], 0, 30.0, 0.0),
+    # a type: 10 s, twice as long each time, at most 300 s
+    ([MISTYPED], False, [], 0, 30.0, 10.0), ([MISTYPED], False, [], 1, 30.0, 20.0),
+    ([MISTYPED], False, [], 4, 30.0, 160.0), ([MISTYPED], False, [], 5, 30.0, 300.0),
+    ([MISTYPED], False, [], 99, 30.0, 300.0), ([REFUSED, MISTYPED], False, [], 0, 30.0, 10.0),
+    # the budget: until the oldest of its three recoveries is 60 s old
+    ([REFUSED], True, [0.0, 10.0, 20.0], 0, 30.0, 10.0),
+    ([REFUSED], True, [0.0, 10.0, 20.0], 2, 30.0, 30.0),
+    ([REFUSED], True, [0.0, 10.0, 20.0], 2, 55.0, 5.0),
+    ([REFUSED], True, [-50.0, 0.0, 10.0, 20.0], 2, 55.0, 5.0),
+    ([REFUSED], True, [0.0, 10.0, 20.0], 2, 60.0, 0.0), ([REFUSED], True, [0.0], 2, 30.0, 0.0)])
+def test_a_pass_waits_while_the_cause_of_the_failure_persists(
+        causes, is_spent, spent, number, at, seconds):
+    course = reference.TaskContext(settings.defaults(), None, reference.PolicyTable(POLICY))
+    course.unrecovered = [(cause, "/x") for cause in causes]
+    course.is_spent, course.recoveries = is_spent, spent
+    assert course.pause(number, at) == seconds
+
+
+def test_the_failures_of_a_pass_are_the_newest_and_what_was_given_up_in_it():
+    course = reference.TaskContext(settings.defaults(), None, reference.PolicyTable(POLICY))
+    board = Blackboard()
+    course.failures.append(reference.TaskFailure(None, Cause.REFUSED, "/before"))
+    course.begin_visit(board, 5.0)
+    assert course.failures_of_pass == []
+    course.failures += [reference.TaskFailure(None, Cause.REFUSED, name) for name in ("/a", "/b")]
+    course.unrecovered.append((Cause.NO_ANSWER, "/c"))
+    assert course.failures_of_pass == [(Cause.NO_ANSWER, "/c"), (Cause.REFUSED, "/b")]
+    course.begin_visit(board, 9.0)
+    assert course.failures_of_pass == [] and course.is_spent is False
+
+
+@pytest.mark.parametrize("pressed, meaning, cause", [
+    ("1", "yes", None), ("2", "no", None), ("Yes", "yes", None), (" no ", "no", None),
+    ("NO", "no", None), ("", None, Cause.MISSING_DATA), ("0", None, Cause.MISSING_DATA),
+    ("3", None, Cause.UNUSABLE_ANSWER), ("maybe", None, Cause.UNUSABLE_ANSWER)])
+def test_a_press_is_yes_or_no_or_none_at_all(pressed, meaning, cause):
+    written = {}
+    course = reference.TaskContext(settings.defaults(), None, reference.PolicyTable(POLICY))
+    node = SimpleNamespace(course=course, write=written.update)
+    found = None
+    try:
+        reference._keep_pressed(node, Answer(response=pressed))
+    except reference.Fails as failed:
+        found = failed.args[0]
+    assert (written.get("visitorResponse"), found) == (meaning, cause)
 
 
 def test_no_row_says_nothing_of_itself():

@@ -10,7 +10,7 @@ from behavior_controller.bt.status import FAILURE, RUNNING
 from behavior_controller.execution.events import HealthChanged, Line, Noticed
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.gateway import Cause, Failure, Sample
-from behavior_controller.robot.requests import Answer, Say, SetAttention
+from behavior_controller.robot.requests import Answer, Say, SetAnimation, SetAttention
 
 from unit_tests.judge.comparison import Query
 from unit_tests.judge.signs import JournalMessages, Signs, SignSearch, objections
@@ -91,6 +91,20 @@ def test_a_request_that_fails_before_its_node_has_it_leaves_the_line_to_the_next
 @pytest.mark.parametrize("at, is_its", [(-0.3, False), (-0.25, True), (1.25, True), (1.3, False)])
 def test_a_request_is_on_record_shortly_before_its_node_gets_it_and_after_it_answers(at, is_its):
     assert lines_of([("a", 0.0, 1.0, None)], [("a", at)]) == [0 if is_its else None]
+
+
+SAFE, OTHER = SetAttention("disabled"), SetAttention("social")
+
+
+@pytest.mark.parametrize("node, request_made, asker, is_for_safety", [
+    ("DisabledOvertAttentionMode", SAFE, "DisabledOvertAttentionMode", False),
+    ("HandleFallBack", SAFE, "HandleFallBack", True),
+    ("HandleFallback", SAFE, "HandleFallback", True),
+    ("HandleFallBack", OTHER, "HandleFallBack", False), ("", SAFE, "the safe state", True),
+    ("", SetAnimation("disabled"), "the safe state", True), ("", OTHER, "a later step", False)])
+def test_a_request_is_made_by_a_node_or_at_the_end(node, request_made, asker, is_for_safety):
+    query = Query(0, request_made, "/x", BEGAN, node)
+    assert (query.asker, query.is_for_safety) == (asker, is_for_safety)
 
 
 # ------------------------------------------------------------------ each result is that of its node

@@ -16,6 +16,8 @@ import itertools
 import math
 from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
+from msgspec.structs import replace
+
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
@@ -28,7 +30,7 @@ from behavior_controller.execution.events import (
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
 from behavior_controller.monitoring.record.replay import RecordedTopics
-from behavior_controller.robot.gateway import Cause
+from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 
 from unit_tests.judge import reference
@@ -102,6 +104,8 @@ class Execution(TaskContext):
         self._result = ""  # of the tree in the newest traversal, if it has ended
         self._outcome, self._ready, self._pauses = "", 0.0, 0  # after the last pass
         self._last = ""  # the leaf that ended last
+        # why recoveries failed that had nothing to recover from, by uid: their ends do not say it
+        self._unneeded: Dict[int, Failure] = {}
         self.tree.subscribe(
             lambda node, old, new: self.traversal.changes.append((node.uid, LETTERS[new])))
         places = [(node.full_path, node.registration_id) for node in self.tree.nodes]
@@ -161,7 +165,8 @@ class Execution(TaskContext):
     def _note_leaf(self, event: LeafFinished) -> None:
         if not self._is_of(event):
             self._differ(f"node {event.uid} is not {event.node} {event.path}")
-        self.traversal.finished.append(event)
+        failure = self._unneeded.pop(event.uid, event.failure)
+        self.traversal.finished.append(replace(event, failure=failure))
 
     def _is_of(self, event: Union[LeafFinished, Recovering, Recovered]) -> bool:
         """Return whether the number of a node is that of its path and type."""
@@ -176,8 +181,9 @@ class Execution(TaskContext):
 
     def _note_recovery(self, event: Union[Recovering, Retried, Recovered]) -> None:
         if isinstance(event, Recovered):
-            if self._is_of(event):
-                return  # there was nothing to recover from
+            if self._is_of(event):  # there was nothing to recover from
+                self._unneeded[event.uid] = event.failure
+                return
             if event.success is (event.outcome == reference.GIVEN_UP):
                 self._differ(f"the recovery of {event.node} is {event.outcome}; on record its "
                              f"success is {event.success}")
