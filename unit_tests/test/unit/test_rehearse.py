@@ -260,9 +260,9 @@ def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
     assert search.plays < 100
 
 
-def search_of(tmp_path, body, *calls, fault=PlannedFault("a", 1, "crash")):
+def search_of(tmp_path, body, *calls, planned=(PlannedFault("a", 1, "crash"),), silent=()):
     """Return a search for EndTourSpeech, with four plays that have made these calls: two of them
-    without a fault and two with that one, two of a visitor who engages."""
+    without a fault and two with those, two of a visitor who engages."""
     nodes = Theatre({}, mission(tmp_path, body), 900.0).stage(True).mission.tree.nodes
     uids = {node.registration_id: node.uid for node in nodes}
     made = [RobotCall(node, number, uids[leaf], "", is_done)
@@ -270,7 +270,7 @@ def search_of(tmp_path, body, *calls, fault=PlannedFault("a", 1, "crash")):
     reached = set(uids.values()) - {uids["EndTourSpeech"]}
     outcomes = [outcome(scene, "SUCCESS", 9.0, calls=made, reached=reached)
                 for visitor in ("engages", "silent") for scene in (
-                    Scene(visitor), Scene(visitor).with_fault(fault))]
+                    Scene(visitor), Scene(visitor, planned=planned, silent=silent))]
     return Search(nodes, reached, outcomes, "refused")
 
 
@@ -295,7 +295,7 @@ def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp
 def test_no_play_is_planned_twice(tmp_path):
     search = search_of(tmp_path, WAY_TO_THE_LAST, ("textToSpeech", 1, "WelcomeSpeech", True),
                        ("textToSpeech", 2, "WelcomeSpeech", True),
-                       fault=PlannedFault("textToSpeech", 1, "refused"))
+                       planned=(PlannedFault("textToSpeech", 1, "refused"),))
     planned = [scene for scenes in search.rounds() for scene in scenes]
     row = tuple(PlannedFault("textToSpeech", call, "refused") for call in (1, 2))
     assert len(set(planned)) == len(planned) and row in [scene.planned for scene in planned]
@@ -351,7 +351,7 @@ def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(t
         <Fallback><AlwaysSuccess/><EndTourSpeech/></Fallback></Sequence>""",
                        ("overtAttention", 1, "ScanningOvertAttentionMode", True),
                        ("textToSpeech", 1, "WelcomeSpeech", True),
-                       ("textToSpeech", 2, "WelcomeSpeech", True))
+                       ("textToSpeech", 2, "WelcomeSpeech", True), silent=("/x",))
     rows = [tuple(PlannedFault(node, call, "refused") for call in range(1, 1 + length))
             for node in ("overtAttention", "textToSpeech") for length in (2, 3, 4)]
     both = tuple(PlannedFault(node, 1, "refused", True)
