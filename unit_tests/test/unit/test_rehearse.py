@@ -652,6 +652,11 @@ def test_what_is_played_first_and_whether_it_is_all(tmp_path, words, number, is_
             for scene in scenes} == ({True} if "asrEnabled:=true" in words else {True, False})
 
 
+def test_the_topics_of_the_robot_are_not_silent(tmp_path):
+    todo = cli.Plan(cli.read([mission(tmp_path, "<IsVisitorDiscovered/>")]))
+    assert todo.silent == [] and "/faceDetection/data" in todo.topics
+
+
 @pytest.mark.parametrize("words, number", [
     # by tablet the call is the same; three topics may be silent
     (["--visitors", "engages"], 2 + (5 + 1) + 2 * 3),
