@@ -671,8 +671,9 @@ def test_how_many_plays_there_are(tmp_path, words, number):
 
 def test_pairs_of_faults_are_played_only_if_they_are_asked_for(tmp_path):
     path = mission(tmp_path, ONE_AFTER_THE_OTHER.format("lost += 1"))
-    single, pairs = (cli.rehearse(cli.Plan(cli.read([path, *ENGAGES, "--kinds", "refused", *words])),
-                                  jobs=1).plays for words in ([], ["--faults", "pairs"]))
+    words = [path, *ENGAGES, "--kinds", "refused"]
+    single, pairs = (cli.rehearse(cli.Plan(cli.read(words + more)), jobs=1).plays
+                     for more in ([], ["--faults", "pairs"]))
     # three calls of three leaves, once and for good, and three topics by voice and tablet
     assert single == 2 + 2 * 3 + 3 * 2
     # all of that by tablet too, and the two calls after the first one
