@@ -344,6 +344,8 @@ def test_a_robot_that_has_arrived_is_not_sent_there_again(result, expected):
     steps = [asked(BACK, "drive", result), leaf("drive"), asked(BACK)]
     assert [kind for kind in kinds(play(*steps)) if kind == "drives-twice"] == expected
     assert "drives-twice" not in kinds(play(*steps, faults=1))
+    under_way = asked(BACK, "left", None)
+    assert kinds(play(under_way, asked(BACK, "right"), answered(under_way))) == ["shares-a-body"]
 
 
 def test_a_mission_that_takes_exhibits_one_by_one_may_be_meant_to_show_only_some():

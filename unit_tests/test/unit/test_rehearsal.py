@@ -9,6 +9,7 @@ from behavior_controller.bt.loader.document import parse, read, with_includes
 from behavior_controller.config import knowledge_files, phrases, settings
 from behavior_controller.execution.events import Tick
 
+from unit_tests.robot.faults import PlannedFault
 from unit_tests.robot.world import World, building_file, building_of, load_building
 from unit_tests.rehearsal.play import CALM, Stage, rehearse
 from unit_tests.robot.visitor import Manners, Visitor
@@ -133,6 +134,17 @@ def test_calls_meet_one_situation_unless_the_mission_may_go_on_otherwise(steps, 
     """From the second call on the visitor is there."""
     met = situations(steps, 4.0, "none", "textToSpeech")[1:]
     assert len(met) == 4 and len(set(met)) == (1 if is_one else 4)
+
+
+@pytest.mark.parametrize("faulty, told", [(None, [1, 2, 3]), (1, [2, 3]), (2, [3]), (3, [])])
+def test_the_situations_after_the_first_fault_are_told_or_all_without_a_fault(faulty, told):
+    stage = Stage(settings.defaults(), [parse(
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>' +
+        3 * '<ForceSuccess><WelcomeSpeech/></ForceSuccess>' + '</Sequence></BehaviorTree></root>')])
+    planned = (PlannedFault("textToSpeech", faulty, "refused"),) if faulty else ()
+    met = stage.play(dataclasses.replace(CALM, planned_faults=planned),
+                     has_situations=True).situations
+    assert sorted(number for node, number in met if node == "textToSpeech") == told
 
 
 @pytest.mark.parametrize("pause, is_one", [(100, False), (1000, True)])

@@ -261,9 +261,9 @@ def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
     assert search.plays < 100
 
 
-def search_of(tmp_path, body, *calls):
+def search_of(tmp_path, body, *calls, planned=(PlannedFault("a", 1, "crash"),), silent=()):
     """Return a search for EndTourSpeech, with four plays that have made these calls: two of them
-    without a fault, two of a visitor who engages."""
+    without a fault and two with those, two of a visitor who engages."""
     nodes = Theatre({}, mission(tmp_path, body), 900.0).stage(True).mission.tree.nodes
     uids = {node.registration_id: node.uid for node in nodes}
     made = [RobotCall(node, number, uids[leaf], "", is_done)
@@ -271,7 +271,7 @@ def search_of(tmp_path, body, *calls):
     reached = set(uids.values()) - {uids["EndTourSpeech"]}
     outcomes = [outcome(scene, "SUCCESS", 9.0, calls=made, reached=reached)
                 for visitor in ("engages", "silent") for scene in (
-                    Scene(visitor), Scene(visitor).with_fault(PlannedFault("a", 1, "crash")))]
+                    Scene(visitor), Scene(visitor, planned=planned, silent=silent))]
     return Search(nodes, reached, outcomes, "refused")
 
 
@@ -291,6 +291,15 @@ def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp
     assert added == {once, once._replace(is_lasting=True)}
     # else the next round could not extend them
     assert all(scene.is_listed for scene in scenes) and len({*scenes}) == 8
+
+
+def test_no_play_is_planned_twice(tmp_path):
+    search = search_of(tmp_path, WAY_TO_THE_LAST, ("textToSpeech", 1, "WelcomeSpeech", True),
+                       ("textToSpeech", 2, "WelcomeSpeech", True),
+                       planned=(PlannedFault("textToSpeech", 1, "refused"),))
+    planned = [scene for scenes in search.rounds() for scene in scenes]
+    row = tuple(PlannedFault("textToSpeech", call, "refused") for call in (1, 2))
+    assert len(set(planned)) == len(planned) and row in [scene.planned for scene in planned]
 
 
 def test_the_nearest_plays_get_a_further_fault_first(tmp_path, monkeypatch):
@@ -343,7 +352,7 @@ def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(t
         <Fallback><AlwaysSuccess/><EndTourSpeech/></Fallback></Sequence>""",
                        ("overtAttention", 1, "ScanningOvertAttentionMode", True),
                        ("textToSpeech", 1, "WelcomeSpeech", True),
-                       ("textToSpeech", 2, "WelcomeSpeech", True))
+                       ("textToSpeech", 2, "WelcomeSpeech", True), silent=("/x",))
     rows = [tuple(PlannedFault(node, call, "refused") for call in range(1, 1 + length))
             for node in ("overtAttention", "textToSpeech") for length in (2, 3, 4)]
     both = tuple(PlannedFault(node, 1, "refused", True)
@@ -644,6 +653,11 @@ def test_what_is_played_first_and_whether_it_is_all(tmp_path, words, number, is_
             for scene in scenes} == ({True} if "asrEnabled:=true" in words else {True, False})
 
 
+def test_the_topics_of_the_robot_are_not_silent(tmp_path):
+    todo = cli.Plan(cli.read([mission(tmp_path, "<IsVisitorDiscovered/>")]))
+    assert todo.silent == [] and "/faceDetection/data" in todo.topics
+
+
 @pytest.mark.parametrize("words, number", [
     # by tablet the call is the same; three topics may be silent
     (["--visitors", "engages"], 2 + (5 + 1) + 2 * 3),
@@ -654,6 +668,17 @@ def test_what_is_played_first_and_whether_it_is_all(tmp_path, words, number, is_
 def test_how_many_plays_there_are(tmp_path, words, number):
     result = cli.rehearse(cli.Plan(cli.read([mission(tmp_path, SPEECH), *words])), jobs=1)
     assert (result.plays, result.planned) == (number, number)
+
+
+def test_pairs_of_faults_are_played_only_if_they_are_asked_for(tmp_path):
+    path = mission(tmp_path, ONE_AFTER_THE_OTHER.format("lost += 1"))
+    words = [path, *ENGAGES, "--kinds", "refused"]
+    single, pairs = (cli.rehearse(cli.Plan(cli.read(words + more)), jobs=1).plays
+                     for more in ([], ["--faults", "pairs"]))
+    # three calls of three leaves, once and for good, and three topics by voice and tablet
+    assert single == 2 + 2 * 3 + 3 * 2
+    # all of that by tablet too, and the two calls after the first one
+    assert pairs >= 2 + 2 * (2 * 3 + 3) + 2 * 2
 
 
 def test_the_only_play_is_told(capsys, tmp_path):

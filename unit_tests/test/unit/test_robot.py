@@ -26,7 +26,7 @@ from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.behaviour import (
     NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, rehearsed_topics, services,
     simulated)
-from unit_tests.robot.virtual_robot import VirtualRobot, response, slots
+from unit_tests.robot.virtual_robot import HANDLING, VirtualRobot, WAY, response, slots
 from unit_tests.robot.visitor import (
     BEHAVIOURS, DECLINES, ENGAGES, Manners, NOTHING_HEARD, NO_GAZE, SILENT, SMALL_TALK, Visitor)
 from unit_tests.robot.world import Building, FORM, World, building_file, load_building
@@ -168,6 +168,18 @@ def test_a_message_goes_wrong_where_nothing_subscribes(fault):
     assert possible(fault, COLOUR, ()) == REFUSED and possible(None, COLOUR, ()) is None
 
 
+def virtual_robot(offer, *planned, **given):
+    """Return a robot in virtual time that has another package's offer too, and these faults; a test
+    has the configuration that is given."""
+    interface = replace(INTERFACE, services=INTERFACE.services + (offer,))
+    mission = SimpleNamespace(
+        tree=SimpleNamespace(clock=ManualClock(0.0), wake=SimpleNamespace(emit=lambda: None)),
+        settings=SimpleNamespace(interface=interface, deadline=lambda service: service.deadline),
+        offers=())
+    test = replace(options.defaults(failureRate=0.0, **given), planned_faults=planned)
+    return VirtualRobot(mission, world(), test)
+
+
 AT_ONCE, CARRIED_OUT, LATE = 0.01, 1.01, 5.0
 """Seconds after which the result of a call is there: the node takes a second, its caller waits 5.
 """
@@ -182,20 +194,54 @@ AT_ONCE, CARRIED_OUT, LATE = 0.01, 1.01, 5.0
     (DANCE, CRASH, AT_ONCE, Cause.CONNECTION_LOST), (DANCE, UNANSWERED, LATE, Cause.NO_ANSWER),
     (COLOUR, None, CARRIED_OUT, Answer()), (COLOUR, REFUSED, CARRIED_OUT, Cause.NOT_ADVERTISED)])
 def test_what_another_package_declares_ends_as_on_its_robot(offer, fault, over, expected):
-    clock = ManualClock(0.0)
-    interface = replace(INTERFACE, services=INTERFACE.services + (offer,))
-    mission = SimpleNamespace(
-        tree=SimpleNamespace(clock=clock, wake=SimpleNamespace(emit=lambda: None)), offers=(),
-        settings=SimpleNamespace(interface=interface, deadline=lambda service: service.deadline))
-    planned = (PlannedFault("lamp", 1, fault),) if fault else ()
-    test = replace(options.defaults(failureRate=0.0), planned_faults=planned)
-    call, results = VirtualRobot(mission, world(), test).start(Lamp()), {}
+    robot = virtual_robot(offer, *[PlannedFault("lamp", 1, fault)] * bool(fault))
+    call, results = robot.start(Lamp()), {}
     for moment in (AT_ONCE, CARRIED_OUT, LATE):
-        clock.set_to(moment)
-        clock.run_due()
+        robot.clock.set_to(moment)
+        robot.clock.run_due()
         results[moment] = call.result
     assert [moment for moment, result in results.items() if result is not None][0] == over
     assert getattr(call.result, "cause", call.result) == expected
+
+
+@pytest.mark.parametrize("fault, seconds", [
+    (None, WAY + HANDLING), (REFUSED, WAY + HANDLING), (EXCEPTION, WAY), (CRASH, WAY)])
+def test_a_call_that_takes_no_time_takes_that_of_its_way_and_its_handling(fault, seconds):
+    robot = virtual_robot(LAMP, *[PlannedFault("lamp", 1, fault)] * bool(fault), callTimes="none")
+    call = robot.start(Lamp())
+    while call.result is None:
+        robot.clock.set_to(robot.clock.next_due())
+        robot.clock.run_due()
+    assert robot.clock.now() == pytest.approx(seconds)
+
+
+def test_a_message_is_noted_with_the_read_that_returns_it_first():
+    topic = Topic("/door", "door", "std_msgs/String", str, str, "no door", is_continuous=False)
+    robot, noted = virtual_robot(LAMP), []
+    robot.note = noted.append
+    for reads in (("a", "b", ""), ("c",)):  # of two traversals
+        robot.topics.reads.clear()
+        for value in reads:
+            if value:
+                robot.topics.publish(topic, value)
+            robot.topics.recent(topic)
+    assert [(message.value, message.read) for message in noted] == [("a", 1), ("b", 2), ("c", 1)]
+
+
+def test_a_topic_of_another_package_says_what_its_declaration_says():
+    door = Topic("/door", "door", "std_msgs/String", str, str, "no door", is_continuous=True,
+                 rehearsed=lambda seconds: "open" if seconds > 0.42 else None)
+    robot = virtual_robot(LAMP)
+    robot.publish(door)
+    silent, said = [], []
+    while robot.clock.now() < 1.0:
+        robot.clock.set_to(robot.clock.next_due())
+        robot.clock.run_due()
+        heard = [sample.value for sample in robot.topics.recent(door)]
+        (said if heard == ["open"] else silent).append(robot.clock.now())
+    # 20 messages a second
+    assert [*silent, *said] == pytest.approx([number / 20 for number in range(1, 21)])
+    assert said[0] == pytest.approx(0.45) and max(silent) < said[0] and robot.journal == []
 
 
 def test_what_tells_an_outcome_may_be_neither_yes_nor_no():
