@@ -429,7 +429,7 @@ def test_retries_of_one_incident_are_one_entry(browser):  # noqa: F811
 ARM, STOPPED = Location(1.0, 2.5, 90.0), RunFinished("stopped", 0)
 VISIT = Visit(3, 100.0, arrived=110.0)
 STOP = Place(2, 5, "arm", UNDER_WAY, None, 0.0, noun="exhibit")
-ASKED = Exchange(7, "/say", Say("hello"), 120.0)
+ASKED = Exchange(7, "/say", Say("hello"), 120.0, 0)
 
 
 def rows(*tree):
