@@ -542,7 +542,7 @@ def test_a_goodbye_is_the_last_that_a_visitor_hears(steps, expected):
     (2, [ended("FAILURE")], False), (2, [], False), (2, [leaf("bye"), ended()], False),
     (2, [leaf("bye", "FAILURE"), ended()], True), (2, [leaf("hi"), ended()], True)])
 def test_a_visitor_who_was_shown_several_stops_is_told_goodbye(stops, more, expected):
-    steps = [*map(asked, TOUR[:stops]), asked(BACK, "right"), *more]
+    steps = [asked(stop) for stop in TOUR[:stops]] + [asked(BACK, "right"), *more]
     assert found(play(*steps)) == expected * [
         ("no-goodbye", "right", "the last drive ends here, and the visitor is told no goodbye")]
     assert found(play(*steps, faults=1)) == found(play(*steps, behaviour=DECLINES)) == []
