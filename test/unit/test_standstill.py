@@ -68,6 +68,7 @@ def test_a_leaf_that_is_often_met_but_returns_is_not_named(monkeypatch):
     assert watched(monkeypatch, lambda watch: checks(watch, CHECKS), ticks=3) == []
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_the_watch_checks_each_quarter_of_a_second_until_the_program_ends(monkeypatch):
     checked, slept = queue.Queue(), []
     monkeypatch.setattr(blocked_tick, "time", SimpleNamespace(sleep=slept.append))

@@ -815,9 +815,9 @@ def test_a_retry_of_what_must_not_be_left_out_waits_15_s_for_its_service(away, a
     assert second - first == pytest.approx(asked, abs=0.3) and objections(of_test) == ()
 
 
-@pytest.mark.parametrize("number, phrase", enumerate((
+@pytest.mark.parametrize("number, phrase", list(enumerate((
     "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech",
-    "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", ""), start=1))
+    "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", ""), start=1)))
 def test_a_robot_without_utility_phrases_says_the_speeches_that_mean_the_same(number, phrase):
     of_test = of_mission(f'<SayText name="{number}"/>')
     failed, requests = failures(of_test)

@@ -326,7 +326,9 @@ UNSEEN = "Look did not see what {} said {} s before"
     # it is 2 s old at most, and takes up to 1 s to be read
     ([(-1.5, 1)], {}, "1.5"), ([(-1.9, 1)], {}, ""), ([(-0.9, 1)], {}, ""), ([(-1.5, 0)], {}, ""),
     ([(-1.5, 1)], {"after": -1.6}, "1.5"), ([(-1.5, 1)], {"after": -1.4}, ""),
-    ([(-1.5, 1)], {"began": BEGAN - 1.4}, ""), ([(-1.5, 1)], {"crash": -9.0}, ""),
+    # a connection may take a second when a mission begins
+    ([(-1.5, 1)], {"began": BEGAN - 2.4}, ""), ([(-1.5, 1)], {"began": BEGAN - 2.6}, "1.5"),
+    ([(-1.5, 1)], {"crash": -9.0}, ""),
     ([(-1.5, 1)], {"crash": -16.6}, "1.5"),
     # the state has to last until it could have been read
     ([(-1.5, 1), (-0.3, 0)], {}, ""), ([(0.5, 1)], {"until": 3.0}, "2.5"),
@@ -338,6 +340,7 @@ def test_a_state_that_is_a_sign_is_seen(said, search, expected):
 
 @pytest.mark.parametrize("said, search, expected", [
     ([(-20.0, 1), (-19.9, 0)], {}, "20.0"), ([(-20.0, 0)], {}, ""), ([(-0.9, 1)], {}, ""),
+    ([(-20.0, 1)], {"began": BEGAN - 20.9}, ""), ([(-20.0, 1)], {"began": BEGAN - 21.1}, "20.0"),
     ([(-20.0, 1)], {"after": -19.0}, ""), ([(0.5, 1), (0.6, 0)], {"until": 2.0}, "1.5")])
 def test_an_event_that_is_a_sign_is_seen_however_old_it_is(said, search, expected):
     assert objection(EVENTS, said, **search) == (expected and UNSEEN.format(EVENTS, expected))

@@ -130,9 +130,11 @@ class JournalMessages:
         if search.has_sign:
             is_over = is_newer and topic.is_event is None and not search.is_sign(value)
             return f"{name} held, {at - time:.1f} s after {topic.name} said {value!r}" * is_over
-        if is_newer and self._is_heard(time) and time > search.began + self._late:
+        # until then the connection to the node may not have been there
+        connected = search.began + self._late
+        if is_newer and self._is_heard(time) and time > connected:
             return f"{name} did not read what {topic.name} said {at - time:.1f} s before: {value!r}"
-        after = max(search.after + self._offset, search.began)
+        after = max(search.after + self._offset, connected)
         if topic.is_continuous:
             after = max(after, at - max_age + EARLY)
         for place in range(self._until(after), self._until(until - self._late)):
