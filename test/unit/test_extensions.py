@@ -473,7 +473,7 @@ def test_an_import_is_watched_on_the_main_thread_alone(monkeypatch):
     given_up = []
     monkeypatch.setattr(extensions, "IMPORT_LIMIT", 0.02)
     monkeypatch.setattr(extensions, "_give_up", lambda: given_up.append(1))
-    monkeypatch.setattr(extensions.importlib, "import_module", 
+    monkeypatch.setattr(extensions.importlib, "import_module",
                         lambda name: threading.Event().wait(0.1))
     thread = threading.Thread(target=extensions._imported, args=("a", LEAVES, "a.leaves"))
     thread.start()

@@ -84,6 +84,7 @@ def test_the_watch_checks_each_quarter_of_a_second_until_the_program_ends(monkey
     times = [checked.get(timeout=5.0) for _ in range(2)]
     assert [slept for _, slept in times] == [[0.25], [0.25, 0.25]]
     assert all(thread.daemon for thread, _ in times)
+    times[-1][0].join(5.0)  # so that its end is noticed in this test
 
 
 def elsewhere(call):

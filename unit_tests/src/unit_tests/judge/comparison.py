@@ -212,7 +212,9 @@ class WrittenEntries:
 
 def _left(value: Optional[str], is_news: bool) -> str:
     """Return in words what a traversal left in an entry."""
-    return "nothing" if value is None else value if is_news else f"{value}, from before"
+    if value is None:
+        return "nothing"
+    return value if is_news else f"{value}, from before"
 
 
 def _entry_of(node: Duty, port: str) -> str:

@@ -165,8 +165,10 @@ class Execution(TaskContext):
     def _note_leaf(self, event: LeafFinished) -> None:
         if not self._is_of(event):
             self._differ(f"node {event.uid} is not {event.node} {event.path}")
-        failure = self._unneeded.pop(event.uid, event.failure)
-        self.traversal.finished.append(replace(event, failure=failure))
+        failure = self._unneeded.pop(event.uid, None)
+        if failure is not None:
+            event = replace(event, failure=failure)
+        self.traversal.finished.append(event)
 
     def _is_of(self, event: Union[LeafFinished, Recovering, Recovered]) -> bool:
         """Return whether the number of a node is that of its path and type."""

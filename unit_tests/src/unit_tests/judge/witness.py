@@ -52,8 +52,7 @@ class Witness:
     def __init__(self, facts: Facts, execution: Execution):
         self._facts, self._interface = facts, facts.world.settings.interface
         self._execution, self._crashes, self._late = execution, facts.crashes, facts.late
-        times = [line.time for line in facts.journal] + [line.time for line in facts.run.lines]
-        self.end = max(times, default=0.0)
+        self.end = max([facts.run.state.at, *(line.time for line in facts.journal)])
         self._answers = self._answers_of_nodes()
         self._deadlines = facts.world.settings.deadlines
         self._safe_limit = max(self._deadlines[self._interface.service(type(request)).deadline_key]
