@@ -10,6 +10,8 @@ import pytest
 pytest.importorskip("rospy", reason="needs ROS, which this interpreter does not have")
 
 from behavior_controller.errors import NodesMissing  # noqa: E402
+from behavior_controller.robot.gateway import Cause  # noqa: E402
+from behavior_controller.ros.tcpros import NO_ANSWER, Trouble, ask_master  # noqa: E402
 
 from unit_tests.robot import claims, options  # noqa: E402
 from unit_tests.robot.options import Arguments  # noqa: E402
@@ -108,6 +110,20 @@ def test_a_master_that_hangs_is_one_line_in_time(given, monkeypatch):
         with pytest.raises(NodesMissing, match="does not answer"):
             claims.check_test(of({}))
         assert time.monotonic() - began < 5.0
+
+
+def test_a_master_is_asked_again_if_its_first_answer_is_late(master, monkeypatch):
+    master([1, "", STATE])
+    late = iter([Trouble(Cause.NOT_REACHABLE, "timed out", NO_ANSWER)])
+
+    def ask(*question, seconds):
+        for trouble in late:
+            raise trouble
+        return ask_master(*question, seconds=seconds)
+
+    monkeypatch.setattr(claims, "ask_master", ask)
+    with pytest.raises(claims.Taken):
+        claims.check_test(of({}))
 
 
 def test_a_master_that_answers_without_end_is_one_line_in_time(master, monkeypatch):

@@ -10,7 +10,7 @@ import socket
 import sys
 from contextlib import suppress
 from functools import partial
-from typing import Any, Dict, FrozenSet, Iterable, List, NamedTuple, Sequence, Tuple
+from typing import Any, Callable, Dict, FrozenSet, Iterable, List, NamedTuple, Sequence, Tuple
 
 import rosgraph
 import rosgraph.network
@@ -42,7 +42,7 @@ REPLACED = "replaced"
 GONE = (ConnectionRefusedError, socket.gaierror)
 """What shows that no process of a node is left, or that none was ever here."""
 
-LIMIT = 12.0
+LIMIT = 20.0
 """Seconds for all answers together."""
 
 
@@ -229,15 +229,13 @@ def _living(nodes: Iterable[str]) -> Dict[str, Tuple[str, int]]:
     answers: Dict[str, Tuple[str, int]] = {}
 
     def greet(node: str, uri: str) -> None:
-        process = UNKNOWN
-        for _ in range(2):  # a node that is just ending does not answer either, and is gone then
-            try:
-                process = ask(uri, "getPid", seconds=ANSWER_LIMIT)
-                break
-            except Trouble as trouble:
-                # refused: its entry outlived it; answers otherwise: another program has its port
-                if trouble.fault != NO_ANSWER or isinstance(trouble.__cause__, GONE):
-                    return
+        try:
+            process = _ask_twice(partial(ask, uri, "getPid", seconds=ANSWER_LIMIT))
+        except Trouble as trouble:
+            # refused: its entry outlived it; answers otherwise: another program has its port
+            if trouble.fault != NO_ANSWER or isinstance(trouble.__cause__, GONE):
+                return
+            process = UNKNOWN
         answers[node] = uri.rpartition(":")[0].partition("//")[2], process
 
     run_together([partial(greet, node, uri) for node, uri in uris.items() if uri],
@@ -248,12 +246,23 @@ def _living(nodes: Iterable[str]) -> Dict[str, Tuple[str, int]]:
 def _ask_master(method: str, *values: str) -> Any:
     """Return the master's answer; None if it reports a failure."""
     try:
-        return ask_master(method, *values, seconds=ANSWER_LIMIT)
+        return _ask_twice(partial(ask_master, method, *values, seconds=ANSWER_LIMIT))
     except Trouble as trouble:
         if isinstance(trouble.__cause__, ConnectionRefusedError):
             uri = rosgraph.get_master_uri()
             raise NoMaster(f"no ROS master at {uri}: start roscore, or use the launch file")
         raise NodesMissing(str(trouble))
+
+
+def _ask_twice(question: Callable[[], Any]) -> Any:
+    """Return an answer. Raises ``Trouble`` if there is none the second time either.
+
+    On a computer that starts ten nodes at once an answer may come late. A node that is just ending
+    does not answer, and is gone then.
+    """
+    with suppress(Trouble):
+        return question()
+    return question()
 
 
 def _is_of_this_launch(holder: Holder, arguments: Arguments) -> bool:
