@@ -28,6 +28,7 @@ import rospy
 
 from behavior_controller.robot.requests import Say, SetAttention
 from behavior_controller.robot.interfaces import DEFAULT
+from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.types import TYPES
 from behavior_controller.config.settings import defaults
 from unit_tests.robot import behaviour, ros_messages
@@ -189,6 +190,7 @@ def main():
     """Offer everything, then obey stdin until it ends."""
     modes = dict(argument.rsplit("=", 1) for argument in rospy.myargv()[1:])
     rospy.init_node("commanded_robot", disable_signals=True)
+    bound_handshakes()
     world = visited(modes.get("interface", DEFAULT.name))
     interface = world.settings.interface
     services = {service.name: CommandedService(service, modes.get(service.name, "done"), world)

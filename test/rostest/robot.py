@@ -1,9 +1,7 @@
 """Help for the tests: the commanded robot and the node itself, each in its own process, to command
 and wait for."""
-import contextlib
 import json
 import os
-import random
 import re
 import shutil
 import signal
@@ -19,6 +17,8 @@ from behavior_controller.execution.events import RunStarted, Sources
 from behavior_controller.monitoring.story import Story
 from behavior_controller.text import Source
 from unit_tests.robot.world import building_file
+
+from free_ports import free_port
 
 STAND_INS = {"/commanded_robot", "/peer"}
 MASTER_IS_GONE = ("master", "does not answer")
@@ -173,9 +173,7 @@ def places():
 
 def start_master():
     """Start a ROS master on a free port, let the environment name it, and return its process."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     os.environ["ROS_MASTER_URI"] = "http://localhost:{}".format(port)
     master = run_master(port)
     ends = time.monotonic() + 20.0
@@ -205,23 +203,6 @@ def forget_dead_entries():
         for node in STAND_INS.intersection(nodes):
             master = rosgraph.Master(node)
             master.unregisterPublisher(topic, master.lookupNode(node))
-
-
-def free_ports():
-    """Return a port for Groot2, which takes the next one too, and one for the page.
-
-    They are below those that Linux gives to connections: none of the many that ROS makes takes one
-    meanwhile.
-    """
-    while True:
-        port = random.randrange(10000, 30000)
-        try:
-            with contextlib.ExitStack() as held:
-                for number in range(3):
-                    held.enter_context(socket.socket()).bind(("127.0.0.1", port + number))
-            return port, port + 2
-        except OSError:
-            continue
 
 
 class Package:

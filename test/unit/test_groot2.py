@@ -30,6 +30,7 @@ from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.monitoring.groot2 import publisher as groot2, tcp_proxy
 from behavior_controller.monitoring.groot2.publisher import Groot2Publisher
+from free_ports import free_port
 from mission_rig import Rig, visitor_who
 
 FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures",
@@ -67,19 +68,6 @@ SPECS = builtin_specs() + [
     NodeSpec("Act", Kind.ACTION, Act),
     NodeSpec("Cond", Kind.CONDITION, Cond)
 ]
-
-
-def free_ports():
-    """Return a port that is free, as is the one after it."""
-    while True:
-        with socket.socket() as first, socket.socket() as second:
-            first.bind(("127.0.0.1", 0))
-            port = first.getsockname()[1]
-            try:
-                second.bind(("127.0.0.1", port + 1))
-                return port
-            except (OSError, OverflowError):
-                continue
 
 
 class Client:
@@ -124,7 +112,7 @@ def served(request, monkeypatch):
     """A publisher on free ports, and a way to make clients; the parameter is its heartbeat in
     seconds."""
     warnings, clients = [], []
-    port = free_ports()
+    port = free_port(2)
     monkeypatch.setattr(groot2, "HEARTBEAT", getattr(request, "param", 60.0))
     events = []
     publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, events.append)
@@ -498,7 +486,7 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
         if len(lines) == 1:
             raise SystemExit
 
-    port = free_ports()
+    port = free_port(2)
     publisher = Groot2Publisher("127.0.0.1", port, SPECS, die, lambda event: None)
     tree = tree_of('<Act name="a"/>', a="S")
     publisher.show(tree)
@@ -546,7 +534,7 @@ def test_nodes_without_hooks_are_left_alone(served):
 
 @pytest.mark.parametrize("taken", [0, 1])
 def test_a_port_that_is_taken_is_one_line(taken):
-    warnings, port = [], free_ports()
+    warnings, port = [], free_port(2)
     with socket.socket() as other:
         other.bind(("127.0.0.1", port + taken))
         other.listen()

@@ -36,6 +36,7 @@ from behavior_controller.monitoring.view import PARTS, SENTENCES
 from behavior_controller.monitoring.story import condition, counted, how_it_ended, why
 from behavior_controller.monitoring.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
+from free_ports import free_port
 from mission_rig import Rig, one_leaf, refusal, visitor_who
 from test_story import RUNS, Teller, rig_of
 
@@ -45,12 +46,6 @@ SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.ab
 
 class Stop(Exception):
     """The mission has come to the moment in question."""
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Show:

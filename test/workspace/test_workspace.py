@@ -3,10 +3,11 @@ the same name."""
 import os
 import re
 import signal
-import socket
 import subprocess
 
 import pytest
+
+from free_ports import free_port
 
 pytestmark = pytest.mark.long
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -74,12 +75,6 @@ class Shell:
         return subprocess.Popen(["bash", "-c", self._sourced + command], env=self.environment,
                                 start_new_session=True, stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT, universal_newlines=True)
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 Both topics are made from the model of the run, on a thread of their own. A service only notes what
 the operator wants, at a bounded rate; the tick thread obeys.
 """
-import socket
 import threading
 import time
 from functools import partial
@@ -12,7 +11,6 @@ from typing import Any, Callable, Iterable, Mapping, Optional, Tuple
 import msgspec
 import roslib.message
 import rospy
-from rospy.impl import tcpros_base
 from std_msgs.msg import String
 
 from behavior_controller.bt.engine.tree import Tree
@@ -20,6 +18,7 @@ from behavior_controller.errors import ConfigurationError
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
+from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.timeouts import start_thread
 
 ROUND = 0.1
@@ -31,13 +30,6 @@ DIAGNOSTICS_EVERY = 1.0
 REST = 0.02
 """Seconds that a call of a service takes at least, one after the other, however many callers there
 are: a flood of them must not take the processor from the robot."""
-
-HANDSHAKE = 3.0
-"""Seconds that a caller has to say what it wants: rospy alone would wait for it for ever, and
-accept no other caller."""
-
-MOST_HANDSHAKES = 64
-"""The most callers at a time that have not said it; a further one is sent away."""
 
 CLOSING = 0.3
 """Seconds to publish how the run ended."""
@@ -57,33 +49,6 @@ def types() -> Tuple[Any, ...]:
             "rosInterface", "it needs the ROS packages std_srvs and diagnostic_msgs",
             "install them, or set rosInterface false")
     return (trigger, *messages)
-
-
-def bound_handshakes() -> None:
-    """Have rospy's server take each connection on a thread of its own, for a bounded time."""
-    server, room = tcpros_base._tcpros_server, threading.BoundedSemaphore(MOST_HANDSHAKES)
-    accept = server.tcp_ros_server.inbound_handler
-
-    def shake(sock: socket.socket, address: Any) -> None:
-        try:
-            accept(sock, address)
-        finally:
-            room.release()
-
-    def start(sock: socket.socket, address: Any) -> None:
-        if not room.acquire(blocking=False):
-            sock.close()
-            return
-        sock.settimeout(HANDSHAKE)
-        start_thread("handshake", shake, sock, address)
-
-    def go_on(handle: Callable[..., Any], sock: socket.socket, address: Any, header: Any) -> Any:
-        sock.settimeout(None)
-        return handle(sock, address, header)
-
-    server.topic_connection_handler = partial(go_on, server.topic_connection_handler)
-    server.service_connection_handler = partial(go_on, server.service_connection_handler)
-    server.tcp_ros_server.inbound_handler = start
 
 
 class RosInterface:

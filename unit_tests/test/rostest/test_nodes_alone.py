@@ -2,6 +2,7 @@
 """Does each simulated node run alone, by rosrun, under the name and with the types of the real one?
 """
 import os
+import socket
 import subprocess
 import sys
 import tempfile
@@ -9,7 +10,9 @@ import threading
 import unittest
 import xmlrpc.client
 import xmlrpc.server
+from urllib.parse import urlsplit
 
+import rosgraph
 import rosnode
 import rospy
 import rosservice
@@ -18,6 +21,7 @@ import rostopic
 from cssr_system.srv import robotNavigationService, robotPoseService, textService
 
 from first_message import wait_for_first_message
+from whole_test import TRACEBACK
 
 # node, service and its type, topic and its type: contract, sections 2 and 3
 TABLE = (
@@ -71,6 +75,20 @@ class TestNodesAlone(unittest.TestCase):
         rospy.wait_for_service("/other/say", LIMIT)
         self.assertTrue(rospy.ServiceProxy("/other/say", textService)("Hello").success)
 
+    def test_a_caller_that_says_nothing_keeps_no_other_away(self):
+        self.start("textToSpeech", "_failureRate:=0")
+        rospy.wait_for_service("/textToSpeech/say_text", LIMIT)
+        address = urlsplit(rosgraph.Master("/test").lookupService("/textToSpeech/say_text"))
+        answered = threading.Event()
+
+        def say():
+            rospy.ServiceProxy("/textToSpeech/say_text", textService)("Hello")
+            answered.set()
+
+        with socket.create_connection((address.hostname, address.port)):
+            threading.Thread(target=say, daemon=True).start()
+            self.assertTrue(answered.wait(LIMIT))
+
     def test_requests_are_refused_at_the_failure_rate(self):
         self.start("robotNavigation", "_failureRate:=1")
         rospy.wait_for_service("/robotNavigation/set_goal", LIMIT)
@@ -121,7 +139,7 @@ class TestNodesAlone(unittest.TestCase):
                 env=dict(os.environ, ROS_HOME=self.home.name), stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT, universal_newlines=True).stdout
             self.assertEqual(printed.count(hint), 1, printed)
-            self.assertNotIn("Traceback", printed)
+            self.assertNotRegex(printed, TRACEBACK)
 
     def test_a_signal_ends_it_while_it_registers(self):
         with SlowMaster(os.environ["ROS_MASTER_URI"]) as master:

@@ -1,8 +1,8 @@
 """Runs the whole test as a user does, each time with its own master."""
 import glob
 import os
-import socket
 import subprocess
+import sys
 import tempfile
 import unittest
 from typing import List, NamedTuple
@@ -12,8 +12,14 @@ from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.replay import read_record
 from unit_tests.judge.verdict import QUESTIONS
 
+HERE = os.path.dirname(os.path.realpath(__file__))
+sys.path.append(os.path.join(HERE, "../../../test/rostest"))
+from free_ports import free_port  # noqa: E402
+
 LIMIT = 120.0  # seconds for one test
 PASSED, FAILED, NOT_RUN = 0, 1, 2
+# A frame of ours in a traceback: roslaunch may end a Python before it comes to our code.
+TRACEBACK = 'File "[^"]*/(behavior_controller|cssr_system|unit_tests)/'
 CLEAN = ("scenarioSpecification:=lab_tour", "failureRate:=0")
 
 
@@ -41,12 +47,6 @@ class WholeTest(unittest.TestCase):
         wanted = next(line.split() for line in result.report
                       if "that this visitor should bring about" in line)
         self.assertEqual(wanted[0], wanted[2], "of the leaves that should be reached")
-
-
-def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
 
 
 def run_test(*arguments, **environment):

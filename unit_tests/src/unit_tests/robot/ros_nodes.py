@@ -13,6 +13,7 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, NodesMissing
 from behavior_controller.robot.declarations import Service, Topic
+from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.types import TYPES
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 
@@ -64,6 +65,7 @@ def main(name: str) -> int:
     # before any thread is started: threads inherit it
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     rospy.init_node(name, argv=arguments.words, disable_signals=True)
+    bound_handshakes()
     rospy.core.add_preshutdown_hook(partial(claims.note_replacement, name, own))
     # no daemon: the process ends after its shutdown of ROS
     threading.Thread(target=_shut_down_at_a_signal).start()
