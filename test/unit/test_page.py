@@ -881,11 +881,10 @@ while True:
 
 
 def test_a_controller_that_is_frozen_does_not_look_live(browser):
-    here = os.path.dirname(os.path.abspath(__file__))
+    path = os.pathsep.join(filter(None, sys.path))
     with subprocess.Popen([sys.executable, "-c", SERVED], stdout=subprocess.PIPE,
                           universal_newlines=True,
-                          env=dict(os.environ, PYTHONPATH=os.pathsep.join([SOURCE,
-                                                                           here]))) as served:
+                          env=dict(os.environ, PYTHONPATH=path)) as served:
         try:
             browser.get("http://127.0.0.1:{}/".format(served.stdout.readline().strip()))
             wait_until(lambda: "last message 0." in text(browser, "#health"))
