@@ -17,10 +17,11 @@ import tempfile
 import time
 from typing import Any, Dict, Iterable, List, Tuple
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import tutorial  # noqa: E402
-
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+sys.path[:0] = [os.path.join(ROOT, "tools"), os.path.join(ROOT, "test", "rostest")]
+import tutorial  # noqa: E402
+from free_ports import free_port  # noqa: E402
+
 PICTURES = os.path.join(ROOT, "docs", "pictures")
 MADE_FROM = os.path.join(PICTURES, "made_from.json")
 
@@ -210,13 +211,6 @@ def write(picture: str, content: bytes) -> None:
     with open(os.path.join(PICTURES, picture), "wb") as file:
         file.write(content)
     print(f"written: docs/pictures/{picture}, {len(content) / 1000:.0f} KB")
-
-
-def free_port() -> int:
-    """Return a port that is free now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 # ---------------------------------------------------------------------- WebP's container (RFC 9649)

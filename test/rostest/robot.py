@@ -205,6 +205,12 @@ def forget_dead_entries():
             master.unregisterPublisher(topic, master.lookupNode(node))
 
 
+def free_ports():
+    """Return a port for Groot2, which takes the next one too, and one for the page."""
+    port = free_port(3)
+    return port, port + 2
+
+
 class Package:
     """A copy of the package in ``folder``, whose configuration, missions and code a test may spoil.
     """

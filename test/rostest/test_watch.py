@@ -17,8 +17,7 @@ import rostest
 import zmq
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from free_ports import free_port  # noqa: E402
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>
@@ -40,8 +39,7 @@ class TestWatch(unittest.TestCase):
         self.addCleanup(forget_dead_entries)
         self.package = Package(os.path.join(self.folder, "package"))
         self.package.write("data/m.xml", MISSION)
-        self.groot2 = free_port(3)  # it takes the next one too
-        self.page = self.groot2 + 2
+        self.groot2, self.page = free_ports()
 
     def start(self):
         self.robot = Robot({SAY: "hang"})

@@ -13,8 +13,7 @@ import drawn_trials
 from faulty_master import FaultyMaster
 from link_trials import (
     DEATH_LIMIT, PATIENCE, TOLD_LIMIT, cut, cut_while_it_starts, lab_tour, when_dead)
-from free_ports import free_port
-from robot import start_master
+from robot import free_ports, start_master
 from tour_model import DRIVE
 from trial import GONE, STOP_LIMIT, longest_gap, sleep_until, when
 
@@ -106,8 +105,7 @@ def flood(trial, count):
     works again after them."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 4 * count)), hard))
-    groot2_port = free_port(3)  # it takes the next one too
-    page_port = groot2_port + 2
+    groot2_port, page_port = free_ports()
     robot = surroundings(trial)[1]
     trial.package.configure(verboseMode="true", groot2Port=groot2_port, monitorPort=page_port,
                             robotNavigationDeadline=DRIVE_DEADLINE)

@@ -18,8 +18,6 @@ from free_ports import free_port  # noqa: E402
 
 LIMIT = 120.0  # seconds for one test
 PASSED, FAILED, NOT_RUN = 0, 1, 2
-# A frame of ours in a traceback: roslaunch may end a Python before it comes to our code.
-TRACEBACK = 'File "[^"]*/(behavior_controller|cssr_system|unit_tests)/'
 CLEAN = ("scenarioSpecification:=lab_tour", "failureRate:=0")
 
 

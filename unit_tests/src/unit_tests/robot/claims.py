@@ -232,8 +232,7 @@ def _living(nodes: Iterable[str]) -> Dict[str, Tuple[str, int]]:
         try:
             process = _ask_twice(partial(ask, uri, "getPid", seconds=ANSWER_LIMIT))
         except Trouble as trouble:
-            # refused: its entry outlived it; answers otherwise: another program has its port
-            if trouble.fault != NO_ANSWER or isinstance(trouble.__cause__, GONE):
+            if not _is_silent(trouble):
                 return
             process = UNKNOWN
         answers[node] = uri.rpartition(":")[0].partition("//")[2], process
@@ -255,14 +254,23 @@ def _ask_master(method: str, *values: str) -> Any:
 
 
 def _ask_twice(question: Callable[[], Any]) -> Any:
-    """Return an answer. Raises ``Trouble`` if there is none the second time either.
+    """Return an answer. Silence is answered by a second question; raises ``Trouble``.
 
     On a computer that starts ten nodes at once an answer may come late. A node that is just ending
     does not answer, and is gone then.
     """
-    with suppress(Trouble):
+    try:
         return question()
+    except Trouble as trouble:
+        if not _is_silent(trouble):
+            raise
     return question()
+
+
+def _is_silent(trouble: Trouble) -> bool:
+    """Return whether what was asked may be there: it is not if its entry outlived it (refused), or
+    if another program has its port (it answers otherwise)."""
+    return trouble.fault == NO_ANSWER and not isinstance(trouble.__cause__, GONE)
 
 
 def _is_of_this_launch(holder: Holder, arguments: Arguments) -> bool:
