@@ -41,11 +41,11 @@ Part = Callable[[str], str]
 
 EXECUTABLE = """#!/usr/bin/env python3
 \"\"\"{about}\"\"\"
-import signal
 import sys
+from _signal import SIG_DFL, SIGINT, signal  # the module "signal" loads too slowly for this
 
 if __name__ == "__main__":  # the processes that it starts read this file too
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
+    signal(SIGINT, SIG_DFL)  # Ctrl-C ends it without a traceback
     try:
         from behavior_controller import command
     except (ImportError, SyntaxError) as error:  # no workspace, or another one's Python

@@ -466,9 +466,9 @@ def test_texts_without_end_are_no_trouble():
 
 
 def timed(text):
-    began = time.process_time()
+    began = time.thread_time()
     found = checked(text)
-    assert time.process_time() - began < 3.0  # what it guards against takes minutes
+    assert time.thread_time() - began < 6.0  # what it guards against takes minutes
     return found
 
 
@@ -544,9 +544,9 @@ def test_thousands_of_mistakes_are_no_trouble(bodies):
 def test_ten_thousand_nodes_are_checked_in_a_moment():
     inner = '<Sequence name="s">' + '<AlwaysSuccess name="n"/>' * 99 + "</Sequence>"
     document = parse(main("<Sequence>{}</Sequence>".format(inner * 100)))
-    began = time.process_time()
+    began = time.thread_time()
     assert check([document], REGISTRY).faults == []
-    assert time.process_time() - began < 1.5
+    assert time.thread_time() - began < 1.5
 
 
 @pytest.mark.parametrize("body, column, code", [

@@ -609,9 +609,9 @@ def test_few_warnings_about_data_in_the_recorded_traces():
 def test_a_large_mission_is_linted_in_a_moment(body):
     inside = '<Script code="{}"/>'.format(";".join("b{0}:=a{0}".format(number)
                                                    for number in range(1000)))
-    began = time.process_time()
+    began = time.thread_time()
     assert warnings("<Sequence>{}</Sequence>".format(body), tree("Sub", inside))
-    assert time.process_time() - began < 4.0
+    assert time.thread_time() - began < 4.0
 
 
 # --------------------------------------------------------------- names that choose what a node does

@@ -453,9 +453,9 @@ def test_ninety_nine_parentheses_are_fine_and_no_more():
     ("'" + "x" * 1000000 + "' == 'x'", 0.0),
 ])
 def test_long_scripts_take_time_in_proportion(text, value):
-    began = time.process_time()
+    began = time.thread_time()
     assert run(text)[0] == value
-    assert time.process_time() - began < 5.0
+    assert time.thread_time() - began < 5.0
 
 
 def test_a_text_cannot_grow_without_end():
@@ -493,7 +493,7 @@ def random_script(source):
 def test_random_scripts_fail_cleanly_or_run():
     source = random.Random(4)
     outcomes = {"ran": 0, ScriptSyntaxError: 0, ScriptError: 0}
-    began = time.process_time()
+    began = time.thread_time()
     for _ in range(4000):
         text = random_script(source)
         try:
@@ -501,7 +501,7 @@ def test_random_scripts_fail_cleanly_or_run():
             outcomes["ran"] += 1
         except (ScriptSyntaxError, ScriptError) as error:
             outcomes[type(error)] += 1
-    assert time.process_time() - began < 20.0
+    assert time.thread_time() - began < 20.0
     assert min(outcomes.values()) > 200  # else the mixture tests too little
 
 

@@ -211,11 +211,11 @@ def test_what_is_passed_over_after_a_number(type_name, text, rest):
 
 
 def test_huge_texts_take_no_time():
-    began = time.process_time()
+    began = time.thread_time()
     for text in ("1" * 1000000, "1" * 1000000 + ".5", "0" * 1000000 + "1", "x" * 1000000):
         for type_name in ("int", "double", "bool", "enum"):
             try:
                 TYPES[type_name].from_text(text, {})
             except ValueFault:
                 pass
-    assert time.process_time() - began < 2.0
+    assert time.thread_time() - began < 2.0

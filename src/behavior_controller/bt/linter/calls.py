@@ -49,7 +49,7 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
     """Warn of an entry that a tree is given and does not use, and that is ``outer`` of the caller;
     return whether that was done."""
     called = call.attributes["ID"]
-    known = facts.flow.used(called)
+    known = facts.used[called]
     model = sorted(port.name for port in facts.trees.models.get(called, []))
     names = {*known, *model}.difference(call.attributes)
     near = facts.findings.nearest(name, names) if len(name) > 2 else ""
@@ -103,7 +103,7 @@ def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, t
     entry = facts.flow.name(tree, outer)
     if entry.mentions > 1 or not facts.findings.may_compare(len(facts.flow.names[entry.tree])):
         return
-    near = _meant(entry.name, facts.flow.used(entry.tree))
+    near = _meant(entry.name, facts.used[entry.tree])
     if near:
         facts.excuse(tree, outer)
         text = f"the entry {outer} is named nowhere else"

@@ -297,6 +297,7 @@ class MissionFacts:
         self.ends = outcomes(self.elements, registry)
         self.flow = Flow(self.elements, trees.main, trees.models, registry)
         self.needs = {tree: self.flow.needs(tree) for tree in self.elements}
+        self.used = {tree: self.flow.used(tree) for tree in self.elements}
         # the entries of the whole mission that ports have by default
         self.defaults: Dict[str, List[Tuple[NodeSpec, Port]]] = {}
         for spec in registry.all():
