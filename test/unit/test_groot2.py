@@ -492,10 +492,7 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
     publisher.show(tree)
     client = Client(port)
     client.ask("I", hook(1, mode=0, status="SKIPPED"))
-    ends = time.monotonic() + 10.0
-    while tree.tick_exactly_once() is RUNNING:
-        assert time.monotonic() < ends
-        tree.wake.wait(0.1)
+    tick_to_its_end(tree)
     publisher.close()
     assert lines[:2] == [
         "Groot2: breakpoint before {} is set".format(tree.root.full_path),
@@ -503,17 +500,31 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
     ]
 
 
-def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(served, monkeypatch):
+def tick_to_its_end(tree):
+    ends = time.monotonic() + 10.0
+    while tree.tick_exactly_once() is RUNNING:
+        assert time.monotonic() < ends
+        tree.wake.wait(0.1)
+
+
+def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(monkeypatch, caplog):
+    lines, port = [], free_port(2)
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, lines.append, lambda event: None)
     tree = tree_of('<Act name="a"/>', a="S")
-    served.show(tree)
-    client = served.client()
+    publisher.show(tree)
+    client = Client(port)
     client.ask("I", hook(1, mode=0, status="SKIPPED"))
     assert tree.tick_exactly_once() is RUNNING
     monkeypatch.setattr(groot2, "PACE", "an internal error")
     client.requests.send(struct.pack("<BBI", 2, ord("S"), 7))
-    assert served.told(
-        "Groot2 is cut off by an internal error; its breakpoints and replacements are removed", 1)
-    assert tree.tick_exactly_once() is SUCCESS
+    tick_to_its_end(tree)
+    client.close()
+    publisher.close()
+    assert lines[1].startswith("Groot2: internal error (TypeError: ")
+    assert "cut off by an internal error" in lines[2]
+    del publisher, tree
+    gc.collect()
+    assert caplog.records == []  # nor a traceback from asyncio
 
 
 def test_nodes_without_hooks_are_left_alone(served):

@@ -117,9 +117,15 @@ class Groot2Publisher:
         self._front.add_sockets(self._sockets[0])
         Front(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
         # without the check for a client that is gone, no breakpoint may hold the robot
-        loop = asyncio.get_event_loop()
         self._task = asyncio.ensure_future(self._serve())
-        self._task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
+        self._task.add_done_callback(self._served)
+
+    def _served(self, task: "asyncio.Task[None]") -> None:
+        """End if serving ended by an error, which asyncio would print with its traceback."""
+        if not task.cancelled():
+            error = task.exception()
+            self._warn(f"Groot2: internal error ({type(error).__name__}: {error})")
+            asyncio.get_event_loop().stop()
 
     def _end(self) -> None:
         self._context.destroy(0)
