@@ -14,6 +14,7 @@ import rosgraph
 import rospy
 import rostest
 
+import tracebacks
 from first_message import wait_for_first_message
 
 LIMIT = 180.0  # seconds for one launch
@@ -131,7 +132,7 @@ class TestBeforeItStarts(LivingRobot):
         for part in place + (argument,):
             self.assertIn(part, lines[0])
         self.assertEqual(self.registered(), before)
-        self.assertNotIn("Traceback", printed)
+        self.assertNotRegex(printed, tracebacks.FRAME)
         self.assertNotIn("PASSED", printed)
         return code
 
