@@ -67,6 +67,9 @@ def main(arguments: List[str]) -> int:
             *sys.version_info))
         return 2
     parts = chosen.parts or ["rules", "sample"]
+    unknown = set(parts) - {"rules", "sample"}
+    if unknown:
+        parser.error("no such part: {}; there are rules and sample".format(", ".join(unknown)))
     codes = []
     if "rules" in parts:
         codes.append(break_rules())
