@@ -118,6 +118,15 @@ def test_every_word_that_is_not_understood_is_named():
     ]
 
 
+def test_a_simulated_node_names_each_word_that_it_does_not_read():
+    options.check_words(Arguments(["textToSpeech", "/say:=/tell", "__name:=speech"], {}))
+    told = faults(options.check_words,
+                  Arguments(["textToSpeech", "failureRate:=0", "/say:=/tell", "--verbose"], {}))
+    assert [fault.partition(": ")[0] for fault in told] == [
+        "argument failureRate:=0", "argument --verbose"
+    ]
+
+
 def test_every_value_that_is_not_allowed_is_named():
     told = faults(
         check, {
