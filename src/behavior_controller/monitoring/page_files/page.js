@@ -43,7 +43,7 @@ const timeline = new Timeline(byId("lanes"), 0, {
 function showTimeline() {
   drawnAt = seconds();
   if (!visit) return;
-  const all = step ? steps.concat(Object.assign({seconds: nodeTime() - step.began}, step)) : steps, lanes = new Map();
+  const all = step ? steps.concat(Object.assign({seconds: Math.max(0, nodeTime() - step.began)}, step)) : steps, lanes = new Map();
   const add = (lane, began, length, kind, text) => {
     const begin = 1000 * (began - visit.began);
     if (!lanes.has(lane)) lanes.set(lane, {name: lane, bars: []});
