@@ -66,8 +66,9 @@ def main(arguments: List[str]) -> int:
         print("mutations need Python 3.9, which writes a syntax tree as code; this is {}.{}".format(
             *sys.version_info))
         return 2
-    parts = chosen.parts or ["rules", "sample"]
-    unknown = set(parts) - {"rules", "sample"}
+    known = ["rules", "sample"]
+    parts = chosen.parts or known
+    unknown = set(parts).difference(known)
     if unknown:
         parser.error("no such part: {}; there are rules and sample".format(", ".join(unknown)))
     codes = []

@@ -20,7 +20,6 @@ import rostest
 import rostopic
 from cssr_system.srv import robotNavigationService, robotPoseService, textService
 
-import tracebacks
 from first_message import wait_for_first_message
 
 # node, service and its type, topic and its type: contract, sections 2 and 3
@@ -139,7 +138,7 @@ class TestNodesAlone(unittest.TestCase):
                 env=dict(os.environ, ROS_HOME=self.home.name), stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT, universal_newlines=True).stdout
             self.assertEqual(printed.count(hint), 1, printed)
-            self.assertNotRegex(printed, tracebacks.FRAME)
+            self.assertNotIn("Traceback", printed)
 
     def test_a_signal_ends_it_while_it_registers(self):
         with SlowMaster(os.environ["ROS_MASTER_URI"]) as master:
