@@ -268,7 +268,7 @@ def test_the_page_tells_each_kind_of_visit_in_the_sentences_of_the_story(
     wait_until(lambda: browser.execute_script(VISITS_LIST) ==
                [list(each) for each in zip(ends, left_out)])
     assert len(ends) == runs
-    assert text(browser, "#outcomes") == counted(teller.story.state.outcomes)
+    assert text(browser, "#outcomes") == counted(teller.story.state)
     ill = sorted(teller.story.state.robot.ill, key=rank)
     wrong = ["{}; {}".format(condition(each), each.consequence) for each in ill] + [
         each.text for each in told

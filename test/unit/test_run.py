@@ -16,7 +16,7 @@ from behavior_controller.execution.state import (
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE, SLOW
 from behavior_controller.robot.requests import (
-    Answer, GoTo, Location, Say, SetAnimation, SetAttention)
+    Answer, GoTo, Location, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.monitoring.moment import card
 from behavior_controller.monitoring.record.replay import read_record
 from behavior_controller.monitoring.story import step_words
@@ -307,7 +307,7 @@ def test_the_robot_is_as_the_answers_leave_it():
                 Asked(5, "/att", SetAttention("disabled")), Answered(5, LATE))
     where = [(run.at(time).robot.goal, run.at(time).robot.place)
              for time in (101, 102, 103, 104, 105)]
-    assert where == [(None, None), (ARM, None), (None, ARM), (DESK, None), (None, None)]
+    assert where == [(None, None), (ARM, None), (None, ARM), (DESK, ARM), (None, None)]
     assert run.at(110.0).robot.attention == SetAttention("seeking") and run.at(
         110.0).robot.animation == SetAnimation("enabled")
     assert run.state.robot.attention is None  # nobody knows whether it was carried out
@@ -324,14 +324,17 @@ def test_a_service_is_well_when_nothing_is_wrong_in_any_respect():
     ] == [[GONE], [GONE, SLOW], [SLOW], []]
 
 
-@pytest.mark.parametrize("end, is_lost", [
-    ([], False),  # it drives
-    ([Answered(1, Answer()), ended()], False), ([Answered(1, BUSY), ended("FAILURE", BUSY)], True),
-    ([ended("IDLE")], True)])
-def test_a_robot_is_lost_if_the_last_drive_of_a_visit_failed_until_it_sets_off_again(end, is_lost):
+@pytest.mark.parametrize("end, outcome, is_lost", [
+    ([Answered(1, Answer()), ended()], "SUCCESS", False),
+    ([Answered(1, Answer()), ended()], "FAILURE", True),
+    ([Answered(1, BUSY), ended("FAILURE", BUSY)], "SUCCESS", True),
+    ([Answered(1, BUSY), ended("FAILURE", BUSY)], "FAILURE", True),
+    ([ended("IDLE")], "SUCCESS", True)])
+def test_a_robot_is_lost_where_a_visit_left_it_away_from_home_until_it_sets_off(end, outcome,
+                                                                               is_lost):
     run = after(PassStarted(1, 0.0), DRIVES, Asked(1, "/nav", GoTo(ARM)), *end)
     assert not run.state.robot.is_lost
-    run.extend(lines(PassFinished(1, "FAILURE", 9.0), PassStarted(2, 9.0), begin=200.0))
+    run.extend(lines(PassFinished(1, outcome, 9.0), PassStarted(2, 9.0), begin=200.0))
     assert run.state.robot.is_lost is is_lost
     run.extend(lines(Asked(2, "/say", Say("a")), begin=300.0))
     assert run.state.robot.is_lost is is_lost
@@ -466,10 +469,55 @@ def test_a_node_is_held_until_its_breakpoint_lets_it_go_or_its_pass_begins_again
     assert [run.at(time).held for time in (103, 104, 105, 106)] == [{2: 103}, {}, {2: 105}, {}]
 
 
+@pytest.mark.parametrize("cause, is_on_the_way, may_be_under_way", [
+    (Cause.REFUSED, True, False), (Cause.NO_ANSWER, True, True),
+    (Cause.CONNECTION_LOST, True, True), (Cause.HANDLER_EXCEPTION, True, True),
+    (Cause.UNUSABLE_ANSWER, True, True), (Cause.NOT_REACHABLE, False, False),
+    (Cause.NOT_ADVERTISED, False, False), (Cause.TYPE_MISMATCH, False, False)])
+def test_a_goal_that_was_asked_for_is_not_one_that_may_be_under_way(
+        cause, is_on_the_way, may_be_under_way):
+    """The robot was on its way to the arm when the drive was dropped, and is asked to go home."""
+    run = after(DRIVES, Asked(1, "/nav", GoTo(DESK)), Answered(1, Answer()), ended(),
+                DRIVES, Asked(2, "/nav", GoTo(ARM)), replace(DRIVES, what="home"))
+    home = [Asked(3, "/nav", GoTo(DESK)), Answered(3, Failure(cause, "", "/nav"))]
+    run.extend(lines(*home, begin=200.0))
+    robot, place = run.state.robot, run.at(108.0).robot.place
+    assert robot.goal is None and place == DESK  # where it stood before
+    assert (robot.way, robot.place) == (("home", None) if is_on_the_way else ("", DESK))
+    assert [each.call for each in robot.unfinished] == ([3] if may_be_under_way else [])
+    run.extend(lines(Asked(4, "/nav", GoTo(ARM)), Answered(4, Answer()), begin=300.0))
+    assert (run.state.robot.way, run.state.robot.unfinished) == ("", ())
+
+
+@pytest.mark.parametrize("request_, is_acting", [
+    (GoTo(ARM), True), (Say("a"), True), (PerformGesture("iconic", 1, 3000), True),
+    (SetAttention("social"), False), (SetAnimation("enabled"), False),
+    (QueryKnowledge("home"), False), (Prompt(("Yes", "No")), False)])
+def test_what_a_stop_leaves_under_way_is_what_the_robot_may_still_do(request_, is_acting):
+    step = StepStarted(2, "Node", "all/go", "doing", "it", 9.0, False)
+    run = after(step, Asked(1, "/a", request_), ended("IDLE"))
+    words = [each.words for each in run.state.robot.unfinished]
+    assert words == (["doing it"] if is_acting else [])
+    run.extend(lines(Asked(2, "/a", request_), Answered(2, Answer()), begin=200.0))
+    assert run.state.robot.unfinished == ()
+
+
+def test_a_request_that_nothing_has_halted_is_under_way_when_the_safe_state_is_reported():
+    run = after(DRIVES, Asked(1, "/nav", GoTo(ARM)), SafeStateReported((), 0.1))
+    assert [each.words for each in run.state.robot.unfinished] == ["driving to the arm"]
+    run.extend(lines(Answered(1, Answer()), begin=200.0))
+    assert run.state.robot.unfinished == () and run.state.robot.place == ARM
+
+
+def test_a_run_that_ends_awaits_nothing_more():
+    run = after(DRIVES, Asked(1, "/nav", GoTo(ARM)), RunFinished("stopped", 0))
+    assert run.state.exchanges == () and run.state.robot.goal is None
+
+
 def test_where_the_robot_is_after_a_drive_that_failed_or_was_dropped():
     there = [DRIVES, Asked(1, "/nav", GoTo(ARM)), Answered(1, Answer()), ended()]
     for end in ([Answered(2, BUSY)], [ended("IDLE")]):
         robot = after(*there, replace(DRIVES, what="home"), Asked(2, "/nav", GoTo(DESK)),
                       *end).state.robot
-        assert (robot.goal, robot.place, robot.last_place, robot.goal_name) == (
+        assert (robot.goal, robot.place, robot.last_place, robot.way) == (
             None, None, "the arm", "home")

@@ -6,6 +6,7 @@ import re
 import time
 
 import pytest
+from msgspec.structs import replace
 
 from behavior_controller.bt.status import IDLE
 from behavior_controller.execution.events import (Answered, HealthChanged, LeafFinished,
@@ -16,7 +17,7 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, SPEECH
 from behavior_controller.robot.requests import (
-    Answer, AttentionStatus, GoTo, QueryKnowledge, Say, SetAnimation, SetAttention)
+    Answer, AttentionStatus, GoTo, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.missions.runner import Persistence, Runner, Running
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal, service_of, write
 
@@ -135,11 +136,37 @@ def test_a_part_of_the_safe_state_that_fails_is_told():
     rig = one_leaf(
         "<WelcomeSpeech/>", lambda request: None if isinstance(request, Say) else Answer()
         if isinstance(request, SetAttention) else Failure(Cause.NOT_REACHABLE, "no way", "/x"))
-    rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped))
+    rig.run(lambda rig: stopped.append(rig.clock.advance(0.1)), runs=0,
+            is_stopped=lambda: bool(stopped))
     report, = rig.of(SafeStateReported)
     assert report.parts == (SafePart("attention", "/overtAttention/set_mode", None),
                             SafePart("lifelike movement", "/animateBehaviour/set_activation",
                                      Failure(Cause.NOT_REACHABLE, "no way", "/x")))
+
+
+REFUSAL = Failure(Cause.REFUSED, "answered 0", "/x")
+
+
+@pytest.mark.parametrize("failure, times, attempts, is_reached", [
+    (REFUSAL, 1, 2, True), (REFUSAL, 3, 4, True), (REFUSAL, 99, 9, False),
+    (replace(REFUSAL, cause=Cause.NOT_REACHABLE), 2, 3, True),
+    (replace(REFUSAL, cause=Cause.CONNECTION_LOST), 2, 3, True),
+    (replace(REFUSAL, cause=Cause.HANDLER_EXCEPTION), 2, 3, True),
+    (replace(REFUSAL, cause=Cause.UNUSABLE_ANSWER), 2, 3, True),
+    # that another attempt cannot mend
+    (replace(REFUSAL, cause=Cause.NO_ANSWER), 1, 1, False),
+    (replace(REFUSAL, cause=Cause.TYPE_MISMATCH), 1, 1, False)])
+def test_a_part_of_the_safe_state_that_fails_at_once_is_asked_for_again(
+        failure, times, attempts, is_reached):
+    """Every 0.1 s, here 0.12 s as it waits in steps; the other part is asked for once."""
+    failures = [failure] * times
+    rig = one_leaf("<AlwaysSuccess/>", lambda request: (
+        failures.pop() if isinstance(request, SetAttention) and failures else Answer()))
+    rig.run(lambda rig: rig.clock.advance(0.04))
+    assert rig.last_requests == [SAFE[0], SAFE[1]] + [SAFE[0]] * (attempts - 1)
+    report, = rig.of(SafeStateReported)
+    assert [part.failure for part in report.parts] == [None if is_reached else failure, None]
+    assert report.seconds == pytest.approx(1.04 if attempts == 9 else 0.12 * (attempts - 1))
 
 
 def test_a_part_of_the_safe_state_that_the_robot_lacks_is_reported_only_if_the_mission_uses_it():
@@ -646,7 +673,8 @@ def test_a_node_that_goes_during_a_pause_is_waited_for_and_its_return_ends_the_p
 
 
 def test_after_the_last_pass_nothing_is_waited_for():
-    rig = spent(one_leaf("<Fallback><PressYesNoDialogue/><HandleFallBack/></Fallback>", refusal))
+    rig = spent(one_leaf("<Fallback><PressYesNoDialogue/><HandleFallBack/></Fallback>",
+                         lambda each: refusal(each) if isinstance(each, Prompt) else Answer()))
     assert rig.run(advance, runs=1) == 3
     assert rig.of(Paused) == [] and rig.clock.now() == 1000.0
 
@@ -757,8 +785,7 @@ def test_a_pause_waits_for_what_the_robot_does_and_begins_nothing_new():
 
 
 def test_a_pause_while_a_cause_persists_is_reported():
-    rig = one_leaf("<Navigate target='1;2;90'/>", lambda request: Failure(
-        Cause.NOT_REACHABLE, "no node offers it", "/robotNavigation/set_goal"))
+    rig = one_leaf("<Navigate target='1;2;90'/>", drives(Cause.NOT_REACHABLE))
     rig.mission.health.report(GONE, HealthChanged(
         "service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "no drive", GONE))
     operator = Operator()

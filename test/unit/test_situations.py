@@ -11,8 +11,9 @@ from msgspec.structs import asdict, replace
 
 from behavior_controller.config import settings
 from behavior_controller.execution.events import (
-    BreakpointChanged, HealthChanged, Line, PassFinished, PassStarted, Paused, Recovered,
-    Recovering, RunFinished, RunStarted, SafePart, SafeStateReported, Sources, TreeNode, TreeShown)
+    Answered, Asked, BreakpointChanged, HealthChanged, LeafFinished, LeafSummary, Line,
+    PassFinished, PassStarted, Paused, Recovered, Recovering, RunFinished, RunStarted, SafePart,
+    SafeStateReported, Sources, StepStarted, TreeNode, TreeShown)
 from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT, SLOW
 from behavior_controller.execution.run import Run
 from behavior_controller.execution.state import (
@@ -85,6 +86,9 @@ class Situation:
     @property
     def robot(self):
         return robot_line(self.run.at(self.run.lines[-1].time))
+
+
+OFF = "attention and lifelike movement are off"
 
 
 def gone(respect=GONE):
@@ -196,11 +200,12 @@ def stopped():
     played.rig.run(visitor_who("yes"), is_stopped=lambda: isinstance(played.asked, GoTo))
     assert played.card.kind == "ended" and "last pass" in played.card.what
     robot, visit = played.robot, played.run.visits[-1]
-    assert robot.safe == "safe state reached" and robot.is_well
+    assert robot.safe == f"{OFF}; may still be driving to exhibit 1" and robot.is_well
     assert (robot.attention, robot.movement) == ("off", "off")
-    assert robot.instruction == "Take the robot home" and "on the way to exhibit 1" in robot.place
+    assert robot.instruction == "Keep the stop button at hand; take the robot home"
+    assert "on the way to exhibit 1" in robot.place
     assert (visit.outcome, visit.why.kind) == ("", "stopped")
-    return played, ["nothing runs", "driving to"]
+    return played, ["nothing runs", "safe:"]
 
 
 SITUATIONS = [engages, leaves, node_killed_in_a_drive, topic_frozen, breakpoint_of_groot2, sleep,
@@ -303,7 +308,7 @@ def test_the_safe_state_is_reported_until_something_of_it_is_asked_for():
              "<Sleep msec='9000'/></Sequence>")
     played = ticked("<Sequence><LookUpHome/><Fallback>{}{}</Fallback></Sequence>".format(
         DRIVE_WITH_RECOVERY, other.format("<WelcomeSpeech/>")), 5, refusing(GoTo))
-    assert played.card.kind == "asleep" and played.robot.safe == "safe state reached"
+    assert played.card.kind == "asleep" and played.robot.safe == "safe: " + OFF
     tick(played.rig, 5)
     assert (played.robot.movement, played.robot.safe) == ("on", "")
 
@@ -382,7 +387,9 @@ def test_a_robot_that_could_not_drive_home_is_to_be_fetched_until_it_drives():
     played.play(visitor, lambda: played.run.state.visit_count == 2 and
                 isinstance(played.asked, GoTo), runs=2)
     assert {told for visit, told in seen if visit == 1} == {""}
-    assert {told for visit, told in seen if visit == 2} == {"Take the robot home"}
+    # the visitor is there already, and is greeted
+    assert {told for visit, told in seen if visit == 2} == {""}
+    assert played.run.at(played.run.visits[0].ended).robot.is_lost
     assert played.robot.instruction == "" and played.robot.place == "driving to exhibit 1"
 
 
@@ -429,7 +436,9 @@ def test_retries_of_one_incident_are_one_entry(browser):  # noqa: F811
 ARM, STOPPED = Location(1.0, 2.5, 90.0), RunFinished("stopped", 0)
 VISIT = Visit(3, 100.0, arrived=110.0)
 STOP = Place(2, 5, "arm", UNDER_WAY, None, 0.0, noun="exhibit")
-ASKED = Exchange(7, "/say", Say("hello"), 120.0, 0)
+SPEAKS = ASKED = Exchange(7, "/say", Say("hello"), 120.0, 0, words="saying “hello”")
+
+DRIVING = Exchange(8, "/go", GoTo(ARM), 120.0, 0, words="driving to the arm")
 
 
 def rows(*tree):
@@ -492,9 +501,10 @@ def test_what_follows_a_node_that_succeeds(tree, uid, expected):
     (Robot(goal=ARM, goal_name="home"), "driving home"),
     (Robot(place=ARM), "at 1, 2.5"),
     (Robot(place=ARM, last_place="arm", goal_name="arm"), "at arm"),
-    (Robot(goal_name="arm"), "last seen at the start, on the way to arm"),
-    (Robot(goal_name="arm", last_place="cup"), "last seen at cup, on the way to arm"),
-    (Robot(goal_name="home", last_place="cup"), "last seen at cup, on the way home")])
+    (Robot(goal_name="arm"), "place unknown"),
+    (Robot(way="arm", goal_name="home"), "last seen at the start, on the way to arm"),
+    (Robot(way="arm", last_place="cup"), "last seen at cup, on the way to arm"),
+    (Robot(way="home", last_place="cup"), "last seen at cup, on the way home")])
 def test_where_the_robot_is(robot, expected):
     assert robot_line(State(robot=robot)).place == expected
 
@@ -508,7 +518,10 @@ def test_where_the_robot_is(robot, expected):
     (State(robot=Robot(SetAttention("social"), SetAnimation("enabled"))),
      ("on (social)", "on", "not yet asked", "")),
     (State(safe_state=SafeStateReported((SafePart("attention", "/a", None),), 1.0)),
-     ("unknown", "unknown", "not yet asked", "safe state reached"))])
+     ("unknown", "unknown", "not yet asked", "safe: attention is off")),
+    (State(safe_state=SafeStateReported((), 1.0)), ("unknown", "unknown", "not yet asked", "safe")),
+    (State(safe_state=SafeStateReported((), 1.0), robot=Robot(unfinished=(SPEAKS,))),
+     ("unknown", "unknown", "not yet asked", "may still be saying “hello”"))])
 def test_what_is_on_and_what_is_safe(state, expected):
     line = robot_line(state)
     assert (line.attention, line.movement, line.alive, line.safe) == expected
@@ -528,8 +541,70 @@ NAV = ("service", "/nav/go", "nav")
 MASTER = ("master", "http://m:11311", "")
 
 
+DRIVE = StepStarted(2, "Navigate", "all/go", "driving", "to the arm", 180.0, False)
+HOMEWARD = replace(DRIVE, what="home")
+LATE = Failure(Cause.NO_ANSWER, "late", service_of(GoTo))
+
+
+def to_drive(step, call, *results):
+    """Return the events of a drive with these results."""
+    answers = [Answered(call, result) for result in results]
+    ends = [LeafFinished(2, "Navigate", "all/go", "FAILURE" if isinstance(result, Failure) else
+                         "SUCCESS", "", 1.0, result if isinstance(result, Failure) else None)
+            for result in results]
+    return [step, Asked(call, service_of(GoTo), GoTo(ARM)), *answers, *ends]
+
+
+ARRIVES = LeafFinished(9, "Seen", "all/seen", "SUCCESS", "", 0.0, None,
+                       LeafSummary("visit", "", "arrived"))
+AT_ARM, AT_HOME = to_drive(DRIVE, 1, Answer()), to_drive(HOMEWARD, 1, Answer())
+UNSENT = to_drive(HOMEWARD, 2, gone_for(service_of(GoTo)))
+RETRY = Recovering(7, "Navigate", "all/go", LATE, 1, 2)
+WHERE = {
+    "never drove": [], "at home": AT_HOME, "at a stop": AT_ARM, "drives": to_drive(DRIVE, 1),
+    "drives from home": AT_HOME + to_drive(DRIVE, 2), "drives home": AT_ARM + to_drive(HOMEWARD, 2),
+    "drive failed": to_drive(DRIVE, 1, LATE), "home failed": AT_ARM + to_drive(HOMEWARD, 2, LATE),
+    "recovering": to_drive(DRIVE, 1, LATE) + [RETRY],
+    "retried": to_drive(DRIVE, 1, LATE) + [RETRY, Asked(3, service_of(GoTo), GoTo(ARM))],
+    "home not sent": AT_ARM + UNSENT, "not sent from home": AT_HOME + to_drive(
+        DRIVE, 2, gone_for(service_of(GoTo)))}
+FAILS, SUCCEEDS = PassFinished(1, "FAILURE", 9.0), PassFinished(1, "SUCCESS", 9.0)
+PAUSE = Paused(LATE, "/robotNavigation")
+WHEN = [  # the columns of the table
+    [], [FAILS], [SUCCEEDS], [FAILS, PAUSE], [FAILS, PassStarted(2, 9.0)],
+    [FAILS, PassStarted(2, 9.0), ARRIVES], [FAILS, PassStarted(2, 9.0), ARRIVES, SUCCEEDS],
+    [STOPPED]]
+# H: the robot is to be taken home. In the tour; the visit failed; it succeeded; the mission waits
+# for a node; the next visitor is awaited; is greeted; has declined; the run has ended. Then the
+# same while the node that drives is gone. A visit does not end in the middle of a step (.)
+FETCHED = {
+    "never drove": ("--------", "--------"), "at home": ("--------", "--------"),
+    "at a stop": ("-H-HH-HH", "-H-HH-HH"),
+    "drives": ("-......H", "-......H"), "drives from home": ("-......H", "-......H"),
+    "drives home": ("-......H", "-......H"),
+    "drive failed": ("-HHHH-HH", "HHHHH-HH"), "home failed": ("-HHHH-HH", "HHHHH-HH"),
+    "recovering": ("-......H", "H......H"), "retried": ("-......H", "-......H"),
+    "home not sent": ("-HHHH-HH", "-HHHH-HH"), "not sent from home": ("--------", "--------")}
+BACK = replace(gone(), is_well=True, consequence="")
+
+
+@pytest.mark.parametrize("health, column", [([], 0), ([gone()], 1), ([gone(), BACK], 0)])
+@pytest.mark.parametrize("where", WHERE)
+def test_when_a_person_has_to_take_the_robot_home(where, health, column):
+    for letter, when in zip(FETCHED[where][column], WHEN):
+        if letter != ".":
+            run = Run(Line(float(at), event) for at, event in enumerate(
+                [PassStarted(1, 0.0), ARRIVES, *WHERE[where], *health, *when]))
+            told = "take the robot home" in robot_line(run.state).instruction.lower()
+            assert (letter, when) == ("H" if told else "-", when)
+
+
 @pytest.mark.parametrize("state, expected", [
     (State(robot=Robot(goal_name="arm", last_place="cup")), ""),
+    (State(robot=Robot(unfinished=(DRIVING,))), ""),
+    (State(robot=Robot(unfinished=(DRIVING,)), safe_state=SafeStateReported((), 1.0)),
+     "Keep the stop button at hand"),
+    (State(robot=Robot(unfinished=(SPEAKS,)), safe_state=SafeStateReported((), 1.0)), ""),
     (State(robot=Robot(goal_name="arm", is_lost=True)), "Take the robot home"),
     (State(robot=Robot(is_lost=True), finished=STOPPED), ""),
     (State(robot=Robot(goal_name="arm"), finished=STOPPED), "Take the robot home"),
@@ -657,9 +732,10 @@ return ["alive", "place", "safe", "instruction"].map(byId).every(
 def test_what_is_so_with_the_robot_moves_nothing(browser, width, height):  # noqa: F811
     well = RobotLine(True, "all nodes in use answer", "off", "off", "at home")
     lost = RobotLine(False, "/robotNavigation/set_goal is gone", "on (scanning)", "unknown",
-                     "last seen at Robot arm, on the way to Camera wall", "safe state reached",
+                     "last seen at Robot arm, on the way to Camera wall", "safe: " + OFF,
                      "Restart /robotNavigation; take the robot home")
-    unsafe = replace(lost, safe="safe state not reached: attention and lifelike movement may be on",
+    unsafe = replace(lost, safe="attention and lifelike movement may be on; "
+                     "may still be driving to Camera wall",
                      alive="/animateBehaviour/set_activation and /overtAttention/set_mode are gone")
     all_lost = replace(unsafe, instruction="Restart /{}; take the robot home".format(
         ", /".join(["robotNavigation"] * 9)))

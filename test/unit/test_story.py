@@ -11,9 +11,9 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
-    Asked, BreakpointChanged, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted,
-    Paused, Recovered, Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported,
-    Sources, StepStarted, StopChanged, Suspended, LeafSummary)
+    SKIPPED, Asked, BreakpointChanged, HealthChanged, LeafFinished, Noticed, PassFinished,
+    PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted, SafePart,
+    SafeStateReported, Sources, StepStarted, StopChanged, Suspended, LeafSummary)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import FAILING, GONE, NEW
 from behavior_controller.robot.requests import (
@@ -21,13 +21,13 @@ from behavior_controller.robot.requests import (
 from behavior_controller.execution.fold import KEPT
 from behavior_controller.execution.state import (
     BROKEN_OFF, DONE_ALL, FAILED, GAVE_UP, LEFT, LEFT_OUT, COMPLETED, NOTICED, UNDER_WAY, Reason,
-    Step, Stop, Visit)
+    State, Step, Stop, Visit)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.monitoring.moment import card
 from behavior_controller.monitoring.parts import card_line
 from behavior_controller.monitoring.story import (
-    KINDS, Story, completed, condition, conditions, counted, stop_name, how_it_ended, ordinal,
-    safe_state, step_words, why as in_words, why_failed)
+    KINDS, Story, completed, condition, conditions, counted, degree, stop_name, how_it_ended,
+    ordinal, safe_state, step_words, why as in_words, why_failed)
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.replay import read_record, replay
@@ -167,7 +167,7 @@ RUNS = {
         "failure warning MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech /textToSpeech/say_text",
         "recovery info MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech 1 1",
         "recovery warning MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech 2 /textToSpeech/say_text",
-        "visit info 1 SUCCESS 1.5"
+        "visit warning 1 SUCCESS 1.5 MaybeAnotherTimeSpeech"
     ]),
     "budget spent": (visitor_who("yes"), refusing(Say, PerformGesture), True, 2, [
         "recovery warning WelcomeSpeech WelcomeSpeech 2 /textToSpeech/say_text",
@@ -564,21 +564,21 @@ THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
 
 @pytest.mark.parametrize(
     "events, outcome, why",
-    [([], "SUCCESS", "done"), ([leaf("yes", "heard")], "SUCCESS", "done"),
-     ([ASKED, leaf("yes", "heard")], "SUCCESS", "done"),
+    [([], "SUCCESS", "complete"), ([leaf("yes", "heard")], "SUCCESS", "complete"),
+     ([ASKED, leaf("yes", "heard")], "SUCCESS", "complete"),
      ([ASKED, leaf("no", "heard")], "SUCCESS", "the visitor said no"),
      ([ASKED, leaf("", "said")], "SUCCESS", "no answer"),
      ([ASKED, leaf("", "heard"), ASKED], "SUCCESS", "no clear answer"),
      ([ASKED, leaf("", "heard"), START, ASKED], "SUCCESS", "no answer"),
-     ([exhibit("begun")], "SUCCESS", "done at exhibit 1 of 2, Arm"),
+     ([exhibit("begun")], "SUCCESS", "complete at exhibit 1 of 2, Arm"),
      ([exhibit("begun"), exhibit("over"), exhibit("begun", 2)], "SUCCESS",
-      "done, 2 of 2 exhibits completed"),
+      "complete, 2 of 2 exhibits completed"),
      ([ARRIVED, exhibit("begun"), failed(), exhibit("over")
-       ], "SUCCESS", "done, 0 of 2 exhibits completed"),
+       ], "SUCCESS", "complete, 0 of 2 exhibits completed"),
      ([ARRIVED, exhibit("begun"), exhibit("over"), LEFT
-       ], "SUCCESS", "done at exhibit 1 of 2, Arm"),
+       ], "SUCCESS", "complete at exhibit 1 of 2, Arm"),
      ([ARRIVED, exhibit("begun"), exhibit("over"), LEFT], "FAILURE", "the visitor left"),
-     ([ARRIVED, LEFT], "SUCCESS", "done"), ([ARRIVED, LEFT], "FAILURE", "the visitor left"),
+     ([ARRIVED, LEFT], "SUCCESS", "complete"), ([ARRIVED, LEFT], "FAILURE", "the visitor left"),
      ([ARRIVED, LEFT, ARRIVED], "FAILURE", "it failed"),
      ([ARRIVED, LEFT, ENGAGED], "FAILURE", "it failed"),
      ([ARRIVED, LEFT, START], "FAILURE", "it failed"), ([LEFT], "FAILURE", "it failed"),
@@ -593,8 +593,8 @@ THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
      ([recovered("given up", "the budget is spent")
        ], "FAILURE", "gave up: the budget is spent; " + THREE_TIMES),
      ([recovered("given up"), START], "FAILURE", "it failed"),
-     ([failed(), recovered("skipped")], "FAILURE", "it failed"),
-     ([recovered("skipped"), failed(uid=5)], "FAILURE", "it failed"),
+     ([failed(), recovered("skipped")], "FAILURE", "it failed; without Navigate"),
+     ([recovered("skipped"), failed(uid=5)], "FAILURE", "it failed; without Navigate"),
      ([recovered("skipped"), START, failed(uid=5)], "FAILURE", NOT_REACHED),
      ([exhibit("begun"), exhibit("omitted"),
        recovered("given up")], "FAILURE", "ended at exhibit 1 of 2, Arm: " + THREE_TIMES),
@@ -604,7 +604,7 @@ THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
          recovered("given up"),
          exhibit("omitted"),
          recovered("skipped")
-     ], "FAILURE", "it failed")])
+     ], "FAILURE", "it failed; without Navigate")])
 def test_why_a_visit_ended_so(events, outcome, why):
     story = story_of(START, *events, PassFinished(1, outcome, 9.0))
     assert (how_it_ended(story.state.visit), story.state.visit.outcome) == (why, outcome)
@@ -669,7 +669,7 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
 @pytest.mark.parametrize("before, event, severity, text, leads_to", [
     ([], RUN, "info", "mission lab_tour starts, 2 mission leaves", ()),
     ([], RunFinished("stopped", 3), "info", "ends: stopped (exit code 3)", ()),
-    ([START], PassFinished(1, "SUCCESS", 2.0), "info", "pass 1: SUCCESS after 2.0 s: done", ()),
+    ([START], PassFinished(1, "SUCCESS", 2.0), "info", "pass 1: SUCCESS after 2.0 s: complete", ()),
     ([START, Noticed("error", "no heap")], PassFinished(1, "FAILURE", 2.0), "warning",
      "pass 1: FAILURE after 2.0 s: no heap", ()),
     ([START], Paused(BUSY, "/go_node"), "warning",
@@ -1056,12 +1056,13 @@ def test_the_troubles_of_the_robot_in_few_words(changes, words):
     assert conditions(changes) == words
 
 
-@pytest.mark.parametrize("outcomes, words", [
-    ({}, "no visit completed"), ({"SUCCESS": 1}, "1 visit, none failed"),
-    ({"SUCCESS": 2, "FAILURE": 1}, "3 visits, 1 failed"),
-    ({"FAILURE": 2, "": 1}, "3 visits, 2 failed, the last one was stopped")])
-def test_how_many_visits_there_were(outcomes, words):
-    assert counted(outcomes) == words
+@pytest.mark.parametrize("outcomes, incomplete, words", [
+    ({}, 0, "no visit completed"), ({"SUCCESS": 1}, 0, "1 visit, none failed"),
+    ({"SUCCESS": 2, "FAILURE": 1}, 0, "3 visits, 1 failed"),
+    ({"SUCCESS": 2, "FAILURE": 1}, 2, "3 visits, 1 failed, 2 complete without some steps"),
+    ({"FAILURE": 2, "": 1}, 0, "3 visits, 2 failed, the last one was stopped")])
+def test_how_many_visits_there_were(outcomes, incomplete, words):
+    assert counted(State(outcomes=outcomes, incomplete=incomplete)) == words
 
 
 ARM = Stop(1, 3, "arm", COMPLETED, None, 1.0)
@@ -1070,13 +1071,13 @@ CUP = Stop(2, 3, "cup", BROKEN_OFF, HAS_GONE, 1.0, noun="exhibit")
 
 @pytest.mark.parametrize("stops, why, words", [
     ((), None, ""), ((ARM,), None, ""),
-    ((), Reason(DONE_ALL), "done"),
+    ((), Reason(DONE_ALL), "complete"),
     ((), Reason(GAVE_UP, "Go", BUSY, 2), "gave up: Go failed 2 times: refused (/go)"),
     ((), Reason(FAILED, "Go", BUSY, 2), "Go failed 2 times: refused (/go)"),
     ((), Reason(FAILED), "it failed"),
-    ((ARM,), Reason(DONE_ALL), "done at stop 1 of 3, arm"),
-    ((replace(ARM, number=3),), Reason(DONE_ALL), "done, 1 of 3 stops completed"),
-    ((ARM, replace(CUP, number=3)), Reason(DONE_ALL), "done, 1 of 3 exhibits completed"),
+    ((ARM,), Reason(DONE_ALL), "complete at stop 1 of 3, arm"),
+    ((replace(ARM, number=3),), Reason(DONE_ALL), "complete, 1 of 3 stops completed"),
+    ((ARM, replace(CUP, number=3)), Reason(DONE_ALL), "complete, 1 of 3 exhibits completed"),
     ((ARM, CUP), HAS_GONE, "ended at exhibit 2 of 3, cup: the visitor left"),
     ((ARM, CUP), Reason(GAVE_UP, "Go", BUSY),
      "ended at exhibit 2 of 3, cup: Go failed: refused (/go)"),
@@ -1085,7 +1086,46 @@ def test_how_a_visit_ended(stops, why, words):
     assert how_it_ended(Visit(1, 0.0, stops=stops, why=why)) == words
 
 
+MUTE = {"Welcome": 1, "Describe": 5, "Ask": 2, "Part": 1, "Thank": 3}
+
+
+@pytest.mark.parametrize("skipped, outcome, of_visit", [
+    ({}, "SUCCESS", "complete"), ({}, "FAILURE", "broken off"), ({}, "", "broken off"),
+    ({"Say": 1}, "SUCCESS", "complete without Say"),
+    ({"Say": 2}, "SUCCESS", "complete without 2 steps (Say 2 times)"),
+    ({"Say": 1, "Go": 1}, "SUCCESS", "complete without 2 steps (Say and Go)"),
+    (MUTE, "SUCCESS", "complete without 12 steps (Describe 5 times, Thank 3 times, Ask 2 times "
+                      "and 2 more)"),
+    (MUTE, "FAILURE", "broken off")])
+def test_the_degree_of_a_visit(skipped, outcome, of_visit):
+    visit = Visit(1, 0.0, outcome=outcome, ended=9.0, skipped=skipped, why=Reason(DONE_ALL))
+    assert degree(visit) == of_visit and degree(replace(visit, ended=None)) == ""
+    if outcome == "SUCCESS":
+        assert how_it_ended(visit) == of_visit
+
+
+def test_a_mute_tour_is_no_complete_visit():
+    teller = Teller(Rig(answer=refusing(Say))).run(visitor_who("yes"))
+    state, run_over = teller.story.state, teller.sentences[-1].text
+    visit = state.visit
+    number = sum(event.outcome == SKIPPED for event in teller.rig.of(Recovered))
+    assert visit.outcome == "SUCCESS" and sum(visit.skipped.values()) == number > 5
+    assert degree(visit).startswith(f"complete without {number} steps (DescribeExhibitSpeech ")
+    assert "0 of 2 exhibits completed, 2 in part" in how_it_ended(visit)
+    assert counted(state) == "1 visit, none failed, 1 complete without some steps"
+    assert degree(visit) in run_over and run_over.endswith("(exit code 0)")
+    assert [each.severity for each in teller.sentences if "is completed without" in each.text] == [
+        "warning", "warning"]
+
+
+def test_what_a_visit_that_failed_went_without_is_named_too():
+    assert how_it_ended(Visit(1, 0.0, why=HAS_GONE, skipped={"Say": 1})) == (
+        "the visitor left; without Say")
+
+
 def test_how_far_a_visit_came():
+    in_part = replace(ARM, skipped={"Say": 1})
+    assert completed(Visit(1, 0.0, stops=(ARM, in_part))) == "1 of 3 stops completed, 1 in part"
     assert completed(Visit(1, 0.0)) == ""
     assert completed(Visit(1, 0.0, stops=(ARM, ARM, CUP))) == "2 of 3 exhibits completed"
     assert completed(Visit(1, 0.0, stops=(CUP, ARM))) == "1 of 3 stops completed"

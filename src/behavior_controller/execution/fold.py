@@ -18,8 +18,8 @@ from behavior_controller.execution.state import (
     BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,
     SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,
     NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit)
-from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, GoTo, SetAnimation, SetAttention, SetPose
+from behavior_controller.robot.gateway import UNCERTAIN, UNSENT, Cause, Failure
+from behavior_controller.robot.requests import GoTo, SetAnimation, SetAttention, SetPose, Words
 from behavior_controller.text import clean
 
 KEPT = 50
@@ -82,7 +82,7 @@ def _run_finished(state: State, event: RunFinished) -> State:
         stopped, came = Reason(STOPPED), visit.arrived or visit.began
         state = _end_visit(_end_stop(state, stopped), "", stopped, state.at - came,
                            came - visit.began)
-    return replace(_end_steps(state), finished=event, held={})
+    return replace(_abandon(_end_steps(state)), finished=event, held={})
 
 
 def _end_visit(state: State, outcome: str, why: Reason, seconds: float, waited: float) -> State:
@@ -108,7 +108,10 @@ def _pass_finished(state: State, event: PassFinished) -> State:
     state = _end_stop(state, state.why_broken_off if is_success else _why_failed(state))
     waited = max(0.0, state.course.met - state.course.pass_began)
     why, robot = _why_done(state) if is_success else _why_failed(state), state.robot
-    is_lost = bool(robot.goal_name) and robot.goal is None and robot.place is None
+    is_where_sent = robot.place is not None and robot.last_place == robot.goal_name
+    is_lost = robot.is_away and (robot.is_lost or not (is_success and is_where_sent))
+    if is_success and state.visit.skipped:
+        state = replace(state, incomplete=state.incomplete + 1)
     return _end_visit(_change_robot(state, is_lost=is_lost), clean(event.outcome), why,
                       event.seconds - waited, waited)
 
@@ -319,7 +322,7 @@ def _recovered(state: State, event: Recovered) -> State:
     why, omitted = why_recovered(state, event), state.omits(event)
     is_known, is_left_out = state.has_given_up(event), event.outcome == SKIPPED
     if is_left_out and event.failure.cause is not Cause.CONDITION_FALSE:
-        state = _change_course(state, without=event.node)
+        state = _count_skipped(_change_course(state, without=event.node), event.node)
     state = _end_steps(state, lambda step: step.uid == uid)
     state = replace(state, omitted=0, recovered=decided,
                     recoveries=_without(state.recoveries, known))
@@ -333,6 +336,19 @@ def _recovered(state: State, event: Recovered) -> State:
     elif event.outcome != GIVEN_UP:
         return state
     return state if is_known else _change_course(state, given_up=event, gave_up=why)
+
+
+def _count_skipped(state: State, node: str) -> State:
+    """Note that the mission went on without a node, for the visit and for the stop under way."""
+    if state.visit is None:
+        return state
+    skipped = state.visit.skipped
+    state = _change_visit(state, skipped={**skipped, node: skipped.get(node, 0) + 1})
+    stop = state.stop
+    if stop is None:
+        return state
+    changed = replace(stop, skipped={**stop.skipped, node: stop.skipped.get(node, 0) + 1})
+    return _change_visit(state, stops=state.visits[-1].stops[:-1] + (changed,))
 
 
 def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) -> State:
@@ -359,7 +375,10 @@ def _safe_state_reported(state: State, event: SafeStateReported) -> State:
     switched = {field: kind("disabled") if part.failure is None else None
                 for part in event.parts for kind, field in _SWITCHES.items()
                 if part.what == kind.switches}
-    return _change_robot(replace(state, safe_state=event), **switched)
+    robot = replace(state.robot, **switched)
+    for exchange in state.exchanges:  # as of a leaf that blocks, which nothing has halted
+        robot = _left_open(robot, exchange)
+    return replace(state, safe_state=event, robot=robot)
 
 
 def _breakpoint_changed(state: State, event: BreakpointChanged) -> State:
@@ -381,18 +400,23 @@ def _suspended(state: State, event: Suspended) -> State:
 
 def _asked(state: State, event: Asked) -> State:
     request: Any = event.request
-    step, uid, what = state.step, 0, ""
+    step, uid = state.step, 0
+    words = request.words or Words("asking " + event.service)
+    doing, what = words.doing, words.what
     if step is not None and not step.is_wait and not step.call:
-        uid, what = step.uid, step.what
+        uid = step.uid
+        if step.words:
+            doing, what = step.words, step.what
         state = replace(state, steps=state.steps[:-1] + (replace(step, call=event.call),))
     services = {**state.robot.services, type(request).__name__: event.service}
     state = _change_robot(state, services=services)
     if isinstance(request, GoTo):
         name = what[3:] if what.startswith("to ") else what
-        state = _change_robot(state, goal=request.goal, goal_name=name, place=None, is_lost=False)
+        state = _change_robot(state, goal=request.goal, goal_name=name, is_lost=False)
     if isinstance(request, GoTo) or type(request) in _SWITCHES and request.state != "disabled":
         state = replace(state, safe_state=None)
-    exchange = Exchange(event.call, event.service, request, state.at, uid)
+    said = clean(" ".join(filter(None, (doing, what))))
+    exchange = Exchange(event.call, event.service, request, state.at, uid, words=said)
     return replace(state, exchanges=state.exchanges + (exchange,))
 
 
@@ -415,9 +439,8 @@ def _abandon(state: State,
              is_abandoned: Callable[[Exchange], bool] = lambda exchange: True) -> State:
     """Note that the results of requests are not awaited any more."""
     for exchange in filter(is_abandoned, state.exchanges):
-        if isinstance(exchange.request, GoTo):
-            state = _change_robot(state, goal=None)  # how far it drives is not known
-        state = replace(state, exchanges=_without(state.exchanges, exchange))
+        state = replace(state, exchanges=_without(state.exchanges, exchange),
+                        robot=_left_open(_departed(state.robot, exchange), exchange))
         state = _conclude(state, exchange)
     return state
 
@@ -425,18 +448,44 @@ def _abandon(state: State,
 def _moved(robot: Robot, exchange: Exchange) -> Robot:
     """Return the robot after an answer.
 
-    A request that failed leaves open how far it was carried out.
+    A request that failed leaves open how far it was carried out, unless it was not sent.
     """
-    request, is_done = exchange.request, isinstance(exchange.result, Answer)
+    request, result = exchange.request, exchange.result
+    cause = result.cause if isinstance(result, Failure) else None
     if type(request) in _SWITCHES:
-        return replace(robot, **{_SWITCHES[type(request)]: request if is_done else None})
+        return replace(robot, **{_SWITCHES[type(request)]: request if cause is None else None})
+    if cause in UNCERTAIN:
+        robot = _left_open(robot, exchange)
+    elif cause is None:  # the newest of its kind is done, so no earlier one is under way
+        robot = replace(robot, unfinished=_others(robot.unfinished, exchange))
     if isinstance(request, GoTo) and request.goal == robot.goal:
-        if not is_done:
+        if cause in UNSENT:
             return replace(robot, goal=None)
-        return replace(robot, goal=None, place=request.goal, last_place=robot.goal_name)
-    if isinstance(request, SetPose) and is_done:
-        return replace(robot, place=request.pose, last_place="")
+        if cause is not None:
+            return _departed(robot, exchange)
+        return replace(robot, goal=None, place=request.goal, last_place=robot.goal_name, way="")
+    if isinstance(request, SetPose) and cause is None:
+        return replace(robot, place=request.pose, last_place="", way="")
     return robot
+
+
+def _departed(robot: Robot, exchange: Exchange) -> Robot:
+    """Return the robot after a request for a drive that may have begun and did not arrive."""
+    if not isinstance(exchange.request, GoTo):
+        return robot
+    return replace(robot, goal=None, place=None, way=robot.goal_name)
+
+
+def _left_open(robot: Robot, exchange: Exchange) -> Robot:
+    """Return the robot after a request whose end is not known."""
+    if not exchange.request.effect:
+        return robot
+    return replace(robot, unfinished=_others(robot.unfinished, exchange) + (exchange,))
+
+
+def _others(exchanges: Iterable[Exchange], one: Exchange) -> Tuple[Exchange, ...]:
+    """Return the exchanges of other kinds of requests."""
+    return tuple(other for other in exchanges if type(other.request) is not type(one.request))
 
 
 def _health_changed(state: State, event: HealthChanged) -> State:

@@ -1,13 +1,20 @@
 """The safe state (attention and lifelike movement off): the one way to ask for it and to report it.
 """
-from typing import Callable, Container, Iterator, Optional
+import math
+from typing import Callable, Container, Dict, Iterator, Optional
 
 from behavior_controller.execution.events import SafePart, SafeStateReported
-from behavior_controller.robot.gateway import Cause, Failure, Gateway
+from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway
 from behavior_controller.robot.declarations import Interface, Offer
 
 LIMIT = 1.0
 """Seconds that the requests may take when the run ends."""
+
+AGAIN_AFTER = 0.1
+"""Seconds from the failure of a request to its next attempt when the run ends."""
+
+FINAL = (Cause.NO_ANSWER, Cause.NOT_ADVERTISED, Cause.TYPE_MISMATCH)
+"""The causes of a failure that another attempt within the limit cannot mend."""
 
 
 class SafeState:
@@ -20,11 +27,13 @@ class SafeState:
     def __init__(self, gateway: Gateway, interface: Interface, used: Container[Offer],
                  now: Callable[[], float]):
         """``used`` are the services and topics that the mission cannot do without."""
+        self._gateway = gateway
         self._interface = interface
         self._used = used
         self._now = now
         self._began = now()
         self._calls = [gateway.start(request) for request in interface.safe_state]
+        self._due: Dict[Call, float] = {}  # when a request that failed is sent again
 
     @property
     def result(self) -> Optional[SafeStateReported]:
@@ -38,14 +47,29 @@ class SafeState:
             call.drop()
 
     def wait(self, wait: Callable[[float], None], seconds: float = LIMIT) -> SafeStateReported:
-        """Return the report when every request has its result, after ``seconds`` at the latest.
+        """Return the report when every request was carried out, after ``seconds`` at the latest. A
+        request that fails is sent again meanwhile.
 
         ``wait`` returns when a result may have come, after that many seconds at the latest.
         """
         deadline = self._began + seconds
-        while self.result is None and self._now() < deadline:
-            wait(deadline - self._now())
+        while self._now() < deadline:
+            due = self._ask_again()
+            if due == math.inf and self.result is not None:
+                break
+            wait(min(due, deadline) - self._now())
         return self.report()
+
+    def _ask_again(self) -> float:
+        """Send again what failed ``AGAIN_AFTER`` ago, and return when the next one is due."""
+        now, next_due = self._now(), math.inf
+        for place, call in enumerate(self._calls):
+            if self._due.get(call, math.inf) <= now:
+                call = self._calls[place] = self._gateway.start(call.request)
+            failure = call.result
+            if isinstance(failure, Failure) and failure.cause not in FINAL:
+                next_due = min(next_due, self._due.setdefault(call, now + AGAIN_AFTER))
+        return next_due
 
     def report(self) -> SafeStateReported:
         """Return what was reached, and drop the requests without a result."""

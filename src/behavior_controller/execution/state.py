@@ -14,7 +14,11 @@ from behavior_controller.execution.events import (
     RunStarted, SafeStateReported, TreeNode)
 from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT, SLOW
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, Location, Request, SetAnimation, SetAttention
+from behavior_controller.robot.requests import (
+    Answer, GoTo, Location, Request, SetAnimation, SetAttention)
+
+HOME = "home"
+"""The name of the place where the robot waits for visitors."""
 
 UNDER_WAY, COMPLETED, LEFT_OUT, BROKEN_OFF = "under way", "completed", "left out", "broken off"
 """The state of a stop."""
@@ -60,6 +64,7 @@ class Stop(Struct, frozen=True):
     """One stop of a visit: what the mission takes one after the other.
 
     ``why`` is the cause where it was left out or broken off; ``noun`` the mission's word for it.
+    ``skipped`` is how often each node failed in it that the mission went on without.
     """
 
     number: int  # from 1
@@ -70,10 +75,14 @@ class Stop(Struct, frozen=True):
     seconds: float
     began: float = 0.0
     noun: str = ""
+    skipped: Dict[str, int] = {}
 
 
 class Visit(Struct, frozen=True):
-    """One visitor's pass. ``outcome`` is empty while it is under way, and if it was stopped."""
+    """One visitor's pass. ``outcome`` is empty while it is under way, and if it was stopped.
+
+    ``skipped`` is how often each node failed that the mission went on without, by the policy.
+    """
 
     number: int
     began: float
@@ -87,6 +96,12 @@ class Visit(Struct, frozen=True):
     seconds: float = 0.0  # from the arrival to the end
     waited: float = 0.0  # seconds before the arrival
     ended: Optional[float] = None
+    skipped: Dict[str, int] = {}
+
+    @property
+    def has_visitor(self) -> bool:
+        """Whether a visitor has come, and the visit goes on."""
+        return self.arrived is not None and self.ended is None
 
 
 class Step(Struct, frozen=True):
@@ -124,7 +139,8 @@ class Exchange(Struct, frozen=True):
     """A request to the robot and its result; no result: it was not awaited any more, as when
     its leaf was halted.
 
-    ``uid`` is the node on whose behalf it was sent; 0: none is known.
+    ``uid`` is the node on whose behalf it was sent; 0: none is known. ``words`` say for people what
+    the robot does by it.
     """
 
     call: int
@@ -134,6 +150,7 @@ class Exchange(Struct, frozen=True):
     uid: int
     answered: Optional[float] = None
     result: Union[Answer, Failure, None] = None
+    words: str = ""
 
 
 class LeafFailure(Struct, frozen=True):
@@ -211,10 +228,13 @@ class NodeResult(Struct, frozen=True):
 class Robot(Struct, frozen=True):
     """The robot as the answers to requests leave it; None is what the run has not said.
 
-    ``goal`` is where it is driving; ``place`` where it arrived last, until it sets off again;
-    ``last_place`` is the name of that place, for as long as it arrives nowhere else. ``is_lost``:
-    a visit ended after a drive that failed, and it has not set off since. ``services`` are those
-    that were asked, by kind of request.
+    ``goal`` is that of the drive whose answer is awaited, and ``goal_name`` the name of the last one
+    that was asked for. ``place`` is where it arrived last, unless it may have left since for the
+    goal of the name ``way``, where it did not arrive. ``last_place`` is the name of that place, for
+    as long as it arrives nowhere else. ``is_lost``: a visit has left it where no mission wants it,
+    and it was asked to drive nowhere since. ``services`` are those that were asked, by kind of
+    request. ``unfinished`` are the requests with an effect whose end is not known, the newest of
+    each kind.
     ``troubles`` are the services, topics and the master that are not well, by name and respect;
     ``ill_since`` is when the first trouble of each began.
     """
@@ -225,7 +245,9 @@ class Robot(Struct, frozen=True):
     goal_name: str = ""
     place: Optional[Location] = None
     last_place: str = ""
+    way: str = ""
     is_lost: bool = False
+    unfinished: Tuple[Exchange, ...] = ()
     services: Dict[str, str] = {}
     troubles: Dict[Tuple[str, str], HealthChanged] = {}
     ill_since: Dict[str, float] = {}
@@ -234,6 +256,17 @@ class Robot(Struct, frozen=True):
         """Return the strongest trouble of a service or topic."""
         troubles = [change for change in self.troubles.values() if change.name == name]
         return min(troubles, key=rank, default=None)
+
+    @property
+    def is_away(self) -> bool:
+        """Whether it was asked to drive, and has not arrived at home."""
+        return bool(self.goal_name) and (self.place is None or self.last_place != HOME)
+
+    @property
+    def can_not_drive(self) -> bool:
+        """Whether the node that drives it is gone."""
+        trouble = self.trouble(self.services.get(GoTo.__name__, ""))
+        return trouble is not None and trouble.respect == GONE
 
     @property
     def ill(self) -> Tuple[HealthChanged, ...]:
@@ -277,6 +310,7 @@ class State(Struct, frozen=True):
     visits: Tuple[Visit, ...] = ()  # the newest
     visit_count: int = 0
     outcomes: Dict[str, int] = {}  # of all visits that ended: how many of each; empty: stopped
+    incomplete: int = 0  # visits that succeeded without a step
     steps: Tuple[Step, ...] = ()  # under way, the newest last
     exchanges: Tuple[Exchange, ...] = ()  # without a result
     recoveries: Tuple[RecoveryRound, ...] = ()  # under way
@@ -330,6 +364,19 @@ class State(Struct, frozen=True):
             return self.robot.trouble(exchange.service)
         unmet = self.failures.get(step.path) if step is not None and step.is_wait else None
         return self.robot.trouble(unmet[-1].failure.resource) if unmet else None
+
+    @property
+    def is_stranded(self) -> bool:
+        """Whether a person has to take the robot home: it is away, and will not drive by itself."""
+        robot, visit = self.robot, self.visit
+        if not robot.is_away or robot.goal is not None:
+            return False
+        if self.finished is not None:
+            return True
+        if robot.is_lost:
+            return visit is None or not visit.has_visitor
+        # at a stop the visit goes on as soon as it can drive again
+        return robot.place is None and robot.can_not_drive
 
     @property
     def why_broken_off(self) -> Optional[Reason]:

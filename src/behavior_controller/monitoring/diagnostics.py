@@ -40,7 +40,7 @@ def _mission(state: State) -> Status:
     elif now.kind == "retry" or state.step is not None and isinstance(state.step.cause, Paused):
         level = WARN
     details = {"mission": mission_name(state.started.mission) if state.started is not None else "",
-               "visits": counted(state.outcomes), "where": now.where, "waits for": now.waits_for,
+               "visits": counted(state), "where": now.where, "waits for": now.waits_for,
                "next": now.next}
     return Status("mission", level, now.what, details)
 

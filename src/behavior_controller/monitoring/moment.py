@@ -7,14 +7,12 @@ from typing import Iterator, List, Tuple
 
 from behavior_controller.execution.events import HealthChanged, Paused, TreeNode
 from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT
-from behavior_controller.execution.state import Robot, State, Step
+from behavior_controller.execution.state import HOME, Robot, State, Step
 from behavior_controller.monitoring.parts import Card, Kind, RobotLine
 from behavior_controller.monitoring.story import (
-    cause, condition, conditions, few, listed, stop_name, step_words)
-from behavior_controller.robot.requests import GoTo, Words
+    STOP_BUTTON, cause, condition, conditions, few, listed, may_be_under_way, may_move, run_end,
+    stop_name, step_words, switched_off)
 from behavior_controller.text import clean
-
-HOME = "home"
 
 MOST_NAMED = 4
 """How many nodes an instruction names; of more it says the number."""
@@ -37,7 +35,7 @@ def card(state: State) -> Card:
     """Return what the run does."""
     where = _where(state)
     if state.finished is not None:
-        return Card("ended", state.finished.outcome, where, state.at)
+        return Card("ended", run_end(state), where, state.at)
     if state.held:
         uid, since = list(state.held.items())[-1]
         return Card("held", f"held by a breakpoint of Groot2 at {_name(state, uid)}", where,
@@ -82,9 +80,8 @@ def _of_tree(state: State, where: str) -> Card:
     """
     if state.exchanges:
         exchange = state.exchanges[0]
-        words = exchange.request.words or Words("asking " + exchange.service)
-        return Card("step", clean(" ".join(filter(None, (words.doing, words.what)))), where,
-                    exchange.asked, waits_for="the answer of " + exchange.service)
+        return Card("step", exchange.words, where, exchange.asked,
+                    waits_for="the answer of " + exchange.service)
     uid = state.letters.rfind("R") + 1
     if uid:
         node, since = state.nodes[uid - 1], state.running.get(uid)
@@ -152,7 +149,7 @@ def _is_open(node: TreeNode) -> bool:
 
 def robot_line(state: State) -> RobotLine:
     """Return how the robot is."""
-    robot, mode, safe = state.robot, "unknown", ""
+    robot, mode = state.robot, "unknown"
     if robot.attention is not None:
         mode = robot.attention.state
         mode = "off" if mode == "disabled" else f"on ({mode})"
@@ -160,13 +157,21 @@ def robot_line(state: State) -> RobotLine:
     if robot.animation is not None:
         movement = "on" if robot.animation.state == "enabled" else "off"
     alive = "all nodes in use answer" if state.started is not None else "not yet asked"
-    if state.safe_state is not None:  # the robot was stopped
-        left_on = _left_on(state)
-        safe = "safe state reached"
-        if left_on:
-            safe = clean(f"safe state not reached: {listed(left_on)} may be on")
     return RobotLine(not robot.ill, conditions(robot.ill) or alive, mode, movement, _place(robot),
-                     safe, instruction(state))
+                     _safety(state), instruction(state))
+
+
+def _safety(state: State) -> str:
+    """Return after a stop what is off, and what may be on or under way; ``safe`` alone is said only
+    when neither may be.
+    """
+    if state.safe_state is None:
+        return ""
+    off, left_on, under_way = switched_off(state), _left_on(state), may_be_under_way(state)
+    if not left_on and not under_way:
+        return f"safe: {off}" if off else "safe"
+    on = f"{listed(left_on)} may be on" if left_on else ""
+    return clean("; ".join(filter(None, (off, on, under_way))))
 
 
 def _left_on(state: State) -> List[str]:
@@ -176,25 +181,28 @@ def _left_on(state: State) -> List[str]:
 
 
 def _place(robot: Robot) -> str:
-    last, goal = "at " + robot.last_place if robot.last_place else "", robot.goal_name
-    if robot.goal is not None and not goal:
-        goal = f"{robot.goal.x:g}, {robot.goal.y:g}"
-    way = goal if goal == HOME else "to " + goal
+    last = "at " + robot.last_place if robot.last_place else ""
     if robot.goal is not None:
-        return "driving " + way
+        # of a node that is gone nothing has taken the goal
+        verb = "asked to drive" if robot.can_not_drive else "driving"
+        return f"{verb} {_to(robot.goal_name or f'{robot.goal.x:g}, {robot.goal.y:g}')}"
     if robot.place is not None:
         return last or f"at {robot.place.x:g}, {robot.place.y:g}"
-    return f"last seen {last or 'at the start'}, on the way {way}" if goal else "place unknown"
+    if not robot.way:
+        return "place unknown"
+    return f"last seen {last or 'at the start'}, on the way {_to(robot.way)}"
+
+
+def _to(goal: str) -> str:
+    return goal if goal == HOME else "to " + goal
 
 
 def instruction(state: State) -> str:
     """Return what a person has to do; it stays until that is done."""
-    robot, steps = state.robot, list(_repairs(state))
-    is_away = robot.goal_name and (robot.place is None or robot.last_place != HOME)
-    # at a stop the visit goes on as soon as it can drive again
-    trouble = robot.trouble(robot.services.get(GoTo.__name__, ""))
-    is_stuck = robot.place is None and trouble is not None and trouble.respect == GONE
-    if is_away and (state.finished is not None or robot.is_lost or is_stuck):
+    steps = list(_repairs(state))
+    if state.safe_state is not None and may_move(state):
+        steps.insert(0, STOP_BUTTON)
+    if state.is_stranded:
         steps.append("take the robot home")
     text = clean("; ".join(steps))
     return text[:1].upper() + text[1:]

@@ -16,12 +16,9 @@ from behavior_controller.execution.state import (
     UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
 from behavior_controller.folders import mission_name
 from behavior_controller.monitoring.parts import Sentence
-from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
+from behavior_controller.robot.requests import MOTION
 from behavior_controller.text import clean, count
-
-UNCERTAIN = (Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION, Cause.UNUSABLE_ANSWER)
-"""The causes of a failure in spite of which the request may have been carried out."""
-
 
 KINDS = ("visit", "stop", "said", "heard", "asked", "pressed", "moved", "failure", "recovery",
          "health", "notice")
@@ -111,7 +108,7 @@ def why(reason: Optional[Reason]) -> str:
 
 _REASONS = {
     LEFT: "the visitor left", STOPPED: "the robot was stopped", DECLINED: "the visitor said no",
-    DONE_ALL: "done", UNCLEAR: "no clear answer", SILENT_VISITOR: "no answer"}
+    DONE_ALL: "complete", UNCLEAR: "no clear answer", SILENT_VISITOR: "no answer"}
 _UNSEEN = {LEFT: "the visitor could not be seen", SILENT_VISITOR: "no answer was heard"}
 
 
@@ -163,37 +160,81 @@ def stop_name(stop: Stop) -> str:
 
 
 def completed(visit: Visit) -> str:
-    """Return ``2 of 5 places completed``; empty without a stop."""
+    """Return ``2 of 5 places completed, 1 in part``; empty without a stop."""
     if not visit.stops:
         return ""
-    number, last = sum(stop.state == COMPLETED for stop in visit.stops), visit.stops[-1]
-    return f"{number} of {last.of} {last.noun or 'stop'}s completed"
+    done, last = [stop for stop in visit.stops if stop.state == COMPLETED], visit.stops[-1]
+    partial = sum(bool(stop.skipped) for stop in done)
+    text = f"{len(done) - partial} of {last.of} {last.noun or 'stop'}s completed"
+    return f"{text}, {partial} in part" if partial else text
+
+
+def without(skipped: Dict[str, int]) -> str:
+    """Return `` without 7 steps (Say 4 times, Point 2 times and 1 more)``, which the mission went
+    on without; empty for none.
+    """
+    if not skipped:
+        return ""
+    nodes = sorted(skipped, key=lambda node: -skipped[node])
+    named = [node if skipped[node] == 1 else f"{node} {skipped[node]} times"
+             for node in nodes[:MOST_NAMES]]
+    rest = sum(skipped[node] for node in nodes[MOST_NAMES:])
+    names = listed(named + [f"{rest} more"] if rest else named)
+    number = sum(skipped.values())
+    return clean(f" without {names}" if number == 1 else f" without {number} steps ({names})")
+
+
+def degree(visit: Visit) -> str:
+    """Return how much of a visit was done: ``complete``, ``complete without …`` or ``broken off``;
+    empty while it is under way.
+    """
+    if visit.ended is None:
+        return ""
+    return "complete" + without(visit.skipped) if visit.outcome == "SUCCESS" else BROKEN_OFF
 
 
 def how_it_ended(visit: Visit) -> str:
-    """Return how a visit ended; empty while it is under way."""
+    """Return how a visit ended, and what it went without; empty while it is under way."""
+    ending, lacks = _ending(visit), without(visit.skipped)
+    return ending if not ending or lacks in ending else f"{ending};{lacks}"
+
+
+def _ending(visit: Visit) -> str:
     reason, stops = visit.why, visit.stops
     if reason is None:
         return ""
-    if reason.kind == DONE_ALL and stops:
-        last = stops[-1]
+    if reason.kind == DONE_ALL:
+        last, done = stops[-1] if stops else None, why(reason) + without(visit.skipped)
+        if last is None:
+            return done
         if last.state == COMPLETED and last.number < last.of:  # what the visitor looked for
-            return f"{why(reason)} at {stop_name(last)}"
-        return f"{why(reason)}, {completed(visit)}"
+            return f"{done} at {stop_name(last)}"
+        return f"{done}, {completed(visit)}"
     if stops and stops[-1].state == BROKEN_OFF:
         return f"ended at {stop_name(stops[-1])}: {why(reason)}"
     return "gave up: " + why(reason) if reason.kind == GAVE_UP else why(reason)
 
 
-def counted(outcomes: Dict[str, int]) -> str:
-    """Return how many visits there were, and how many of them failed; an empty outcome is that of
-    a visit that was stopped.
+def counted(state: State) -> str:
+    """Return how many visits there were, how many of them failed, and how many went without steps.
     """
-    number, failed = sum(outcomes.values()), outcomes.get("FAILURE", 0)
+    number, failed = sum(state.outcomes.values()), state.outcomes.get("FAILURE", 0)
     if not number:
         return "no visit completed"
     text = f"{count(number, 'visit', 'visits')}, {failed or 'none'} failed"
-    return text + ", the last one was stopped" if "" in outcomes else text
+    if state.incomplete:
+        text += f", {state.incomplete} complete without some steps"
+    return text + ", the last one was stopped" if "" in state.outcomes else text
+
+
+def run_end(state: State) -> str:
+    """Return how the run ended, and how much of its last visit was done if steps are missing; empty
+    while it goes on.
+    """
+    outcome, visit = state.finished.outcome if state.finished is not None else "", state.visit
+    if outcome and visit is not None and visit.outcome == "SUCCESS" and visit.skipped:
+        return f"{outcome}, {degree(visit)}"
+    return outcome
 
 
 def recovering(event: events.Recovering) -> str:
@@ -221,23 +262,47 @@ def step_words(step: Step) -> str:
     return f"{words} ({step.feedback})" if step.feedback else words
 
 
+STOP_BUTTON = "keep the stop button at hand"
+
+
+def may_be_under_way(state: State) -> str:
+    """Return in words what the robot may still be carrying out; empty if nothing is."""
+    doing = [exchange.words for exchange in state.robot.unfinished]
+    return f"may still be {listed(doing)}" if doing else ""
+
+
+def may_move(state: State) -> bool:
+    """Return whether the robot may be moving by what it was asked for."""
+    return any(exchange.request.effect == MOTION for exchange in state.robot.unfinished)
+
+
+def switched_off(state: State) -> str:
+    """Return ``attention and lifelike movement are off``, of the parts of the safe state that were
+    reached; empty for none.
+    """
+    parts = state.safe_state.parts if state.safe_state is not None else ()
+    off = [part.what for part in parts if part.failure is None]
+    return clean(f"{listed(off)} {'are' if len(off) > 1 else 'is'} off") if off else ""
+
+
 def safe_state(state: State) -> str:
-    """Return in words which parts of the safe state were reached, and why the others may not be;
-    empty if not asked for.
+    """Return in words which parts of the safe state were reached, why the others may not be, and
+    what may still be under way; empty if it was not asked for.
     """
     if state.safe_state is None:
         return ""
-    parts = state.safe_state.parts
+    parts, under_way = state.safe_state.parts, may_be_under_way(state)
+    texts = [switched_off(state)]
     if not parts:
-        return "the robot has neither attention nor lifelike movement to switch off"
-    off = [part.what for part in parts if part.failure is None]
-    texts = [f"{' and '.join(off)} {'are' if len(off) > 1 else 'is'} off"] if off else []
+        texts = ["the robot has neither attention nor lifelike movement to switch off"]
     for part in parts:
         if part.failure is not None and part.failure.cause in UNCERTAIN:
             texts.append(f"whether {part.what} is off is not known: {cause(part.failure)}")
         elif part.failure is not None:
             texts.append(f"{part.what} could not be switched off: {cause(part.failure)}")
-    return clean("; ".join(texts))
+    if under_way:
+        texts.append(f"{under_way}: {STOP_BUTTON}" if may_move(state) else under_way)
+    return clean("; ".join(filter(None, texts)))
 
 
 def ordinal(number: int) -> str:
@@ -268,14 +333,15 @@ def _run_finished(before: State, event: events.RunFinished, after: State) -> Ite
     for visit in after.concluded(Visit):
         if visit.arrived is not None:
             yield "visit", "warning", f"visitor {visit.number}: {how_it_ended(visit)}", 0.0
-    yield "notice", "info", f"ends: {event.outcome} (exit code {event.exit_code})", 0.0
+    yield "notice", "info", f"ends: {run_end(after)} (exit code {event.exit_code})", 0.0
 
 
 def _pass_finished(before: State, event: events.PassFinished, after: State) -> Iterator[_Said]:
     visit = after.visit
     if visit is not None:
         text = f"pass {event.number}: {event.outcome} after {visit.seconds:.1f} s"
-        severity = "info" if visit.outcome == "SUCCESS" else "warning"
+        is_complete = visit.outcome == "SUCCESS" and not visit.skipped
+        severity = "info" if is_complete else "warning"
         yield "visit", severity, f"{text}: {how_it_ended(visit)}", 0.0
 
 
@@ -304,7 +370,8 @@ def _met(before: State, after: State, mark: str) -> str:
 def _stop_changed(before: State, event: events.StopChanged, after: State) -> Iterator[_Said]:
     for stop in after.concluded(Stop):
         if stop.why is None:
-            yield "stop", "info", f"{stop_name(stop)}, is completed", 0.0
+            severity = "warning" if stop.skipped else "info"
+            yield "stop", severity, f"{stop_name(stop)}, is completed{without(stop.skipped)}", 0.0
         else:
             yield "stop", "warning", f"{stop_name(stop)}, is broken off: {why(stop.why)}", 0.0
     if event.state == events.BEGUN and after.stop is not None:
@@ -357,7 +424,7 @@ def _paused(before: State, event: events.Paused, after: State) -> Iterator[_Said
 
 def _safe_state_reported(before: State, event: events.SafeStateReported,
                          after: State) -> Iterator[_Said]:
-    is_reached = all(part.failure is None for part in event.parts)
+    is_reached = all(part.failure is None for part in event.parts) and not after.robot.unfinished
     failed = [recovery.failures[-1] for recovery in before.recoveries if recovery.failures]
     incident = _incident(before, failed[-1].failure, failed[-1].path) if failed else 0.0
     yield "notice", "info" if is_reached else "warning", safe_state(after), incident

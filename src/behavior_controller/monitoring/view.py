@@ -73,8 +73,7 @@ class View(story.Story):
     @property
     def ended(self) -> str:
         """How the run ended, and what was reached of the safe state; empty while it goes on."""
-        finished = self.state.finished
-        outcome = finished.outcome if finished is not None else self.stopped
+        outcome = story.run_end(self.state) or self.stopped
         return outcome and "; ".join(filter(None, (outcome, story.safe_state(self.state))))
 
     # ------------------------------------------------------------------------------------ the parts
@@ -111,7 +110,7 @@ class View(story.Story):
     def visits(self) -> Dict[str, Any]:
         """Return the visits that ended, the newest last, and how many there were in words."""
         ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
-        return {"counted": story.counted(self.state.outcomes), "newest": ended}
+        return {"counted": story.counted(self.state), "newest": ended}
 
     def timeline(self) -> List[Dict[str, Any]]:
         """Return the steps of the visit that ended: when each began, and how long it took."""
@@ -141,7 +140,7 @@ PARTS: Dict[str, Tuple[str, ...]] = {
     "now": ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",
             "visits", "safe_state", "nodes", "failures"),
     "story": ("visits",),
-    "visits": ("outcomes", "finished"),
+    "visits": ("outcomes", "incomplete", "finished"),
     "timeline": ("steps", "visit_count"),
     "blackboard": ("entries",),
     "health": ("robot",),
@@ -176,8 +175,8 @@ def _result(last: NodeResult, times: int) -> Dict[str, Any]:
 
 
 def _visit(visit: Visit) -> Dict[str, Any]:
-    """Return a visit; ``ending``: how it ended, in words."""
+    """Return a visit; ``degree``: how much of it was done, ``ending``: how it ended, in words."""
     stops = [dict(asdict(stop), why=story.why(stop.why)) for stop in visit.stops]
     return {"number": visit.number, "time": clock(visit.arrived or visit.began),
             "began": visit.began, "arrived": visit.arrived, "outcome": visit.outcome,
-            "stops": stops, "ending": story.how_it_ended(visit)}
+            "stops": stops, "degree": story.degree(visit), "ending": story.how_it_ended(visit)}

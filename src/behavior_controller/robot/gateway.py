@@ -37,6 +37,12 @@ class Cause(enum.Enum):
         return _TEXTS.get(self, self.value.replace("-", " "))
 
 
+UNCERTAIN = (Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION, Cause.UNUSABLE_ANSWER)
+"""The causes of a failure in spite of which the request may have been carried out."""
+
+UNSENT = (Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.TYPE_MISMATCH)
+"""The causes of a failure of a request that has not reached its server."""
+
 _TEXTS = {Cause.HANDLER_EXCEPTION: "exception in the server", Cause.NO_ANSWER: "no answer in time"}
 
 

@@ -55,13 +55,20 @@ def _aimed(doing: str, done: str, what: str, target: Target) -> Words:
     return Words(doing, done, what.format(*target), "moved", target)
 
 
+MOTION, SOUND, NO_EFFECT = "motion", "sound", ""
+"""The effects of a request which the robot may go on with while nothing awaits its answer."""
+
+
 class Request(Struct, frozen=True, tag=True, tag_field="_type"):
     """A request to a service of the robot.
 
-    ``switches`` is the name for people of what it switches on or off; empty: nothing.
+    ``switches`` is the name for people of what it switches on or off; empty: nothing. ``effect`` is
+    ``MOTION`` unless its class says otherwise: a stop then counts it as under way until its end is
+    known.
     """
 
     switches = ""
+    effect = MOTION
 
     @property
     def words(self) -> Optional[Words]:
@@ -73,6 +80,7 @@ class SetAnimation(Request, frozen=True):
     """Switch lifelike movement: ``enabled`` or ``disabled``."""
 
     switches = "lifelike movement"
+    effect = NO_EFFECT
     state: str
 
     @property
@@ -102,6 +110,7 @@ class PerformGesture(Request, frozen=True):
 class QueryKnowledge(Request, frozen=True):
     """Ask for ``exhibits`` (all, in their order), ``entrance`` or ``home`` (one)."""
 
+    effect = NO_EFFECT
     what: str
 
     @property
@@ -115,6 +124,7 @@ class SetAttention(Request, frozen=True):
     ``target``)."""
 
     switches = "attention"
+    effect = NO_EFFECT
     state: str
     target: Point = Point(0.0, 0.0, 0.0)
 
@@ -142,6 +152,7 @@ class GoTo(Request, frozen=True):
 class Prompt(Request, frozen=True):
     """Show ``options`` on the tablet and wait for one to be pressed."""
 
+    effect = NO_EFFECT
     options: Tuple[str, ...]
 
     @property
@@ -154,6 +165,7 @@ class Say(Request, frozen=True):
     """Speak ``text``; answered when it has been spoken. A robot of release 1.0 needs its
     ``language``."""
 
+    effect = SOUND
     text: str
     language: str = "English"
 
@@ -169,6 +181,7 @@ class Say(Request, frozen=True):
 class SetPose(Request, frozen=True):
     """Set the robot's pose at the localization."""
 
+    effect = NO_EFFECT
     words = Words("telling the localization where the robot stands")
     pose: Location
 
@@ -176,6 +189,7 @@ class SetPose(Request, frozen=True):
 class SetRecognition(Request, frozen=True):
     """Switch speech recognition on or off."""
 
+    effect = NO_EFFECT
     is_enabled: bool
 
     @property
@@ -186,6 +200,7 @@ class SetRecognition(Request, frozen=True):
 class SetRecognitionLanguage(Request, frozen=True):
     """Recognise speech of ``language``."""
 
+    effect = NO_EFFECT
     language: str
 
     @property
@@ -196,6 +211,7 @@ class SetRecognitionLanguage(Request, frozen=True):
 class Listen(Request, frozen=True):
     """Hear the next utterance, which has to begin within ``seconds``."""
 
+    effect = NO_EFFECT
     seconds: float
 
 

@@ -228,9 +228,9 @@ def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
     state, day = run.view.state, strftime("%Y-%m-%d", localtime(run.began))
     ending = "the record ends before the run: the node was killed, or the record full"
     if state.finished is not None:
-        ending = "ended: " + state.finished.outcome
+        ending = "ended: " + story.run_end(state)
     yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}; "
-           f"{story.counted(state.outcomes)}; {ending}")
+           f"{story.counted(state)}; {ending}")
     yield "Robot at the end: " + robot_line(state).text
     if earlier:
         missions = ", ".join(mission.mission for mission in earlier)
