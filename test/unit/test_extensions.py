@@ -279,6 +279,8 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
      "SERVICES = (Publication(**vars(bell())),)", ["success is None", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "class B(Request):\n  x = 'y'\nSERVICES = (bell(request=B),)",
      ["B.x has no annotation", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "class B(Request):\n  effect = 'odd'\nSERVICES = (bell(request=B),)",
+     ["B.effect is 'odd'", "NO_EFFECT", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(node='/bell'),)", ["'/bell' is not the name of a node"]),
     (INTERFACE, BELL + "class B(Request):\n  x: str\n"
      "SERVICES = (bell(), bell('/b', request=B, deadline=7.0))", ["/b of the node bell share one",

@@ -10,7 +10,7 @@ from behavior_controller import extensions
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Service, Topic)
 from behavior_controller.robot import d543, release_1_0
-from behavior_controller.robot.requests import Request
+from behavior_controller.robot.requests import EFFECTS, Request
 
 
 DECLARED_BY: Dict[Offer, extensions.Extension] = {}
@@ -65,8 +65,10 @@ def _request_fault(request: object) -> str:
     """Return what is wrong with a class of requests of another package; empty: nothing."""
     if not (isinstance(request, type) and issubclass(request, Request)):
         return f"{request!r} is not a class of requests"
-    loose = [name for name, value in vars(request).items()
-             if not name.startswith("_") and isinstance(value, (str, int, float))]
+    if request.effect not in EFFECTS:
+        return f"{request.__name__}.effect is {request.effect!r}; allowed: MOTION, SOUND, NO_EFFECT"
+    loose = [name for name, value in vars(request).items() if not name.startswith("_")
+             and not hasattr(Request, name) and isinstance(value, (str, int, float))]
     if loose:
         return f"{request.__name__}.{loose[0]} has no annotation, so it is not a field"
     try:

@@ -55,7 +55,7 @@ def _aimed(doing: str, done: str, what: str, target: Target) -> Words:
     return Words(doing, done, what.format(*target), "moved", target)
 
 
-MOTION, SOUND, NO_EFFECT = "motion", "sound", ""
+MOTION, SOUND, NO_EFFECT = EFFECTS = "motion", "sound", ""
 """The effects of a request which the robot may go on with while nothing awaits its answer."""
 
 

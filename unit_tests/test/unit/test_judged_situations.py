@@ -425,7 +425,8 @@ TWO_GIVE_UP = """<Parallel success_count="2">
 
 @pytest.mark.parametrize("call_times", ["none", "real"])  # at once, and one after the other
 @pytest.mark.parametrize("fault, number, part", [
-    ("overtAttention:1", 0, 0), ("animateBehavior:2:unanswered", 1, 1), ("overtAttention:3", 2, 0)])
+    ("overtAttention:1", 0, 0), ("animateBehavior:2:unanswered", 1, 1),
+    ("overtAttention:3:unanswered", 2, 0)])
 def test_each_report_of_the_safe_state_is_that_of_its_own_requests(call_times, fault, number, part):
     """Two recoveries give up, and the end of the run is the third to ask for the safe state."""
     with policy("budget 9 60\n* * 0 0 giveUp\n"):

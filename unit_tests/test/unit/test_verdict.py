@@ -357,6 +357,40 @@ def test_a_safe_state_that_is_asked_for_twice():
     assert_objects(changed(of_test, twice), "the safe state is due, once")
 
 
+def test_a_part_of_the_safe_state_that_is_refused_is_asked_for_again():
+    """The last call of attention is made to fail, so that the end has one attempt more."""
+    of_test = facts([f"overtAttention:{calls(facts(), 'overtAttention')[-1].call}"])
+    asked = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)][-3:]
+    assert [event.request for event in asked] == [
+        SetAttention("disabled"), SetAnimation("disabled"), SetAttention("disabled")]
+    assert judge(of_test).passed
+
+    def without_it(line):
+        event = line.event
+        if isinstance(event, (Asked, Answered)) and event.call == asked[-1].call:
+            return []
+        if isinstance(event, SafeStateReported):
+            failed = Failure(Cause.REFUSED, "-", event.parts[0].service)
+            event = replace(event, parts=(replace(event.parts[0], failure=failed),
+                                          event.parts[1]))
+        return [Line(line.time, event)]
+    assert_objects(changed(of_test, without_it), "attention off, refused, and 0.9 s were left")
+
+    def at_once(line):
+        is_last = isinstance(line.event, Asked) and line.event.call == asked[-1].call
+        return [Line(line.time - 0.08, line.event) if is_last else line]
+    assert_objects(changed(of_test, at_once), "asked for again: switching attention off")
+
+
+def test_the_verdict_says_what_a_pass_went_without():
+    """The goodbye fails, and so does its retry; the policy goes on without it."""
+    of_test = facts([f"gestureExecution:{number}" for number in range(1, 40)])
+    verdict = judge(of_test)
+    assert verdict.passed and "1 pass ended as a visitor who engages should" in str(verdict)
+    assert "pass 1 is complete without" in str(verdict) and "WelcomeGesture" in str(verdict)
+    assert "without" not in str(judge(facts()))
+
+
 def test_a_deadline_is_kept():
     of_test = facts(["gestureExecution:1:unanswered"])
     assert judge(of_test).passed

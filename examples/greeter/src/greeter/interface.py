@@ -3,12 +3,13 @@ doorbell, an action that drives, and a display."""
 import math
 
 from behavior_controller.robot.declarations import Action, Publication, Service, Success, Topic
-from behavior_controller.robot.requests import Request, Words
+from behavior_controller.robot.requests import NO_EFFECT, Request, Words
 
 
 class SetLights(Request, frozen=True):
     """Light up in ``colour``."""
 
+    effect = NO_EFFECT
     colour: str
 
     @property
@@ -33,6 +34,7 @@ class MoveTo(Request, frozen=True):
 class ShowText(Request, frozen=True):
     """Show ``text`` on the display."""
 
+    effect = NO_EFFECT
     text: str
 
 

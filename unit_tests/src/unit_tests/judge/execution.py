@@ -45,6 +45,12 @@ from unit_tests.robot.options import ACTION
 SAFE_LIMIT = 1.0
 """Seconds that the safe state may take at the end."""
 
+SAFE_RETRY = 0.1
+"""Seconds from the failure of a part of the safe state to its next attempt."""
+
+ONCE = (Cause.NO_ANSWER, Cause.NOT_ADVERTISED, Cause.TYPE_MISMATCH)
+"""The causes of a failure after which a part of the safe state is not asked for again."""
+
 SHORTEST_PASS = 1.0
 """After a shorter pass the next one waits for so many seconds."""
 
@@ -252,12 +258,18 @@ class Execution(TaskContext):
         queries, reports = self._unexplained, self.traversal.decisions
         for query in queries:
             query.drop(self.now)
-        due = safe_state([query.cause if query.result is not None else Cause.NO_ANSWER
-                          for query in queries])
-        if [query.request for query in queries] != list(SAFE_STATE):
+        parts = [[query for query in queries if query.request == request]
+                 for request in SAFE_STATE]
+        if [query.request for query in queries[:2]] != list(SAFE_STATE) or any(
+                query.request not in SAFE_STATE for query in queries):
             self._differ("at the end the safe state is due, once; what was asked: {}".format(
                 ", ".join(map(str, queries)) or "nothing"))
-        elif reports != [due]:
+            parts = []
+        for asked in parts:
+            self._check_attempts(asked)
+        due = safe_state([asked[-1].cause if asked[-1].result is not None else Cause.NO_ANSWER
+                          for asked in parts])
+        if reports != [due]:
             self._differ(f"at the end {due}; on record is: "
                          f"{', '.join(map(str, reports)) or 'nothing'}")
         elif not event.outcome.endswith(self._outcome):
@@ -265,6 +277,17 @@ class Execution(TaskContext):
                 f"the last pass ended with {self._outcome}; at the end it was {event.outcome}")
         self._unexplained.clear()
         self._is_over, self._next = True, (math.inf, "")
+
+    def _check_attempts(self, asked: List[Query]) -> None:
+        """Object to attempts at a part of the safe state that were not due, or did not come."""
+        for before, query in zip(asked, asked[1:]):
+            pause = query.asked - (before.answered or math.inf)
+            if before.cause in (None, *ONCE) or pause < SAFE_RETRY / 2:
+                self._differ(f"at the end the safe state is due, once; asked for again: {query}")
+        last, left = asked[-1], asked[0].asked + SAFE_LIMIT - self.now
+        if last.cause not in (None, *ONCE) and left > EARLY:
+            self._differ("at the end a part of the safe state was not asked for again: "
+                         f"{last}, {last.outcome}, and {left:.1f} s were left")
 
     # ----------------------------------------------------------------------------------- traversals
 

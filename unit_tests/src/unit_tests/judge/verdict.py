@@ -12,7 +12,7 @@ from typing import Callable, Iterable, Iterator, NamedTuple, Optional, Set, Tupl
 from behavior_controller import exit_codes
 from behavior_controller.execution.events import (
     LeafFinished, Lost, PassFinished, Recovered, RunStarted)
-from behavior_controller.monitoring.story import why
+from behavior_controller.monitoring.story import degree, may_be_under_way, why
 from behavior_controller.text import clean, count
 
 from unit_tests.judge.execution import Execution
@@ -211,6 +211,9 @@ def _praise(case: Case) -> Iterator[str]:
         yield f"{passes} as a visitor who {DOES[facts.test.visitor_behaviour]} should"
     elif not ended:
         yield "no pass ended"
+    for visit in facts.run.visits:
+        if visit.outcome == "SUCCESS" and visit.skipped:
+            yield f"pass {visit.number} is {degree(visit)}"
     reasons = {visit.number: why(visit.why) for visit in facts.run.visits}
     for event in ended:
         if event.outcome != "SUCCESS":
@@ -220,6 +223,9 @@ def _praise(case: Case) -> Iterator[str]:
     yield f"{failed} of {len(calls)} calls were made to fail, and all of these are on record"
     if any("budget" in event.reason for _, event in of(facts.run.lines, Recovered)):
         yield "the budget of recoveries was spent, which calls that take no time do in seconds"
+    under_way = may_be_under_way(facts.run.state)
+    if under_way:
+        yield f"at the end the robot {under_way}"
     if case.is_out_of_time:
         reason = "it waited for the end of a cause that persists"
         if case.waiting_for:
