@@ -122,7 +122,9 @@ class TestRosInterface(unittest.TestCase):
         self.assertLess(time.monotonic() - began, 2.0 * BUSY)
         robot.wait_for_request(ATTENTION, 10, state="disabled")
         robot.wait_for_request(ANIMATION, 10, state="disabled")
-        self.now.wait_for(lambda now: now["ended"] and now["robot"]["safe"])
+        now = self.now.wait_for(lambda now: now["ended"] and now["robot"]["safe"])
+        self.assertIn("may still be driving", now["robot"]["safe"])
+        self.assertIn("the robot was stopped", now["last"])
         services = [name for name, _ in rosgraph.Master("/test").getSystemState()[2]]
         self.assertFalse([name for name in services if name.startswith(NODE + "/")])
 

@@ -275,6 +275,7 @@ def test_story_visits_health_trouble_and_blackboard():
     assert (board.part("now")["count"], board.part("now")["ended"]) == (1, incomplete)
     newest, = board.part("visits")["newest"]
     assert newest["degree"] in newest["ending"] and newest["degree"] in incomplete
+    assert board.part("now")["last"] == "visitor 1: " + newest["ending"]
     ill = [part for part in board.part("health").values() if not part["well"]]
     assert [(part["name"], part["status"], part["consequence"]) for part in ill] == [
         ("/robotNavigation/set_goal", "gone", "it cannot drive")]

@@ -89,12 +89,13 @@ class Statuses(Struct, frozen=True):
 
 
 class Now(Struct, frozen=True):
-    """The card, the robot, and how the mission ended."""
+    """The card, the robot, how the mission ended, and how the ``last`` visit did that has ended."""
 
     card: Card
     robot: RobotLine
     count: int
     ended: str
+    last: str = ""
 
 
 class Sentence(Struct, frozen=True):

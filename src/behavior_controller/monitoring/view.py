@@ -101,7 +101,9 @@ class View(story.Story):
 
     def now(self) -> parts.Now:
         state = self.state
-        return parts.Now(card(state), robot_line(state), state.visit_count, self.ended)
+        over = [visit for visit in state.visits if visit.ended is not None]
+        last = f"visitor {over[-1].number}: {story.how_it_ended(over[-1])}" if over else ""
+        return parts.Now(card(state), robot_line(state), state.visit_count, self.ended, last)
 
     def story(self) -> parts.StoryPart:
         visit = self.state.visit
