@@ -509,6 +509,15 @@ def test_a_request_that_nothing_has_halted_is_under_way_when_the_safe_state_is_r
     assert run.state.robot.unfinished == () and run.state.robot.place == ARM
 
 
+@pytest.mark.parametrize("end, is_speaking", [("SUCCESS", False), ("IDLE", True)])
+def test_a_robot_that_answers_early_goes_on_until_the_step_ends(end, is_speaking):
+    says = StepStarted(2, "Welcome", "all/go", "saying", "“a”", 9.0, False)
+    run = after(says, Asked(1, "/say", Say("a")), Answered(1, Answer()),
+                replace(says, goes_on=True), ended(end))
+    assert [each.words for each in run.at(105.0).robot.unfinished] == ["saying “a”"]
+    assert bool(run.state.robot.unfinished) is is_speaking
+
+
 def test_a_run_that_ends_awaits_nothing_more():
     run = after(DRIVES, Asked(1, "/nav", GoTo(ARM)), RunFinished("stopped", 0))
     assert run.state.exchanges == () and run.state.robot.goal is None

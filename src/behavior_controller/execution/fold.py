@@ -167,7 +167,11 @@ def _step_started(state: State, event: StepStarted) -> State:
     if same is None:
         return _begin_step(state, step)
     longer = replace(same, limit=state.at - same.began + event.limit)
-    return replace(state, steps=tuple(longer if step is same else step for step in state.steps))
+    answered, robot = state.course.answered, state.robot
+    if answered is not None and answered.call == same.call:
+        robot = _left_open(robot, answered)
+    return replace(state, robot=robot,
+                   steps=tuple(longer if step is same else step for step in state.steps))
 
 
 def _begin_step(state: State, step: Step) -> State:
@@ -204,6 +208,9 @@ def _leaf_finished(state: State, event: LeafFinished) -> State:
         state = _end_steps(state, lambda other: other.uid in uids)
     state = _abandon(state, lambda exchange: exchange.uid in uids or
                      event.status == "IDLE" and not exchange.uid)
+    if event.status == "SUCCESS" and step is not None:  # also what went on after its answer
+        unfinished = tuple(one for one in state.robot.unfinished if one.call != step.call)
+        state = _change_robot(state, unfinished=unfinished)
     state = _note_visitor(_note_evidence(state, event), event)
     recovery = _first((state.recovered, *state.recoveries),
                       lambda recovery: recovery is not None and recovery.uid == event.uid)
@@ -426,7 +433,8 @@ def _answered(state: State, event: Answered) -> State:
         return state
     ended = replace(exchange, answered=state.at, result=event.result)
     state = replace(state, exchanges=_without(state.exchanges, exchange))
-    return _conclude(replace(state, robot=_moved(state.robot, ended)), ended)
+    state = _change_course(replace(state, robot=_moved(state.robot, ended)), answered=ended)
+    return _conclude(state, ended)
 
 
 def _feedback_received(state: State, event: FeedbackReceived) -> State:

@@ -263,7 +263,7 @@ class Robot(Struct, frozen=True):
         return bool(self.goal_name) and (self.place is None or self.last_place != HOME)
 
     @property
-    def can_not_drive(self) -> bool:
+    def cannot_drive(self) -> bool:
         """Whether the node that drives it is gone."""
         trouble = self.trouble(self.services.get(GoTo.__name__, ""))
         return trouble is not None and trouble.respect == GONE
@@ -285,6 +285,7 @@ class Course(Struct, frozen=True):
     given_up: Optional[Recovered] = None  # the last one
     handler: int = 0  # the HandleFallBack that ended last
     failed: Tuple[int, Optional[Reason]] = (0, None)  # which leaf failed last, and why
+    answered: Optional[Exchange] = None  # the last one that was
     # why it or a recovery failed, until a step begins or succeeds after that
     stuck: Optional[Reason] = None
     gave_up: Optional[Reason] = None  # why a failure was given up
@@ -376,7 +377,7 @@ class State(Struct, frozen=True):
         if robot.is_lost:
             return visit is None or not visit.has_visitor
         # at a stop the visit goes on as soon as it can drive again
-        return robot.place is None and robot.can_not_drive
+        return robot.place is None and robot.cannot_drive
 
     @property
     def why_broken_off(self) -> Optional[Reason]:

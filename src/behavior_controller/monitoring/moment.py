@@ -184,7 +184,7 @@ def _place(robot: Robot) -> str:
     last = "at " + robot.last_place if robot.last_place else ""
     if robot.goal is not None:
         # of a node that is gone nothing has taken the goal
-        verb = "asked to drive" if robot.can_not_drive else "driving"
+        verb = "asked to drive" if robot.cannot_drive else "driving"
         return f"{verb} {_to(robot.goal_name or f'{robot.goal.x:g}, {robot.goal.y:g}')}"
     if robot.place is not None:
         return last or f"at {robot.place.x:g}, {robot.place.y:g}"
