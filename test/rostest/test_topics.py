@@ -68,9 +68,9 @@ class TestTopics(unittest.TestCase):
         """Publish until a message arrives, as the publisher learns of a subscriber later than the
         subscriber of it; then the ``last`` one, of that ``value``."""
         latch = self.topics.latches[topic]
-        heard = latch.last_arrival  # their count begins anew with the robot
+        heard = latch.rhythm.last  # their count begins anew with the robot
         self.robot.publish(topic.name, *before, hertz=50)
-        self.wait_until(lambda: latch.last_arrival > heard)
+        self.wait_until(lambda: latch.rhythm.last > heard)
         self.robot.publish(topic.name, *last)
         self.wait_until(lambda: self.topics.newest(topic).value == value)
 
@@ -174,16 +174,16 @@ class TestTopics(unittest.TestCase):
         connection is dead."""
         latch = self.topics.latches[FACES]
         publisher = self.publisher(FACES)
-        while latch.count <= 20:
+        while latch.rhythm.count <= 20:
             publisher.publish([], [], [])
             time.sleep(0.05)
         self.watch()
         # rospy sends nothing through it any more, and it stays open
         dead = publisher.impl.connections.pop()
         self.wait_until(lambda: publisher.get_num_connections() == 1)
-        heard = latch.last_arrival
+        heard = latch.rhythm.last
         publisher.publish([], [], [])
-        self.wait_until(lambda: latch.last_arrival > heard)
+        self.wait_until(lambda: latch.rhythm.last > heard)
         dead.close()
         publisher.unregister()
 

@@ -397,7 +397,7 @@ def test_each_round_of_a_condition_is_reported():
     for _ in range(3):
         assert rig.tick() is FAILURE
         rig.clock.advance(1.0)
-    assert reported(rig, "IsMutualGazeDiscovered") == 3 * ["no gaze seen"]
+    assert reported(rig, "IsMutualGazeDiscovered") == 3 * ["no gaze seen; no message has come"]
 
 
 def test_a_condition_wait_that_found_nothing_is_reported():
@@ -405,7 +405,7 @@ def test_a_condition_wait_that_found_nothing_is_reported():
     rig.tick()
     rig.clock.advance(3.0)
     rig.tick()
-    assert reported(rig, "IsVisitorDiscovered") == ["no face seen"]
+    assert reported(rig, "IsVisitorDiscovered") == ["no face seen; no message has come"]
     assert [event.seconds for event in rig.of(LeafFinished)] == [3.0]
 
 
@@ -418,7 +418,7 @@ def test_a_wait_goes_on_if_its_condition_is_false_for_another_reason():
             rig.clock.advance(2.5)
         assert rig.tick() is RUNNING
     assert reported(rig, "IsVisitorDiscovered") == [
-        "no face seen", "no face seen; the newest message is too old"
+        "no face seen; no message has come", "no face seen; the newest message is too old"
     ]
     assert [(event.words, event.limit)
             for event in rig.of(StepStarted)] == [("waiting for a visitor", 9.0)]

@@ -532,7 +532,7 @@ def test_a_robot_that_gives_up_the_search_for_gaze_ends_the_wait():
     assert rig.tree.wake.test_and_clear()
     assert rig.tick() is FAILURE
     assert rig.of(LeafFinished)[0].failure == Failure(
-        Cause.CONDITION_FALSE, IsMutualGazeDiscovered.otherwise, "/overtAttention/mode")
+        Cause.CONDITION_FALSE, IsMutualGazeDiscovered.otherwise, "/overtAttention/mode", "")
     assert [(event.limit, event.is_wait) for event in rig.of(StepStarted)] == [(0.0, True)]
     says_mode(rig, "seeking", 1)
     assert not rig.tree.wake.test_and_clear()

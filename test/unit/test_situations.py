@@ -26,10 +26,10 @@ from behavior_controller.monitoring.parts import Card, RobotLine, card_line
 from behavior_controller.monitoring.record import recorder
 from behavior_controller.monitoring.record.recorder import (
     Entries, shown as tree_shown, traversed, written)
-from behavior_controller.robot.d543 import INTERFACE
+from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
-    Answer, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention)
+    Answer, Faces, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention)
 from browser import SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
@@ -152,7 +152,12 @@ def topic_frozen():
                            "silent for 1.3 s",
                            "until it is heard again, mutual gaze is not noticed", SILENT)
     played.report(SILENT, frozen)
-    played.play(visitor_who("yes", gazes=False), lambda: len(played.run.visits) == 1, runs=2)
+
+    def seen(rig):
+        rig.clock.advance(0.5)
+        rig.topics.publish(FACES, Faces(("1",), (True,)))
+
+    played.play(seen, lambda: len(played.run.visits) == 1, runs=2)
     why = played.run.visits[0].why
     assert (why.kind, why.blind) == ("failed", frozen)
     assert "overtAttention" in played.robot.instruction and not played.robot.is_well

@@ -14,10 +14,11 @@ from behavior_controller.execution.events import (
     SKIPPED, Asked, BreakpointChanged, HealthChanged, LeafFinished, Noticed, PassFinished,
     PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted, SafePart,
     SafeStateReported, Sources, StepStarted, StopChanged, Suspended, LeafSummary)
+from behavior_controller.robot.d543 import FACES
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import FAILING, GONE, NEW
 from behavior_controller.robot.requests import (
-    Answer, GoTo, Location, PerformGesture, Prompt, Say, SetAttention)
+    Answer, Faces, GoTo, Location, PerformGesture, Prompt, Say, SetAttention)
 from behavior_controller.execution.fold import KEPT
 from behavior_controller.execution.state import (
     BROKEN_OFF, DONE_ALL, FAILED, GAVE_UP, LEFT, LEFT_OUT, COMPLETED, NOTICED, UNDER_WAY, Reason,
@@ -103,7 +104,11 @@ def looks_away(rig):
 
 def walks_off(rig):
     """Be gone when the robot has driven to the first exhibit."""
-    rig.clock.advance(0.5) if drives(rig) else visitor_who("yes")(rig)
+    if not drives(rig):
+        visitor_who("yes")(rig)
+        return
+    rig.clock.advance(0.5)
+    rig.topics.publish(FACES, Faces((), ()))
 
 
 def loses_the_voice(rig):
@@ -968,7 +973,8 @@ LOST_AGAIN = why_failed("Navigate", REFUSED, 3, is_short=True)
     (toured(within("ForceSuccess", DRIVES), TELLS), COMPLETED, ""),
     (toured(TWO_WAYS), COMPLETED, ""), (toured(retried(9, DRIVES)), COMPLETED, ""),
     (toured(RECOVERED, TELLS), BROKEN_OFF, LOST_AGAIN),
-    (toured("<IsVisitorDiscovered/>", TELLS), BROKEN_OFF, IsVisitorDiscovered.otherwise),
+    (toured("<IsVisitorDiscovered/>", TELLS), BROKEN_OFF,
+     IsVisitorDiscovered.otherwise + ": /faceDetection/data is silent (no message has come)"),
     (toured(within("Parallel success_count='1' failure_count='2'", DRIVES + TELLS)), COMPLETED, ""),
     (within(
         "Sequence", "<RetrieveListOfExhibits/><SelectExhibit/>" +

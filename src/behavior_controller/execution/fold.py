@@ -245,7 +245,12 @@ def _note_evidence(state: State, event: LeafFinished) -> State:
     topic = event.resource if failure is None else failure.resource
     unmet = {other: trouble for other, trouble in before.items() if other != topic}
     if failure is not None and failure.cause is Cause.CONDITION_FALSE and topic:
-        unmet[topic] = state.robot.trouble(topic) or before.get(topic)
+        trouble = state.robot.trouble(topic)
+        if failure.unheard is None:
+            unmet[topic] = trouble or before.get(topic)
+        elif failure.unheard:  # else a message that counts says so
+            unmet[topic] = trouble or HealthChanged(
+                "topic", topic, "", False, f"silent ({failure.unheard})", "")
     elif event.status != "SUCCESS" or topic not in before:
         return state
     return _change_course(state, unmet=unmet)
@@ -511,10 +516,20 @@ def _health_changed(state: State, event: HealthChanged) -> State:
     elif event.name not in {name for name, _ in troubles}:
         ill_since.pop(event.name, None)
     robot = replace(robot, troubles=troubles, ill_since=ill_since)
-    trouble, unmet = robot.trouble(event.name), state.course.unmet
-    if trouble is not None and event.name in unmet:
-        state = _change_course(state, unmet={**unmet, event.name: trouble})
-    return replace(state, robot=robot)
+    trouble, unmet = robot.trouble(event.name), dict(state.course.unmet)
+    awaited = _awaited(state, event.name)
+    if trouble is not None and (event.name in unmet or awaited is not None):
+        unmet[event.name] = trouble
+    elif awaited is not None and awaited.unheard == "":  # it can be seen again
+        unmet.pop(event.name, None)
+    return _change_course(replace(state, robot=robot), unmet=unmet)
+
+
+def _awaited(state: State, topic: str) -> Optional[Failure]:
+    """Return why the condition on a topic was false that is waited for; None: none is."""
+    waits = (state.failures.get(step.path, ()) for step in state.steps if step.is_wait)
+    failures = (failed[-1].failure for failed in waits if failed)
+    return _first(failures, lambda failure: failure.resource == topic)
 
 
 # ---------------------------------------------------------------------------- tree and what is lost

@@ -10,6 +10,7 @@ from behavior_controller.bt import (
 from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure, Sample, since
 from behavior_controller.robot.declarations import Evidence, Sense, Topic
+from behavior_controller.robot.rhythm import unheard
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.leaves.waits import is_asked_again, wait_for
 
@@ -57,7 +58,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     _expiry: Optional[Timer] = None
     _patience: Optional[Patience] = None
     # the failure reported last, and what a message had to be newer than then
-    _last_failure: Tuple[str, float] = ("", 0.0)
+    _last_failure: Tuple[Optional[Failure], float] = (None, 0.0)
 
     def configure(self) -> None:
         """Refuse a class that does not say what it checks."""
@@ -141,9 +142,12 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         words = self.awaiting or (self.registration_id if own else self.sense.awaiting)
         self.begin_wait(words, limit)
 
+    @property
+    def _max_age(self) -> float:
+        return self.mission.settings.topic_max_age if self.topic.is_continuous else math.inf
+
     def _is_young(self, sample: Sample) -> bool:
-        age = self.mission.clock.now() - sample.arrived
-        return not self.topic.is_continuous or age <= self.mission.settings.topic_max_age
+        return self.mission.clock.now() - sample.arrived <= self._max_age
 
     def _true(self, sample: Sample, is_newest: bool) -> Result:
         self._stop_timers()
@@ -152,23 +156,22 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             if is_newest:
                 self.mission.topics.wake_when(self.uid, self.topic,
                                               lambda value: not self.is_evidence(value))
-            left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
+            left = sample.arrived + self._max_age - self.mission.clock.now()
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
-        self._last_failure = ("", 0.0)
+        self._last_failure = (None, 0.0)
         self._note("given")
         self.use(sample)
         return self.succeeded()
 
     def _false(self, samples: Sequence[Sample], counting: Sequence[Sample]) -> Result:
         self._stop_timers()
-        message = self.otherwise
         self._note("absent")
         if counting:
             self.unused(counting[-1])
-        elif samples:
-            when = "came before" if samples[-1].arrived <= self.not_before() else "is too old"
-            message += f"; the newest message {when}"
-        failure = Failure(Cause.CONDITION_FALSE, message, self.resource)
+        reason = unheard(samples, self.not_before(), self.mission.clock.now(), self._max_age)
+        message = f"{self.otherwise}; {reason}" if reason else self.otherwise
+        failure = Failure(Cause.CONDITION_FALSE, message, self.resource,
+                          reason if self.topic.is_continuous else None)
         return self._fail(failure, self.not_before())
 
     def _note(self, what: str) -> None:
@@ -177,7 +180,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         self.summary = LeafSummary("visit", "", mark, self.mission.clock.now()) if mark else None
 
     def _fail(self, failure: Failure, since: float) -> Result:
-        reported = failure.message, max(since, self.mission.visit_began)
+        reported = failure, max(since, self.mission.visit_began)
         if reported == self._last_failure:
             # asked again at every tick of a wait: recorded each time, reported once
             self.mission.failures.add(self, failure)

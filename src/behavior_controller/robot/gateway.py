@@ -48,11 +48,15 @@ _TEXTS = {Cause.HANDLER_EXCEPTION: "exception in the server", Cause.NO_ANSWER: "
 
 class Failure(Struct, frozen=True, tag=True, tag_field="_type"):
     """Why a step failed: the cause, a line for people, and the service or topic (empty: neither).
+
+    ``unheard``: why no message of a topic counts that is published all the time, so that the robot
+    could not know better; empty: one counts that has just come; None: neither is known.
     """
 
     cause: Cause
     message: str
     resource: str = ""
+    unheard: Optional[str] = None
 
 
 NOT_OFFERED = "no node offers this service"

@@ -19,6 +19,7 @@ import rospy
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.gateway import Cause, Sample, Topics, since
 from behavior_controller.robot.declarations import Interface, Topic
+from behavior_controller.robot.rhythm import Rhythm
 from behavior_controller.ros.tcpros import (
     AGAIN, Connection, MOST_BYTES, ROUND, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
@@ -151,8 +152,8 @@ class Latch:
         self.name = resolved(topic)
         self._links: Dict[str, Link] = {}  # by the publisher's address; replaced as a whole
         self._is_met = False
-        self.count = 0  # messages since there is a connection
-        self.last_arrival = self._since = time.monotonic()  # of the last of them, and of the first
+        self.rhythm = Rhythm(time.monotonic())
+        self._received = 0.0  # when bytes came last, of whatever content
         self._lock = threading.RLock()
         self._bytes: Optional[bytes] = None
         self._alarms: Dict[Any, Callable[[Any], bool]] = {}
@@ -215,8 +216,7 @@ class Latch:
         wanted = self.message_type
         if header.get("md5sum") == wanted._md5sum:
             if not self._is_published:
-                # the rate of the topic is measured again, without the silence before
-                self.count = 0
+                self.rhythm.restart()
             return ""
         sender = _sender(header)
         self._warn_once(sender, f"ignoring what {sender} publishes on {self.name}: it is "
@@ -230,21 +230,13 @@ class Latch:
 
     # ------------------------------------------------------------------------------------- messages
 
-    @property
-    def usual_gap(self) -> float:
-        """Mean seconds between two messages since there is a connection."""
-        return (self.last_arrival - self._since) / max(1, self.count - 1)
-
     def receive(self, messages: List[bytes]) -> bool:
         """Process messages that came together; return whether the newest could be decoded.
 
         In a flood, slow down.
         """
         arrived = time.monotonic()
-        if not self.count:
-            self._since = arrived
-        self.count += 1
-        gap, self.last_arrival = arrived - self.last_arrival, arrived
+        gap, self._received = arrived - self._received, arrived
         if self._topic.is_continuous:
             is_skipped = self._topic.is_event is None
             messages = messages[-1:] if is_skipped else [data for data, _ in groupby(messages)]
@@ -272,7 +264,9 @@ class Latch:
         brought it. Any thread may call this."""
         with self._lock:
             self._bytes = data
-            self._recent = self._topic.kept(self._recent, Sample(value, time.monotonic()))
+            sample = Sample(value, time.monotonic())
+            self._recent = self._topic.kept(self._recent, sample)
+            self.rhythm.hear(sample.arrived)
             self._ring(value)
 
     def pass_over(self, header: Dict[str, str], data: bytes) -> None:

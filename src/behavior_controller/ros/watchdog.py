@@ -29,19 +29,6 @@ CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
 seconds."""
 
-SILENCE = 1.25
-"""Seconds without a message after which a continuous topic is silent, unless its messages are rare.
-"""
-
-GAPS = 12
-"""A topic is silent only after this many times its usual gap: with random arrivals a single gap may
-be long."""
-
-FIRST_SILENCE = 10.0
-"""The same as ``SILENCE`` until ``ENOUGH`` messages have shown the topic's rate."""
-
-ENOUGH = 5
-
 LONELY = 0.9
 """Seconds without a connection after which a topic is gone: a broken connection is first made
 again.
@@ -195,8 +182,8 @@ class Monitor:
 
     def _check_topic(self, topic: Topic, latch: Latch) -> None:
         """Report whether a topic is published, and whether it has been silent for too long."""
-        if latch.count:
-            self._health.hear(latch.name, latch.last_arrival)
+        if latch.rhythm.count:
+            self._health.hear(latch.name, latch.rhythm.last)
         now = time.monotonic()
         if not latch.is_connected:
             if latch.is_searched and now - self._lonely.setdefault(topic, now) > LONELY:
@@ -205,21 +192,21 @@ class Monitor:
         self._lonely.pop(topic, None)
         self._tell_back(topic)
         if topic.is_continuous:
-            self._check_silence(topic, latch, now - latch.last_arrival)
+            self._check_silence(topic, latch, now)
 
-    def _check_silence(self, topic: Topic, latch: Latch, silence: float) -> None:
+    def _check_silence(self, topic: Topic, latch: Latch, now: float) -> None:
         """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""
         last_arrival, again_at = self._silent.get(topic, (0.0, 0.0))
-        if last_arrival == latch.last_arrival:
+        silence = now - latch.rhythm.last
+        if last_arrival == latch.rhythm.last:
             # still silent: a new connection alone proves nothing
             if silence >= again_at:
                 self._silent[topic] = last_arrival, silence + RECONNECT
                 latch.reconnect()
             return
-        has_rate = latch.count >= ENOUGH
         status, consequence = "heard again", ""
-        if silence > (max(SILENCE, GAPS * latch.usual_gap) if has_rate else FIRST_SILENCE):
-            self._silent[topic] = latch.last_arrival, silence + RECONNECT
+        if latch.rhythm.is_silent(now):
+            self._silent[topic] = latch.rhythm.last, silence + RECONNECT
             status = f"silent for {silence:.1f} s"
             consequence = "until it is heard again, " + topic.absence
         self._report(SILENT, HealthChanged(
