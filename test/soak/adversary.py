@@ -1,4 +1,5 @@
 """Long trials of an adversary: how the mission survives the worst faults around it."""
+import json
 import os
 import re
 import resource
@@ -24,6 +25,13 @@ HEARTBEAT = 10.0  # s
 FEW_DESCRIPTORS = 1024  # the default limit of a process
 WAITING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>
 <ReactiveFallback><AlwaysFailure/><Sleep msec="600000"/></ReactiveFallback></Sequence></BehaviorTree></root>"""
+JUMPING_CLOCK = """import time
+unset = time.time
+def jumping():
+    with open({!r}) as file:
+        return unset() + float(file.read() or 0)
+time.time = jumping
+"""
 BESIDE = [("rosrun", "unit_tests", "runTest"), ("rosrun", "unit_tests", "textToSpeech")
           ] + [("roslaunch", "unit_tests", launch)
                for launch in ("behaviorControllerTest.launch", "simulatedRobot.launch")]
@@ -199,7 +207,51 @@ def tests_beside(trial):
     trial.stop(tours, robot, "at the end")
 
 
+def clock_set(trial, seconds):
+    """The computer's clock is set in a drive and while the mission waits: what a person has to do
+    is said all the same, and the page shows now."""
+    _, page_port = free_ports()
+    robot = surroundings(trial)[1]
+    shift = trial.package.path("shift")
+    trial.package.write("shift", "0")
+    trial.package.write("src/sitecustomize.py", JUMPING_CLOCK.format(shift))
+    trial.package.configure(monitorPort=page_port, robotNavigationDeadline=DRIVE_DEADLINE,
+                            recordDirectory=trial.package.path("record"))
+    tours = trial.node()
+    see_tours(trial, tours, 1)
+    for jump in (seconds, 2 * seconds, 0):
+        robot.set_mode(DRIVE, "hang")
+        robot.wait_for_request(DRIVE, A_TOUR, start=len(robot.lines.all))
+        trial.package.write("shift", str(jump))
+        set_at = time.monotonic()
+        robot.kill()
+        trial.within("what to do said after", when(
+            tours, "robot: .*Restart .*; take the robot home$", set_at, PATIENCE), HEARTBEAT + 2.0)
+        trial.within("jump said after", when(tours, "the computer's clock jumped", set_at,
+                                             PATIENCE), HEARTBEAT + 2.0)
+        now = page_data(page_port, "state")["alive"]["at"]
+        for moment in ("now", now):
+            card = page_data(page_port, "at/{}".format(moment))["now"]["card"]
+            trial.require(card["kind"] in ("wait", "paused"), "the page shows {}".format(card))
+            trial.require(0.0 <= now - card["since"] < 2 * A_TOUR, "since {:.0f} s".format(
+                now - card["since"]))
+        robot = trial.robot()
+        trial.within("visit over", when(tours, r"pass \d+: ", time.monotonic(), A_TOUR), A_TOUR)
+        see_tours(trial, tours, 1)
+    trial.stop(tours, robot, "at the end")
+    with open(trial.package.path("record/mission.jsonl")) as file:
+        times = [json.loads(line)["time"] for line in file]
+    trial.require(times == sorted(times), "the times of the record go back")
+
+
 # ----------------------------------------------------------------------------- what they consist of
+
+
+def page_data(port, path):
+    """Return the page's answer."""
+    with urllib.request.urlopen("http://127.0.0.1:{}/{}".format(port, path),
+                                timeout=PATIENCE) as answer:
+        return json.loads(answer.read().decode())
 
 
 def surroundings(trial):
@@ -272,6 +324,8 @@ TRIALS += [
     ("nodes killed and started again", 600, partial(nodes_killed, rounds=5)),
     ("second starts over a running node", 300, partial(second_starts, rounds=12)),
     ("tests started beside the mission", 240, tests_beside),
+    ("clock set back by an hour", 300, partial(clock_set, seconds=-3600)),
+    ("clock set forward by an hour", 300, partial(clock_set, seconds=3600)),
 ]
 TRIALS += drawn_trials.TRIALS
 

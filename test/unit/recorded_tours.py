@@ -1,7 +1,6 @@
 """Records of whole days in virtual time: visitors of all kinds, a robot that needs time and
 sometimes fails."""
 import random
-import types
 
 import pytest
 
@@ -108,8 +107,8 @@ def recorded_day(folder, monkeypatch, runs, kinds=KINDS):
     day = Day(kinds)
     rig = Rig("lab_tour", answer=lambda request: None)
     rig.mission_file = folders.mission("lab_tour")
-    monkeypatch.setattr(record_module, "time",
-                        types.SimpleNamespace(time=lambda: BEGAN + rig.clock.now() - 1000.0))
+    monkeypatch.setattr(record_module.events, "unix_now",
+                        lambda: BEGAN + rig.clock.now() - 1000.0)
     monkeypatch.setattr(record_module, "MOST_WAITING", 10 ** 9)
     record = Record(str(folder), pytest.fail).open()
     rig.mission.events.subscribe(record)

@@ -54,9 +54,9 @@ def board_of(rig):
 
 def let_time_stand(monkeypatch, now):
     """Have the clocks of the board show ``now[0]`` seconds, the one of the day a million more."""
-    clocks = types.SimpleNamespace(monotonic=lambda: now[0], time=lambda: 1_000_000.0 + now[0])
-    for module in (board_module, recorder):
-        monkeypatch.setattr(module, "time", clocks)
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
+    for module in (board_module, recorder.events):
+        monkeypatch.setattr(module, "unix_now", lambda: 1_000_000.0 + now[0])
 
 
 def time_of_day(at):
@@ -657,7 +657,7 @@ def test_an_earlier_moment_is_shown_as_it_was_shown_then(monkeypatch):
                     if isinstance(request, PerformGesture) else NotImplemented), {}
     numbers = itertools.count(1)  # every event has a time of its own
     monkeypatch.setattr(board_module, "STRETCHES", 99)
-    monkeypatch.setattr(recorder, "time", types.SimpleNamespace(time=lambda: float(next(numbers))))
+    monkeypatch.setattr(recorder.events, "unix_now", lambda: float(next(numbers)))
     board = board_of(rig)
 
     def visitor(rig):

@@ -1,6 +1,5 @@
 """What the robot says stays on the line that quotes it, and does nothing to a terminal."""
 import logging
-import types
 
 import pytest
 from msgspec.structs import replace
@@ -117,7 +116,7 @@ def told_at(told, console, monkeypatch):
     """Have events told at given times, and return the robot's lines."""
     def tell(*events):
         for at, event in events:
-            monkeypatch.setattr(module, "time", types.SimpleNamespace(time=lambda: at))
+            monkeypatch.setattr(module, "unix_now", lambda: at)
             console(event)
         console.drain(5)
         return [line for line in told if ": robot: " in line]
@@ -141,7 +140,7 @@ def test_nodes_that_go_together_are_said_once_more_and_not_one_by_one(told_at):
 def test_a_heartbeat_brings_what_was_held_back(told_at, told, console):
     clock = ManualClock()
     told_at((0.0, gone("a")), (0.1, gone("b")))
-    console.start_heartbeat(clock)
+    console.start_heartbeat(clock, console)
     clock.advance(10.0)
     assert "Restart /a and /b" in told_at((10.0, Noticed("info", "so")))[-1]
 

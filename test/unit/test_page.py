@@ -233,9 +233,8 @@ def test_the_row_where_the_run_is_stays_in_view_when_the_panel_changes_its_size(
 def rig_s_time(monkeypatch):
     """Return what has the board tell the time of day by the clock of a rig."""
     def use(rig):
-        clocks = types.SimpleNamespace(time=rig.clock.now, monotonic=time.monotonic)
-        for module in (board_module, recorder):
-            monkeypatch.setattr(module, "time", clocks)
+        for module in (board_module, recorder.events):
+            monkeypatch.setattr(module, "unix_now", rig.clock.now)
     return use
 
 

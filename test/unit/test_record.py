@@ -249,7 +249,7 @@ def test_a_record_is_never_larger_than_is_read_again(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("room, is_whole", [(0, True), (-1, False)])
 def test_a_record_may_have_exactly_so_many_bytes(tmp_path, monkeypatch, room, is_whole):
-    monkeypatch.setattr(module, "time", types.SimpleNamespace(time=lambda: 5.0))
+    monkeypatch.setattr(module.events, "unix_now", lambda: 5.0)
 
     def recorded(name):
         complaints = []

@@ -30,7 +30,7 @@ def change(respect, is_well=False, name="/faceDetection/data"):
 
 
 def ending(mission, *happens):
-    """Return how the visit ended, in words, of a visitor who is seen at its begin; ``happens`` are a
+    """Return how the visit ended of a visitor who is seen at its begin; ``happens`` are a
     topic's messages and what is told of it, each at its time since then."""
     rig = Rig(mission)
     run, left = Run(), list(happens)

@@ -3,13 +3,13 @@ the model of the run and against the truth of each situation."""
 import dataclasses
 import re
 import time
-import types
 import urllib.request
 
 import pytest
 from msgspec.structs import asdict, replace
 
 from behavior_controller.config import settings
+from behavior_controller.execution import events
 from behavior_controller.execution.events import (
     Answered, Asked, BreakpointChanged, HealthChanged, LeafFinished, LeafSummary, Line,
     PassFinished, PassStarted, Paused, Recovered, Recovering, RunFinished, RunStarted, SafePart,
@@ -23,7 +23,6 @@ from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
 from behavior_controller.monitoring.moment import card, next_node, robot_line
 from behavior_controller.monitoring.parts import Card, RobotLine, card_line
-from behavior_controller.monitoring.record import recorder
 from behavior_controller.monitoring.record.recorder import (
     Entries, shown as tree_shown, traversed, written)
 from behavior_controller.robot.d543 import FACES, INTERFACE
@@ -37,10 +36,9 @@ from test_story import refusing, walks_off
 from unit_tests.rehearsal.play import CALM, Stage
 
 def use_time_of(rig, monkeypatch):
-    """Have the board tell the time of day by the clock of a rig."""
-    clocks = types.SimpleNamespace(time=rig.clock.now, monotonic=board_module.time.monotonic)
-    for module in (board_module, recorder):
-        monkeypatch.setattr(module, "time", clocks)
+    """Have the board take the times of events from the clock of a rig."""
+    monkeypatch.setattr(board_module, "unix_now", rig.clock.now)
+    monkeypatch.setattr(events, "unix_now", rig.clock.now)
 
 
 class Situation:

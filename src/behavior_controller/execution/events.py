@@ -4,6 +4,7 @@ Producers (leaves, the runner, the gateway's monitor, the record's wrappers) mak
 terminal, the record, the page) subscribe to those that ``Events`` distributes. A sink is called on
 the producer's thread and must be quick.
 """
+import time
 from typing import (TYPE_CHECKING, Any, Callable, Dict, List, Literal, Optional, Tuple, Union,
                     get_args)
 
@@ -364,8 +365,23 @@ EVENTS: Tuple[Any, ...] = get_args(Event)
 """The kinds of events."""
 
 
+_UNIX_AT_ZERO = time.time() - time.monotonic()
+
+
+def unix_now() -> float:
+    """Return the time for events, in Unix seconds: that of the computer's clock when the process
+    started, and what has passed since then. It does not jump when that clock is set."""
+    return _UNIX_AT_ZERO + time.monotonic()
+
+
+def clock_shift() -> int:
+    """Return by how many seconds the computer's clock has jumped since the process started: to be
+    added to the time of an event that is shown as the time of day."""
+    return round(time.time() - time.monotonic() - _UNIX_AT_ZERO)
+
+
 class Line(Struct, frozen=True):
-    """An event and when it happened, in Unix seconds: a line of a record."""
+    """An event and when it happened (see ``unix_now``): a line of a record."""
 
     time: float
     event: Event

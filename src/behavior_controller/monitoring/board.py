@@ -10,7 +10,8 @@ from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.ports import PortError, entry_value, reference
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.execution.events import Event, Events, HealthChanged, Line
+from behavior_controller.execution.events import (
+    Event, Events, HealthChanged, Line, clock_shift, unix_now)
 from behavior_controller.execution.health import Health
 from behavior_controller.execution.run import History
 from behavior_controller.execution.state import State, rank
@@ -110,7 +111,7 @@ class Board(View):
         return msgspec.to_builtins(super().part(name))
 
     def at(self, moment: float) -> Dict[str, Any]:
-        """Return the parts that are known of that time (Unix seconds), as far as it is kept."""
+        """Return the parts that are known of that time of events, as far as it is kept."""
         self.refresh()
         state, lines = self._history.until(moment, STRETCHES)
         view = View(state)
@@ -139,7 +140,8 @@ class Board(View):
         age = None
         if self.tree is not None and not self.ended:
             age = round(time.monotonic() - self._beaten, 1)
-        return Alive(age, age is not None and age >= HANGS, time.time(), self._history.began)
+        return Alive(age, age is not None and age >= HANGS, unix_now(), self._history.began,
+                     clock_shift())
 
     def _offers_of(self, state: State) -> Dict[str, Offer]:
         """Return how each service and topic is, by name."""

@@ -152,14 +152,15 @@ class Offer(Struct, frozen=True):
 class Alive(Struct, frozen=True):
     """How long ago the tick thread gave its last sign of life, and whether that is too long.
 
-    ``at`` is the time of the node's clock, ``kept`` the earliest moment that can be shown, in Unix
-    seconds.
+    ``at`` is now, ``kept`` the earliest moment that can be shown, as times of events;
+    ``clock_shift`` is what makes these times of day: see ``events``.
     """
 
     age: Optional[float]
     hangs: bool
     at: float
     kept: Optional[float] = None
+    clock_shift: int = 0
 
 
 def changes(old: Any, new: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Any, Deque, Dict, List, Tuple
 
 from msgspec.structs import asdict
 
-from behavior_controller.execution.events import Event, PassStarted, TreeShown
+from behavior_controller.execution.events import Event, PassStarted, TreeShown, clock_shift
 from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
 from behavior_controller.leaves import data
 from behavior_controller.monitoring import parts, story
@@ -155,8 +155,8 @@ MOMENT = ("statuses", "now", "story", "visits", "timeline", "blackboard")
 
 
 def clock(at: float) -> str:
-    """Return the time of day, as sentences show it."""
-    return time.strftime("%H:%M:%S", time.localtime(at))
+    """Return the time of day of an event, as sentences show it."""
+    return time.strftime("%H:%M:%S", time.localtime(at + clock_shift()))
 
 
 def _are_alike(one: NodeResult, other: NodeResult) -> bool:

@@ -6,6 +6,7 @@ lie beside this module.
 """
 import asyncio
 import ipaddress
+import math
 import os
 import socket
 import time
@@ -195,8 +196,9 @@ class _Data(_Quiet):
 DATA: Dict[str, Callable[..., Optional[Dict[str, Any]]]] = {
     r"/state": lambda board: {name: board.part(name) for name in PARTS},  # the whole board at once
     r"/node/([0-9]{1,6})": lambda board, uid: board.node(int(uid)),
-    # what was so at that time, in Unix seconds
-    r"/at/([0-9]{1,12}(?:\.[0-9]{1,6})?)": lambda board, moment: board.at(float(moment))}
+    # what was so at that time of events
+    r"/at/(now|[0-9]{1,12}(?:\.[0-9]{1,12})?)": lambda board, moment: board.at(
+        math.inf if moment == "now" else float(moment))}
 """What is answered as JSON, by path."""
 
 

@@ -11,8 +11,9 @@ import stat
 import tempfile
 import time
 import traceback
+from datetime import timedelta
 from functools import partial
-from typing import Dict, Optional
+from typing import Callable, Dict, Optional
 
 import rospkg
 import rospy
@@ -21,7 +22,7 @@ from rosgraph.roslogging import RosStreamHandler, configure_logging, makedirs_wi
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.command import no_resources
 from behavior_controller.execution.events import (
-    Event, LeafFinished, Retried, RunFinished, SafeStateReported)
+    Event, LeafFinished, Noticed, Retried, RunFinished, SafeStateReported, clock_shift, unix_now)
 from behavior_controller.execution.state import State
 from behavior_controller.monitoring.moment import instruction, robot_line
 from behavior_controller.monitoring.sinks import Detached, Sink, drain, take_over_streams
@@ -81,6 +82,7 @@ class Console:
         self._unmet: Dict[int, Failure] = {}  # why conditions were false last, by node
         self._logger = logging.getLogger(ROSOUT)
         self._shortage_reported_at = -SHORTAGE_SPAN
+        self._clock_shift = 0  # that was reported
         # of rospy's own lines; ours go by ``tell``
         logging.getLogger("rosout").addFilter(_make_safe)
         # no traceback on the terminal for a log that cannot be written
@@ -127,7 +129,7 @@ class Console:
 
     def __call__(self, event: Event) -> None:
         """Have the story's sentences about ``event`` written."""
-        self._lines.put(partial(self._log_event, time.time(), event, self.is_verbose))
+        self._lines.put(partial(self._log_event, unix_now(), event, self.is_verbose))
 
     def tell(self, severity: str, text: str) -> None:
         """Write ``text`` as one clean line at ``info``, ``warning`` or ``error``; from any thread.
@@ -190,10 +192,14 @@ class Console:
             self._shortage_reported_at = time.monotonic()
             self.tell("error", no_resources(error))
 
-    def start_heartbeat(self, clock: Clock) -> None:
-        """Show every ten seconds that the tick thread still runs its timers."""
+    def start_heartbeat(self, clock: Clock, emit: Callable[[Event], None]) -> None:
+        """Show every ten seconds that the tick thread still runs its timers, and ``emit`` an event
+        if the computer's clock has jumped."""
         def beat() -> None:
-            self._lines.put(partial(self._log_robot, time.time()))
+            jump, self._clock_shift = clock_shift() - self._clock_shift, clock_shift()
+            if jump:
+                emit(Noticed("warning", jumped(jump)))
+            self._lines.put(partial(self._log_robot, unix_now()))
             self.tell("info", "running.")
             clock.call_after(HEARTBEAT, beat)
 
@@ -210,6 +216,13 @@ def _make_safe(record: logging.LogRecord) -> bool:
         details = " (details in the log file)"
     record.msg, record.args = clean(head) + details, ()
     return True
+
+
+def jumped(seconds: int) -> str:
+    """Return what an operator has to know when the computer's clock has jumped."""
+    direction, length = "forward" if seconds > 0 else "back", timedelta(seconds=abs(seconds))
+    return (f"the computer's clock jumped {direction} by {length} (h:min:s); the mission does not "
+            "depend on it, and the times in the record go on without the jump")
 
 
 def reason(failure: Optional[Failure]) -> str:

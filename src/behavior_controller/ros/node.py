@@ -344,7 +344,7 @@ class _Run:
         """Run the mission, whose leaves are set up, and return the exit code."""
         console = self._console
         self._standstill = Standstill(self.runner, console.tell)
-        console.start_heartbeat(self._clock)
+        console.start_heartbeat(self._clock, self._events.emit)
         try:
             self._monitor.start()
             self._standstill.start()

@@ -40,14 +40,17 @@ const showBlackboard = entries => fillTable("blackboard", Object.entries(entries
 
 // -------------------------------------------------------------------------------------------------------- which moment
 
-let ahead = 0;       // seconds by which the node's clock is ahead of this one
-let frozen = null;   // the moment that is shown, by the node's clock; null: now
+let ahead = 0;       // seconds by which the time of the node's events is ahead of seconds()
+let shift = 0;       // seconds from that to the time of day
+let frozen = null;   // the moment that is shown, as such a time; null: now
 let wanted = null;   // the one to show next
 let isAsking = false;
-let timeOfDay = at => new Date(1000 * at).toTimeString().slice(0, 8);
+let timeOfDay = at => new Date(1000 * (at + shift)).toTimeString().slice(0, 8);
 let travels = null;  // {at: returns what was so, show: shows these parts, live: shows what is so now, end: of a run that has ended}
 
-const nodeTime = () => frozen === null ? Date.now() / 1000 + ahead : frozen;
+function seconds() { return performance.now() / 1000; }
+
+const nodeTime = () => frozen === null ? seconds() + ahead : frozen;
 
 async function travel(at) {
   [frozen, wanted] = [at, at];

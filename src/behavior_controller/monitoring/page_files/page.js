@@ -15,8 +15,6 @@ let steps = [];           // of the visit that ended
 let step = null;          // the one on the card
 let ages = [];            // elements that show the age of a topic's last message
 
-function seconds() { return performance.now() / 1000; }
-
 function showVisits(visits) {
   put(byId("outcomes"), visits.counted);
   byId("visits-list").replaceChildren(...visits.newest.slice().reverse().map(each => {
@@ -189,7 +187,7 @@ function showStep(now) {
 
 // in this order: what is shown first is there for what follows
 const SHOW = {
-  alive: part => { alive = part; ahead = part.at - Date.now() / 1000; }, mission: showMission, statuses: showStatuses,
+  alive: part => { alive = part; [ahead, shift] = [part.at - seconds(), part.clock_shift]; }, mission: showMission, statuses: showStatuses,
   now: showStep, story: story => { showStory(story); showAlarms(); }, timeline: part => { steps = part; },
   visits: showVisits, health: showHealth, blackboard: showBlackboard};
 

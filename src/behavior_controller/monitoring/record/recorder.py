@@ -141,12 +141,12 @@ class Feed:
             self.lost += 1
             return
         self.note_loss()
-        self._waiting.append((time.time(), make, values))
+        self._waiting.append((events.unix_now(), make, values))
 
     def note_loss(self) -> None:
         """Queue a ``Lost`` where events are missing."""
         if self.lost:
-            self._waiting.append((time.time(), events.Lost, (self.lost,)))
+            self._waiting.append((events.unix_now(), events.Lost, (self.lost,)))
             self.lost = 0
 
     def follow(self, tree: Tree, is_wanted: Callable[[Optional[bool], List[Change]], bool]) -> None:
@@ -238,7 +238,7 @@ class Record(Feed, Topics):
 
     def _fill(self, file: BinaryIO) -> None:
         is_last = False
-        written = file.write(header(os.getpid(), time.time()))
+        written = file.write(header(os.getpid(), events.unix_now()))
         while not is_last:
             is_last = self._is_over.wait(REST)
             for line in self.lines():

@@ -12,6 +12,7 @@ import rospy
 
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, NodesMissing
+from behavior_controller.execution.events import unix_now
 from behavior_controller.robot.declarations import Service, Topic
 from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.types import TYPES
@@ -120,7 +121,7 @@ class RosNode:
         # for the journal and the visitor: each service connection is a thread
         self._lock = threading.Lock()
         self._stopped = threading.Event()
-        self._node = SimulatedNode(name, own.test, own.world, time.time, self._write)
+        self._node = SimulatedNode(name, own.test, own.world, unix_now, self._write)
         self._published: Fields = {}
         self._read_journal()
         if not own.arguments.is_launched:  # else the report shows it
