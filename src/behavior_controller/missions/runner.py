@@ -305,6 +305,9 @@ class Runner:
     def _doze(self, seconds: Optional[float]) -> None:
         """Wait for an event, ``seconds`` at the longest; nothing is ticked."""
         self.mission.health.publish(self.mission.events)
+        self._sleep(seconds)
+
+    def _sleep(self, seconds: Optional[float]) -> None:
         self._wait(seconds)
         # before what woke it is looked at: what comes later ends the next wait
         self.tree.wake.test_and_clear()
@@ -335,7 +338,8 @@ class Runner:
         if not self.tree.is_idle:
             self._halt()
         self.is_stopping = True
-        self.mission.events.emit(self.mission.ask_for_safe_state().wait(self._doze))
+        # the report says what failed: that a service is failing is no news then
+        self.mission.events.emit(self.mission.ask_for_safe_state().wait(self._sleep))
 
 
 def _foreign(error: BehaviorControllerError) -> Optional[BaseException]:
