@@ -43,7 +43,7 @@ def of_mission(path: str, mission: str) -> str:
 
 
 RECORDS = "behaviorController_records"
-"""Folder among ROS' logs that has a folder for each recorded run; their names sort by time."""
+"""Folder among ROS' logs that has a folder for each recorded run."""
 
 
 def ros_home() -> str:

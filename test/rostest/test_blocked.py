@@ -161,8 +161,7 @@ class TestBlocked(unittest.TestCase):
     def test_every_sink_at_once(self):
         master = self.own_master()
         record = os.path.join(self.folder, "record")
-        os.makedirs(record)
-        os.mkfifo(os.path.join(record, "mission.jsonl"))
+        os.mkfifo(record)
         log = os.path.join(self.folder, "log")
         os.mkfifo(log)
         log_end = os.open(log, os.O_RDWR)

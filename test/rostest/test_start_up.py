@@ -17,11 +17,13 @@ import xmlrpc.client
 import rosgraph
 import rostest
 
+from behavior_controller.monitoring.record.files import runs
+
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Controller, Package, Robot, forget_dead_entries, mission_starts  # noqa: E402
 
 SPEAKS = "<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomeSpeech/></BehaviorTree></root>"
-SAY = "/textToSpeech/say_text"
+SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
 PARTS = {  # what the robot's nodes offer (contract, sections 2 and 3), by the name of the node
     "/animateBehaviour/set_activation": "animateBehavior", "/gestureExecution/perform_gesture":
         "gestureExecution", "/knowledgeBase/query": "knowledgeBase",
@@ -339,6 +341,42 @@ class TestStartUp(unittest.TestCase):
                 make(path)
                 self.assert_refused((path, "cannot be read", "it is "))
                 end(path)
+
+    # ------------------------------------------------------------------ after a run that was killed
+
+    def test_a_start_that_is_refused_says_what_the_run_before_may_have_left(self):
+        self.package.write("data/drives.xml", MISSION.format(
+            "<EnableAnimateBehavior/><LookUpEntrance/><Navigate/>"))
+        records = os.path.join(self.folder, "records")
+        self.package.configure(scenarioSpecification="drives", recordDirectory=records)
+        robot = self.robot({DRIVE: "hang"})
+        killed = self.controller()
+        robot.wait_for_request(DRIVE, 20)
+        record, = runs(records)
+        words = ("WARN", "the robot may be live", "lifelike movement may be on: switch it off by "
+                 "hand", "driving to", "stop button", record)
+        # as long as a node controls the robot nothing is said
+        self.assertNotIn(words[1], self.run_node("_language:=Klingon")[1])
+        self.wait_for_record(record, b'"GoTo"')
+        killed.process.kill()
+        code, text = self.run_node("_language:=Klingon")
+        self.assertEqual(code, 2)
+        self.assert_line(text, *words)
+        robot.stop()
+        code, text = self.run_node()
+        self.assertEqual(code, 1)
+        self.assert_line(text, *words)
+        self.assertEqual(runs(records), [record])
+
+    def wait_for_record(self, path, words):
+        """Return when a record has these words in it."""
+        ends = time.monotonic() + 20
+        while True:
+            with open(path, "rb") as file:
+                if words in file.read():
+                    return
+            self.assertLess(time.monotonic(), ends)
+            time.sleep(0.05)
 
     def assert_runs_without_log(self, *arguments, **environment):
         """Expect a warning about the log file alone, and a mission that runs."""

@@ -16,6 +16,8 @@ import urllib.request
 import rostest
 import zmq
 
+from behavior_controller.monitoring.record.files import runs
+
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402
 
@@ -53,7 +55,7 @@ class TestWatch(unittest.TestCase):
 
     def test_where_to_find_page_and_record_is_told(self):
         self.start()
-        record = os.path.join(self.folder, "record", "mission.jsonl")
+        record, = runs(os.path.join(self.folder, "record"))
         page = "http://127.0.0.1:{}/".format(self.page)
         self.node.lines.wait_for(lambda line: line.endswith(" page: " + page), 10)
         self.node.lines.wait_for(lambda line: line.endswith(" record: " + record), 10)
@@ -102,8 +104,7 @@ class TestWatch(unittest.TestCase):
         self.assertIn("  ▶ WelcomeSpeech #5: running", printed)
         self.robot.set_mode(SAY, "done")
         self.assertEqual(self.node.wait(10), 0)
-        code, printed = self.command("replayMission",
-                                     os.path.join(self.folder, "record", "mission.jsonl"))
+        code, printed = self.command("replayMission", os.path.join(self.folder, "record"))
         self.assertEqual(code, 0, printed)
         self.assertIn("the same path: 1 pass,", printed)
 

@@ -8,6 +8,7 @@ from behavior_controller import folders
 from behavior_controller.execution import events
 from behavior_controller.missions import runner
 from behavior_controller.missions.trial import Trial
+from behavior_controller.monitoring.record.codec import Decoder
 from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.gateway import Cause, Failure
@@ -150,6 +151,13 @@ def written(record):
     while record.is_kept:
         record.close()
     return record.path
+
+
+def decode(data, file):
+    """Yield the lines of a record with this content."""
+    decoder = Decoder(file)
+    yield from decoder.read_all(data)
+    decoder.finish()
 
 
 def service_of(request):

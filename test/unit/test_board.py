@@ -591,7 +591,8 @@ def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_oldest_events(monke
     board.refresh()
     rig.mission.events.emit(Noticed("info", "the last line"))
     told = [line["text"] for line in board.part("story")["sentences"]]
-    assert told == ["line 0", "line 1", "the last line"] and board.state.lost == 7
+    assert told == ["line 0", "line 1", "7 events are missing", "the last line"]
+    assert board.state.lost == 7
 
 
 def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():

@@ -13,7 +13,8 @@ from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, Prompt,
     QueryKnowledge, Request, Say, SetAnimation, SetAttention)
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record.codec import decode, encode, header
+from behavior_controller.monitoring.record.codec import encode, header
+from mission_rig import decode
 
 REQUESTS = [
     SetAnimation("enabled"),

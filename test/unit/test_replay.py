@@ -18,7 +18,7 @@ from behavior_controller.execution.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.requests import AttentionStatus, Faces, GoTo, Say, SetAttention
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record.recorder import Record, new_folder
+from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.replay import (
     RecordedTopics, Replayed, find_record, main, read_record, replay)
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
@@ -26,6 +26,11 @@ from recorded_tours import recorded_day
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
+
+
+HEADER = '{"format": "behaviorController record", "version": 10, "pid": 7, "time": 1.5}\n'
+# the clock was set back
+OLD, RUN_9, RUN_10 = "20991231-000000_7", "000009_20260102-000000_7", "000010_20200101-000000_8"
 
 
 def events_of(lines):
@@ -136,14 +141,18 @@ def test_what_a_replay_found_is_one_line(replayed, line):
     (["r/1/mission.jsonl"], "r", "r/1/mission.jsonl"),
     (["r/x"], "r", "r/mission.jsonl"),
     (["[r]/1/mission.jsonl", "r/2/mission.jsonl"], "[r]", "[r]/1/mission.jsonl"),
-    (["latest/1/mission.jsonl"], "latest", "latest/1/mission.jsonl"),
-    (["records/1/mission.jsonl", "records/2/mission.jsonl", "records/3/x"], "latest",
-     "records/2/mission.jsonl"),
-    (["records/mission.jsonl", "records/1/mission.jsonl"], "latest", "records/1/mission.jsonl")])
+    # the newest run: numbered, else by its name; folders and files of a user do not count
+    ([f"r/{OLD}/mission.jsonl", f"r/{RUN_9}/mission.jsonl", f"r/{RUN_10}/mission.jsonl",
+      "r/saved/mission.jsonl", "r/mission.jsonl"], "r", f"r/{RUN_10}/mission.jsonl"),
+    ([f"records/{OLD}/mission.jsonl", f"records/{RUN_9}/mission.jsonl", "records/zz/mission.jsonl",
+      "records/mission.jsonl", "latest/mission.jsonl"], "latest",
+     f"records/{RUN_9}/mission.jsonl"),
+    ([f"records/{OLD}/mission.jsonl", f"records/{RUN_10}/x", f"records/{RUN_9} copy/mission.jsonl"],
+     "latest", f"records/{OLD}/mission.jsonl")])
 def test_which_file_is_the_record(tmp_path, monkeypatch, files, name, expected):
     for path in map(tmp_path.joinpath, files):
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("")
+        path.write_text(HEADER)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(folders, "records", lambda: "records")
     assert find_record(name) == expected
@@ -358,9 +367,16 @@ def test_a_request_that_is_no_longer_made_is_another_path(tmp_path):
             "none" in divergence)
 
 
-def test_a_record_that_lacks_lines_says_so(tmp_path):
-    lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    assert " 7 lines" in replay(lines[:-1] + [Line(1.0, Lost(7))] + lines[-1:]).divergence
+def test_a_replay_leaves_out_the_pass_that_lacks_lines_and_says_so(tmp_path):
+    lines = read_record(recorded(tmp_path, visitor_who(says="yes"), runs=3))
+    ticks = [place for place, event in enumerate(events_of(lines)) if isinstance(event, Tick)]
+    ends = [place for place, event in enumerate(events_of(lines))
+            if isinstance(event, PassFinished)]
+    first = next(place for place in ticks if place > ends[0] + 9)
+    for last in (first + 20, ends[1] + 40):  # within the second pass, and into the third
+        outcome = replay(lines[:first] + [Line(1.0, Lost(7, "it was full"))] + lines[last:])
+        assert (outcome.divergence, outcome.passes) == ("", 1 if last > ends[1] else 2)
+        assert "; 7 events are missing: it was full: left out up to the next pass" in str(outcome)
 
 
 def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
@@ -404,7 +420,6 @@ def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     assert outcome.divergence == "" and outcome.passes == 0 and outcome.changes > 50
 
 
-HEADER = '{"format": "behaviorController record", "version": 10, "pid": 7, "time": 1.5}\n'
 NOTICED = HEADER + '{"time": 1.5, "event": {"_type": "Noticed", "level": "info", "text": "-"}}\n'
 NO_LINE = "3:1: this is not a line of a record: "
 VERSION_3 = ('{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": '
@@ -472,29 +487,27 @@ def test_the_newest_record_of_the_default_folder(tmp_path, monkeypatch, capsys, 
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(variable, str(tmp_path))
     assert main(["latest"]) == 2
+    place = tmp_path / logs / "behaviorController_records"
     assert capsys.readouterr(
     ).err == "{}: there is no record yet (name a record or its folder)\n".format(
-        tmp_path / logs / "behaviorController_records" / "*" / "mission.jsonl")
-    folder = new_folder(str(tmp_path / logs))
-    recorded(folder, visitor_who(says="no"))
-    place = tmp_path / logs / "behaviorController_records"
-    (place / "20200101-000000_1").mkdir()
-    (place / "20200101-000000_1" / "mission.jsonl").write_text("")
-    (place / "29990101-000000_1").mkdir()  # of a run that could not write
+        place / "*" / "mission.jsonl")
+    recorded(place, visitor_who(says="no"))
+    for name in (OLD, RUN_10):  # empty, and of a run that could not write
+        (place / name).mkdir()
+    (place / OLD / "mission.jsonl").write_text("")
     assert main(["latest"]) == 0 and capsys.readouterr().out.startswith("the same path: 1 pass")
 
 
 def test_a_folder_of_one_record_is_that_record_and_of_several_is_refused(tmp_path, capsys):
-    for name in ("20260101-000000_1", "20260102-000000_1"):
-        (tmp_path / name).mkdir()
-    recorded(tmp_path / "20260101-000000_1", visitor_who(says="no"))
-    assert main([str(tmp_path)
-                 ]) == 0 and capsys.readouterr().out.startswith("the same path: 1 pass")
-    recorded(tmp_path / "20260102-000000_1", visitor_who(says="no"))
-    assert main([str(tmp_path)]) == 2
+    for name in ("monday", "tuesday"):
+        shutil.copytree(os.path.dirname(recorded(tmp_path / "runs", visitor_who(says="no"))),
+                        str(tmp_path / "saved" / name))
+        if name == "monday":
+            assert main([str(tmp_path / "saved")]) == 0
+            assert capsys.readouterr().out.startswith("the same path: 1 pass")
+    assert main([str(tmp_path / "saved")]) == 2
     assert capsys.readouterr(
-    ).err == "{0}: the folder has the records of 2 runs (name one, the newest is {0}/{1})\n".format(
-        tmp_path, "20260102-000000_1")
+    ).err == "{}: the folder has the records of 2 runs (name one)\n".format(tmp_path / "saved")
     assert main([str(tmp_path / "none")]) == 2
     assert capsys.readouterr(
     ).err == "{}: the record cannot be read: No such file or directory\n".format(tmp_path / "none")

@@ -20,7 +20,7 @@ from behavior_controller.execution.state import BROKEN_OFF, LEFT, Reason
 from behavior_controller.monitoring.story import Story, cause, how_it_ended, why
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record import timeline
-from behavior_controller.monitoring.record.codec import decode, header
+from behavior_controller.monitoring.record.codec import header
 from behavior_controller.monitoring.record.recorder import shown
 from behavior_controller.monitoring.record.replay import main, read_record
 from behavior_controller.monitoring.record.html_report import DEEPEST, Drawn, to_html
@@ -30,6 +30,7 @@ from unit_tests.rehearsal.findings import BY_NAME
 from unit_tests.rehearsal.html_report import to_html as rehearsal_html
 from unit_tests.rehearsal.summary import FindingSummary, Share, VisitorRow
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
+from mission_rig import decode
 from recorded_tours import KINDS, recorded_day
 from test_page import wait_until
 
@@ -329,7 +330,7 @@ def test_sentences_can_be_chosen_by_what_they_are_about():
         "event": "RunFinished", "time": 101.0, "outcome": "stopped; last pass: none", "exit_code": 0
     }], "ended: stopped; last pass: none"),
     ([{"event": "Lost", "time": 101.0, "lines": 7}, {"event": "Lost", "time": 102.0, "lines": 5}
-      ], "lacks 12 lines")
+      ], "lacks some of the run: 7 events are missing; 5 events are missing")
 ])
 def test_how_the_run_ended_and_what_is_missing(more, expected):
     assert expected in Page(page_of(lines_of(*more))).of("header")[0]

@@ -91,8 +91,9 @@ class Settings:
     start_by: str = key(
         one_of("robot", OPERATOR), "robot", "`operator`: the mission waits for a call of `~start` "
         "before the first visitor (with `rosInterface true`)")
-    record_directory: str = key(folder, "", "folder for the record `mission.jsonl`; empty: a new "
-                                            "one among ROS' logs; `none`: no record")
+    record_directory: str = key(folder, "", "folder for the records, each run's in a folder of "
+                                            "its own; empty: one among ROS' logs; `none`: no "
+                                            "record")
 
     def deadline(self, service: Service) -> float:
         """Return the seconds that a call of ``service`` may take."""
@@ -192,6 +193,15 @@ def load(path: str, overrides: Optional[Mapping[str, object]] = None,
     source = read_source(path, "the configuration")
     collector = collected(source, KEYS, overrides, arguments, UNUSED)
     return _settings(collector.result(), collector.warnings)
+
+
+def record_directory(path: str, overrides: Mapping[str, object],
+                     arguments: Mapping[str, str]) -> str:
+    """Return that value of a configuration, which may have mistakes elsewhere. Raises
+    ConfigurationError if it cannot be read."""
+    source = read_source(path, "the configuration")
+    found = collected(source, KEYS, overrides, arguments, UNUSED).values
+    return found.get("recordDirectory") or ""
 
 
 def recorded(values: Mapping[str, object], where: str) -> Settings:

@@ -351,10 +351,12 @@ class EntriesWritten(Happening, frozen=True):
 
 
 class Lost(Happening, frozen=True):
-    """The number of events that are missing here because they did not fit into the record's queue.
+    """The number of events that are missing here, and why; without a reason they did not fit into a
+    queue.
     """
 
     lines: int
+    reason: str = ""
 
 
 Event = Union[RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering, Retried,

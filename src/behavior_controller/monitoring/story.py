@@ -449,6 +449,16 @@ def _noticed(before: State, event: events.Noticed, after: State) -> Iterator[_Sa
     yield "notice", event.level, event.text, 0.0
 
 
+def missing(event: events.Lost) -> str:
+    """Return what a record lacks at a place, and why."""
+    reason = ": " + event.reason if event.reason else ""
+    return clean(f"{count(event.lines, 'event is', 'events are')} missing{reason}")
+
+
+def _lost(before: State, event: events.Lost, after: State) -> Iterator[_Said]:
+    yield "notice", "warning", missing(event), 0.0
+
+
 def _suspended(before: State, event: events.Suspended, after: State) -> Iterator[_Said]:
     due = " as soon as the robot has done what it does now" if event.is_due else ""
     yield "notice", "info", event.words + due or "goes on, started by the operator", 0.0
@@ -480,5 +490,6 @@ _WORDS: Dict[type, _Words] = {
     events.BreakpointChanged: _breakpoint_changed,
     events.Suspended: _suspended,
     events.Noticed: _noticed,
+    events.Lost: _lost,
 }
 """What is said of each kind of event; the others have no sentence."""

@@ -1,4 +1,5 @@
 """Builds the mission for the node: its files, overridden by the node's parameters and arguments."""
+import contextlib
 import sys
 from typing import Any, Callable, Dict
 
@@ -30,8 +31,7 @@ TABLET = {
 def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Mission:
     """Read everything and announce the run. Raises FaultsFound with every fault, or NodesMissing.
     """
-    parameters, given = _private_parameters(), settings.split_arguments(sys.argv)[1]
-    given = dict(_unknown_to_the_launch_file(), **given)
+    parameters, given = _private_parameters(), _given()
     chosen = settings.load(folders.config(settings.FILE_NAME), parameters, given)
     overrides = {**parameters, **given}
     overriding = [f"{key} {overrides[key]}" for key in chosen.values if key in overrides]
@@ -40,6 +40,19 @@ def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Mission:
     plan = load.load(chosen, clock, wake)
     _announce(plan, tell)
     return plan
+
+
+def record_directory() -> str:
+    """Return the value of that key, whatever is wrong with the others, and without its parameter if
+    the master does not answer. Raises ConfigurationError if the file cannot be read."""
+    parameters: Dict[str, Any] = {}
+    with contextlib.suppress(NodesMissing):
+        parameters = _private_parameters()
+    return settings.record_directory(folders.config(settings.FILE_NAME), parameters, _given())
+
+
+def _given() -> Dict[str, str]:
+    return dict(_unknown_to_the_launch_file(), **settings.split_arguments(sys.argv)[1])
 
 
 def _unknown_to_the_launch_file() -> Dict[str, str]:

@@ -17,7 +17,7 @@ import rosgraph.network
 import rospkg
 import rospy
 
-from behavior_controller import exit_codes, extensions
+from behavior_controller import exit_codes, extensions, folders
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -34,7 +34,7 @@ from behavior_controller.ros_arguments import version
 from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, log_path, open_log
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
-from behavior_controller.ros.configuration import read_plan, report_faults
+from behavior_controller.ros.configuration import read_plan, record_directory, report_faults
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
 from behavior_controller.ros.signals import Signals, block_signals
@@ -46,7 +46,8 @@ from behavior_controller.missions.blocked_tick import Standstill
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.groot2.publisher import Groot2Publisher
 from behavior_controller.monitoring.web_page import Page
-from behavior_controller.monitoring.record.recorder import Record, new_folder
+from behavior_controller.monitoring.record.recorder import Record
+from behavior_controller.monitoring.record.unended import may_be_live
 
 NAME = "behaviorController"
 
@@ -69,6 +70,9 @@ ALLOWED = "allowed: _key:=value, /name:=/other_name, --help, --version"
 
 START_LIMIT = 15.0
 """Seconds that each step of the start may take that uses the master or a disk."""
+
+FORMER_LIMIT = 5.0
+"""Seconds to find out how the run before has ended, when a start is refused."""
 
 LOG_LIMIT = 5.0
 """Seconds to open the log file, without which the node runs too."""
@@ -160,14 +164,28 @@ class _Node:
             return exit_codes.UNAVAILABLE if code is None else code
         except FaultsFound as error:
             report_faults(error, console.tell, "nothing was started")
+            self._tell_former_run()
             return exit_codes.WRONG_INPUT
         except NodesMissing as missing:
             for line in str(missing).split("\n"):
                 console.tell("error", line)
+            self._tell_former_run()
             return exit_codes.UNAVAILABLE
         except BaseException as error:  # the last resort: an operator never sees a traceback
             console.report_internal_error(error)
             return exit_codes.BROKEN
+
+    def _tell_former_run(self) -> None:
+        """Say what the robot may still do since the run before, if that was killed: this one does
+        not take over. What cannot be found out is not said."""
+        def find_out() -> str:
+            place = record_directory() or _default_records()
+            return may_be_live(place) if place != NO_RECORD else ""
+
+        with contextlib.suppress(Exception):
+            said = run_apart(find_out, self._wake, self._is_stopped, FORMER_LIMIT)
+            if said:
+                self._console.warn(said)
 
     def _stop_beside(self) -> None:
         """End the node without the tick thread if a leaf blocks it."""
@@ -210,7 +228,7 @@ class _Node:
         return run.carry_out()
 
     def _prepare(self) -> Tuple[Mission, str]:
-        """Return the mission, and the folder of its record; its addresses can be resolved."""
+        """Return the mission, and the folder of the records; its addresses can be resolved."""
         clock = Clock()
         plan = self._apart(lambda: read_plan(clock, self._wake, self._console.tell), FILES)
         if plan.settings.ros_interface:
@@ -294,12 +312,16 @@ def _report_thread(console: Console, error: BaseException) -> None:
 
 
 def _open_places(chosen: Settings) -> str:
-    """Return the folder of the record, and ask for the addresses that the node will serve: a name
+    """Return the folder of the records, and ask for the addresses that the node will serve: a name
     server may hang."""
     for address in (chosen.groot2_address, chosen.monitor_address):
         with contextlib.suppress(OSError, UnicodeError):  # reported when it is opened
             socket.getaddrinfo(address, None)
-    return chosen.record_directory or new_folder(rospkg.get_log_dir())
+    return chosen.record_directory or _default_records()
+
+
+def _default_records() -> str:
+    return os.path.join(rospkg.get_log_dir(), folders.RECORDS)
 
 
 # ------------------------------------------------------------------------------------------ the run
@@ -310,7 +332,7 @@ class _Run:
 
     def __init__(self, plan: Mission, topics: RosTopics, folder: str, console: Console,
                  signals: Signals):
-        """``folder`` is that of the record, or ``NO_RECORD``."""
+        """``folder`` is that of the records, or ``NO_RECORD``."""
         self._plan = plan
         # filled by the thread that reads
         self._following: Deque[Mission] = collections.deque(maxlen=1)
@@ -365,7 +387,7 @@ class _Run:
         """Say where page and record are, if there are any, after these words."""
         if self._page:
             self._console.tell("info", f"{page}: {self._page}")
-        if self._record is not None and self._record.is_kept:
+        if self._record is not None and self._record.path:
             self._console.tell("info", f"{record}: {self._record.path}")
 
     def closers(self) -> List[Callable[[], None]]:

@@ -62,7 +62,7 @@ def run_test(*arguments, **environment):
         return Result(
             done.returncode, done.stdout, _lines(report),
             _junit(os.path.join(folder, "unit_tests", "behaviorControllerTest.xml")),
-            _run(os.path.join(folder, "log", "behaviorControllerTest_*", "mission.jsonl")))
+            _run(os.path.join(folder, "log", "behaviorControllerTest_*", "*", "mission.jsonl")))
 
 
 def _lines(pattern):

@@ -9,7 +9,9 @@ SCRIPT = """#!{}
 import os, signal, sys
 folder = [word.split(":=")[1] for word in sys.argv if "folder:=" in word or "_recordDirectory:=" in word][0]
 open(os.path.join(folder, "words"), "w").write("\\n".join(sys.argv[1:]))
-open(os.path.join(folder, "mission.jsonl"), "w").write("a record\\n")
+run = os.path.join(folder, "000001_20260101-000000_1")
+os.mkdir(run)
+open(os.path.join(run, "mission.jsonl"), "w").write("{{\\"format\\": \\"behaviorController record\\"}}\\n")
 {}
 """
 

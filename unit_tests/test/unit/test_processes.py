@@ -163,7 +163,8 @@ def test_how_the_controller_ended_is_noted(given, program, tmp_path, end, noted,
     assert controller.main([program("controller", end), "__name:=behaviorController"],
                            no_check) == returned
     assert controller.read_exit_code(str(folder)) == noted
-    assert (copies / "mission.jsonl").read_text() == "a record\n"
+    copy, = copies.glob("000001_*/mission.jsonl")
+    assert copy.read_text() == '{"format": "behaviorController record"}\n'
     words = (folder / "words").read_text().splitlines()
     assert words[0] == "__name:=behaviorController"
     assert {"_missionRuns:=2", "_verboseMode:=true", "_startupTimeout:=30"} < set(words)
@@ -198,7 +199,7 @@ def test_the_controller_ends_by_itself_after_a_signal_to_all(given, program, tmp
     end = ("[os.kill(os.getppid(), number) for number in (signal.SIGINT, signal.SIGTERM)]; "
            "sys.exit(4)")
     assert controller.main([program("controller", end)], no_check) == 4 and ignored == []
-    assert (tmp_path / "copies" / "mission.jsonl").exists()
+    assert len(list((tmp_path / "copies").glob("000001_*/mission.jsonl"))) == 1
 
 
 def test_a_copy_of_the_record_that_fails_is_one_line(given, program, tmp_path, capfd):

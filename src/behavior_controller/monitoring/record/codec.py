@@ -1,18 +1,18 @@
 """A record as text: one JSON object a line, how it is written, read and checked.
 
 The first line is a ``Header``, each other line an ``events.Line``. Every change of what these hold
-needs a new ``VERSION``.
+needs a new ``VERSION``, except a field with a default.
 """
 import io
 import json
-from typing import Any, Iterator, List
+from typing import Any, Iterator, List, Optional
 
 import msgspec
 from msgspec.structs import replace
 
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.execution.events import (
-    Event, Line, Message, RunStarted, Tick, TreeNode, TreeShown)
+    Event, Line, Lost, Message, PassFinished, RunStarted, Tick, TreeNode, TreeShown)
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 
 FORMAT = "behaviorController record"
@@ -25,21 +25,27 @@ LATEST = 1e11
 class Header(msgspec.Struct, frozen=True):
     """The first line: the file's format and version, and the process that writes it since ``time``
     (Unix seconds).
+
+    Of a further file of a long run: how many ``lines`` of events and ``visits`` the files before it
+    had, and how many lines after this one repeat events from there.
     """
 
     format: str
     version: int
     pid: int
     time: float
+    lines: int = 0
+    visits: int = 0
+    repeated: int = 0
 
 
 _encoder = msgspec.json.Encoder(enc_hook=str)  # a foreign message may hold anything
 _lines, _headers = msgspec.json.Decoder(Line), msgspec.json.Decoder(Header)
 
 
-def header(pid: int, time: float) -> bytes:
+def header(pid: int, time: float, lines: int = 0, visits: int = 0, repeated: int = 0) -> bytes:
     """Return the first line with its end."""
-    return _encoder.encode(Header(FORMAT, VERSION, pid, time)) + b"\n"
+    return _encoder.encode(Header(FORMAT, VERSION, pid, time, lines, visits, repeated)) + b"\n"
 
 
 def encode(time: float, event: Event) -> bytes:
@@ -51,45 +57,80 @@ def encode(time: float, event: Event) -> bytes:
         return json.dumps(msgspec.to_builtins(line, enc_hook=str)).encode() + b"\n"
 
 
-def decode(data: bytes, file: str) -> Iterator[Line]:
-    """Yield the lines of a record after its header, without a torn end.
+class Decoder:
+    """Reads the lines of one file of a record in order, and checks each against those before it.
 
     Raises MissionError if the version is not supported, or for the first line that the node cannot
     have written.
     """
-    decoder = Decoder(file)
-    for text in io.BytesIO(data):
-        if text.endswith(b"\n"):  # else it was torn when the node was killed
-            yield from decoder.read(text)
-    if not decoder.has_mission:
-        raise MissionError.of(file, "the record has no mission in it",
-                              "was the node stopped before it began?")
 
-
-class Decoder:
-    """Reads the lines of one record in order, and checks each against those before it."""
-
-    def __init__(self, file: str) -> None:
-        self.has_mission = False
+    def __init__(self, file: str, former: "Optional[Decoder]" = None):
+        """``former`` has read the file before it of the same run, if there is one."""
+        self.has_mission: bool = former is not None and former.has_mission
+        self._former = former
         self._file = file
         self._read = 0  # lines
+        self._head = Header(FORMAT, VERSION, 0, 0.0)
+        self._lines: int = former._lines if former is not None else 0  # of the run
+        self._visits: int = former._visits if former is not None else 0
         self._interface = DEFAULT  # of the running mission
         self._shown = self._running = 0  # nodes of the newest tree, and of the running mission's
 
+    def read_all(self, data: bytes) -> Iterator[Line]:
+        """Yield the lines in the content of the file, without a torn end."""
+        for text in io.BytesIO(data):
+            if text.endswith(b"\n"):  # else it was torn when the node was killed
+                yield from self.read(text)
+
+    def finish(self) -> None:
+        """Raise MissionError if no file of the record has a mission in it."""
+        if not self.has_mission:
+            raise MissionError.of(self._file, "the record has no mission in it",
+                                  "was the node stopped before it began?")
+
     def read(self, text: bytes) -> List[Line]:
-        """Return the line in a text; none for the header. Raises MissionError."""
+        """Return the line in a text; none for the header, and for what a file before it has too.
+        Raises MissionError."""
         self._read += 1
         try:
             if self._read == 1:
                 self._check_header(text)
                 return []
-            return [self._checked(self._line(text))]
+            return self._joined(self._checked(self._line(text)))
         except RecursionError:
             why = "it is nested too deeply"
         except (msgspec.MsgspecError, ValueError, LookupError) as error:
             why = str(error)
         raise self._fault(f"this is not a line of a record: {why}",
                           "a record is written by the node")
+
+    def _joined(self, line: Line) -> List[Line]:
+        """Return a line that follows on those of the file before it; where some are missing, what
+        is repeated of them, and last that they are missing."""
+        head, number = self._head, self._read - 1
+        if self._former is not None and not head.repeated:
+            return []  # a file of another run
+        if number > head.repeated:
+            place = head.lines + number - head.repeated
+            if place <= self._lines:
+                return []  # it was written to a disk that then failed, and so again
+            self._lines = place
+            if isinstance(line.event, PassFinished):
+                self._visits = line.event.number
+            return [line]
+        missing = head.lines - self._lines
+        if missing <= 0:
+            return []
+        if number < head.repeated:
+            return [line]
+        first, last = self._visits + 1, head.visits
+        reason = f"visits {first} to {last} are no longer kept"
+        if first == last:
+            reason = f"visit {first} is no longer kept"
+        elif first > last:
+            reason = f"visit {first} is no longer kept from its beginning"
+        self._lines, self._visits = head.lines, head.visits
+        return [line, Line(line.time, Lost(missing, reason))]
 
     def _fault(self, text: str, hint: str) -> MissionError:
         return MissionError([Fault(self._file, self._read, 1, text, hint)])
@@ -105,6 +146,7 @@ class Decoder:
         if head.version != VERSION:
             raise self._fault(f"the record has the version {head.version}; this release reads "
                               f"version {VERSION}", "replay it with the release that wrote it")
+        self._head = head
 
     def _line(self, text: bytes) -> Line:
         has_escapes = b"\\u" in text  # perhaps a lone surrogate, which the quick decoder refuses

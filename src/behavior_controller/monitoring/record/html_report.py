@@ -49,6 +49,10 @@ DEEPEST = 100
 their parent."""
 
 
+MOST_MISSING = 5
+"""The most places at the head of the page where the record lacks something."""
+
+
 class Written(NamedTuple):
     """How the file writes a node: the number of a document of the record, its name, the line in it,
     and the ports.
@@ -80,6 +84,7 @@ class Drawn:
         self.lanes = Lanes()  # results of mission leaves, from their events
         self.changes = Lanes()  # results of other nodes, from their changes of status
         self.moments = Moments()
+        self.missing: List[str] = []  # of the record
         self.view = View()
         self.view.take(began, events.TreeShown("", nodes))
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
@@ -109,7 +114,9 @@ class Drawn:
         self.lanes.end_wait(step.uid, NO, bar.end)  # a condition tells that it does not hold once
 
     def _draw(self, time: float, event: events.Event) -> None:
-        if isinstance(event, events.Retried):
+        if isinstance(event, events.Lost):
+            self.missing.append(story.missing(event))
+        elif isinstance(event, events.Retried):
             bar = self._bar(time, time, RETRY, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)
         elif isinstance(event, events.LeafFinished) and 0 < event.uid <= len(self.nodes):
@@ -226,7 +233,7 @@ def _letter(visit: Visit) -> str:
 def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
     """Yield when the mission ran, how it ended, and what the report does not have."""
     state, day = run.view.state, strftime("%Y-%m-%d", localtime(run.began))
-    ending = "the record ends before the run: the node was killed, or the record full"
+    ending = "the record ends before the run: the node was killed, or the disk full"
     if state.finished is not None:
         ending = "ended: " + story.run_end(state)
     yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}; "
@@ -235,8 +242,8 @@ def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
     if earlier:
         missions = ", ".join(mission.mission for mission in earlier)
         yield f"Before it the record has {missions}, which this report leaves out."
-    if state.lost:
-        yield f"The record lacks {state.lost} lines, which the disk was too slow for."
+    if run.missing:
+        yield "The record lacks some of the run: " + "; ".join(run.missing[:MOST_MISSING])
 
 
 # -------------------------------------------------------------------------------------------- story

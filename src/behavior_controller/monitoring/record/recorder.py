@@ -7,13 +7,14 @@ looked at it. The tick thread only queues what happened; a separate thread forma
 little later, so that this delays nothing that the robot waits for.
 """
 import collections
+import itertools
 import os
-import shutil
 import threading
 import time
-from typing import Any, BinaryIO, Callable, Deque, Dict, Iterator, List, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, Iterator, List, Optional, Tuple
 
-from behavior_controller import folders
+from msgspec.structs import replace
+
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.engine.blackboard import Entry as EntryOfTree
@@ -22,21 +23,20 @@ from behavior_controller.robot.gateway import Sample, Topics
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.requests import Location, Point
 from behavior_controller.text import clean
+from behavior_controller.monitoring.record import files
 from behavior_controller.monitoring.record.codec import encode, header
-
-FILE_NAME = "mission.jsonl"
-
-MOST_BYTES = 50_000_000
-"""The most bytes of a record; the rest of a longer run is not recorded."""
-
-MOST_RUNS = 20
-"""Number of runs that are kept in the default folder."""
 
 LONGEST_VALUE = 120
 """The most characters of the value of an entry."""
 
+LONGEST_LINE = 10_000_000
+"""The most bytes of a line, such as one with a large message."""
+
 MOST_WAITING = 100_000
 """The most events that wait for another thread, such as that of a slow disk."""
+
+AT_ONCE = 2000
+"""The most lines that are formatted in a row: after a trouble of the disk many wait."""
 
 OPENING = 0.5
 """The most seconds that ``open`` waits for the file."""
@@ -44,14 +44,10 @@ OPENING = 0.5
 REST = 0.05
 """Seconds between two rounds of formatting lines."""
 
-def new_folder(logs: str) -> str:
-    """Return the folder of a new run below ``logs``, and remove all others but the newest
-    ``MOST_RUNS - 1``."""
-    place = os.path.join(logs, folders.RECORDS)
-    runs = sorted(os.listdir(place)) if os.path.isdir(place) else []
-    for name in runs[:max(0, len(runs) - MOST_RUNS + 1)]:
-        shutil.rmtree(os.path.join(place, name), ignore_errors=True)
-    return os.path.join(place, f"{time.strftime('%Y%m%d-%H%M%S')}_{os.getpid()}")
+RETRY = 2.0
+"""Seconds between two attempts to write to a disk that is full or gone."""
+
+TOO_SLOW = "the disk is too slow"
 
 
 def shown(tree: Tree) -> events.TreeShown:
@@ -175,17 +171,76 @@ class Feed:
             yield events.Line(at, make(*values))
 
 
-class Record(Feed, Topics):
-    """Writes ``<directory>/mission.jsonl``. A sink of events, and the robot's topics as the mission
-    reads them. A failure to write is reported once; the run goes on.
+LASTING: Dict[type, Callable[[Any], Any]] = {
+    events.TreeShown: lambda event: None, events.RunStarted: lambda event: None,
+    events.PassStarted: lambda event: None, events.Suspended: lambda event: None,
+    events.SafeStateReported: lambda event: None, events.Message: lambda event: event.topic,
+    events.HealthChanged: lambda event: (event.name, event.respect),
+    events.Asked: lambda event: type(event.request)}
+"""The events that hold until another one of the same kind with the same key."""
 
-    The file is opened, written and closed on a separate thread: a disk may be slow, or hang.
+
+class Outset:
+    """What has to be known of a run where a further file of it begins, so that this file is read
+    without those before it."""
+
+    def __init__(self) -> None:
+        self._began = events.unix_now()
+        self._visits = 0
+        self._lasting: Dict[Any, List[events.Event]] = {}  # an ``Asked`` with its answer
+        self._entries: Dict[str, Optional[str]] = {}  # of the blackboard, as texts
+
+    def take(self, event: events.Event) -> None:
+        """Note the next event."""
+        if isinstance(event, events.EntriesWritten):
+            self._entries.update(event.entries)
+        elif isinstance(event, events.Answered):
+            for about in reversed(list(self._lasting.values())):
+                if isinstance(about[0], events.Asked) and about[0].call == event.call:
+                    about[1:] = [event]
+                    break
+        elif isinstance(event, events.PassFinished):
+            self._visits = event.number
+            self._lasting.pop((events.PassStarted, None), None)
+        elif type(event) in LASTING:
+            key = type(event), LASTING[type(event)](event)
+            if not isinstance(event, (events.TreeShown, events.RunStarted)):  # which stay first
+                self._lasting.pop(key, None)
+            if isinstance(event, events.TreeShown):
+                self._entries.clear()
+            if not (isinstance(event, events.HealthChanged) and event.is_well):
+                self._lasting[key] = [event]
+
+    def head(self, lines: int, at: float) -> bytes:
+        """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
+        the files before it."""
+        known = list(itertools.chain(*self._lasting.values()))
+        entries = [entry for entry in self._entries.items() if entry[1] is not None]
+        known += [events.EntriesWritten(entries)] if entries else []
+        texts = [encode(at, replace(event, read=1) if isinstance(event, events.Message) else event)
+                 for event in known]
+        return b"".join([header(os.getpid(), self._began, lines, self._visits, len(texts)), *texts])
+
+
+class Record(Feed, Topics):
+    """Writes the files of a run in a folder of its own below ``place``. A sink of events, and the
+    robot's topics as the mission reads them.
+
+    The files are opened, written and closed on a separate thread: a disk may be slow, or hang. A
+    failure is reported once, and writing is tried again every ``RETRY`` seconds; the run goes on.
     """
 
-    def __init__(self, directory: str, complain: Callable[[str], None]):
+    def __init__(self, place: str, complain: Callable[[str], None]):
         super().__init__()
-        self.path = os.path.join(directory, FILE_NAME)
+        self.path = ""
+        """The first file, as soon as it is there."""
+        self._place = place
         self._complain = complain
+        self._outset = Outset()
+        self._files: Optional[files.RunFiles] = None
+        self._unwritten: List[events.Line] = []  # the line at which writing has failed
+        self._trouble = ""  # why writing fails, or has failed while lines that wait came
+        self._fails = False
         self._is_over = threading.Event()
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Tuple[Sample, ...]] = {}
@@ -196,8 +251,7 @@ class Record(Feed, Topics):
     def open(self) -> "Record":
         """Write from now on, also what has happened before; return itself.
 
-        Until then the disk is as it was. Waits ``OPENING`` for the disk, for ``is_kept`` to say
-        more.
+        Until then the disk is as it was. Waits ``OPENING`` for the disk, for ``path`` to be known.
         """
         if self._thread is not None:
             self._thread.start()
@@ -206,7 +260,7 @@ class Record(Feed, Topics):
 
     @property
     def is_kept(self) -> bool:
-        """Whether the record has been written without a failure so far."""
+        """Whether lines are taken: until all are written after ``close``."""
         return self._thread is not None
 
     def close(self) -> None:
@@ -221,36 +275,66 @@ class Record(Feed, Topics):
 
     def _write(self) -> None:
         """Format and write lines until the end, on a separate thread, as a disk may be slow."""
-        try:
-            os.makedirs(os.path.dirname(self.path), exist_ok=True)
-            # O_NONBLOCK: else open() would wait on a FIFO of that name
-            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK
-            with open(os.open(self.path, flags, 0o666), "wb") as file:
-                self._is_open.set()
-                self._fill(file)
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            self._complain(f"no record is written to {self.path}: {reason}; the mission goes on")
-        finally:
-            self._thread = None
-            self.stop()
-            self._is_open.set()
-
-    def _fill(self, file: BinaryIO) -> None:
         is_last = False
-        written = file.write(header(os.getpid(), events.unix_now()))
-        while not is_last:
-            is_last = self._is_over.wait(REST)
-            for line in self.lines():
-                if isinstance(line.event, events.Lost):
-                    self._complain(f"the record {self.path} lacks {line.event.lines} lines, "
-                                   "because the disk is too slow; the mission goes on")
-                text = encode(line.time, line.event)
-                written += len(text)
-                if written > MOST_BYTES:
-                    raise ValueError(f"it has reached {MOST_BYTES} bytes and ends here")
-                file.write(text)
-            file.flush()
+        while True:
+            try:
+                self._write_round(is_last)
+            except (OSError, ValueError) as error:
+                self._trouble = getattr(error, "strerror", None) or str(error)
+                if not self._fails:
+                    self._complain(f"no record is written to {self.path or self._place}: "
+                                   f"{self._trouble}; it is tried again, the mission goes on")
+                self._fails = True
+            self._is_open.set()
+            if is_last:
+                break
+            is_last = self._is_over.wait(RETRY if self._fails else REST)
+        self._thread = None
+        self.stop()
+        if self._files is not None:
+            self._files.close()
+
+    def _write_round(self, is_last: bool) -> None:
+        """Write what waits. Raises OSError or ValueError; the next round goes on there."""
+        if self._files is None:
+            self._files = files.RunFiles(self._place, self._outset.head(0, 0.0))
+            self.path = self._files.path
+            files.make_room(self._place)
+        if self._files.is_lost:
+            self._files.begin_next(self._outset.head(self._files.lines, events.unix_now()))
+        self._files.flush()
+        new = itertools.islice(self.lines(), None if is_last else AT_ONCE)
+        for line in itertools.chain(self._unwritten, new):
+            self._unwritten = [line]
+            self._add(self._files, line)
+            self._unwritten = []
+        self._files.flush()
+        if self._fails:
+            self._complain(f"the record {self.path} is written again")
+        self._fails = False
+        if not (self.lost or self._waiting):
+            self._trouble = ""
+
+    def _add(self, out: files.RunFiles, line: events.Line) -> None:
+        """Add a line, to a further file if the newest one is full: between two passes if possible.
+        """
+        event, text = line.event, b""
+        if isinstance(event, events.Lost):
+            event = replace(event, reason=event.reason or self._trouble or TOO_SLOW)
+            self._complain(f"the record {self.path} lacks {event.lines} lines: {event.reason}; "
+                           "the mission goes on")
+        try:
+            text = encode(line.time, event)
+        except Exception:  # another package's message may hold anything
+            pass
+        if not 0 < len(text) <= LONGEST_LINE:
+            event = events.Lost(1, f"a line of the kind {type(event).__name__} cannot be written")
+            text = encode(line.time, event)
+        if out.is_full(text, 0.5 if isinstance(event, events.PassStarted) else 1.0):
+            out.flush()
+            out.begin_next(self._outset.head(out.lines, line.time))
+        self._outset.take(event)
+        out.add(text)
 
     # --------------------------------------------------------------------------------- what happens
 

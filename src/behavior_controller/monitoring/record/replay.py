@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
+from msgspec.structs import replace
+
 from behavior_controller import exit_codes, folders, leaves, ros_arguments
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
@@ -24,29 +26,41 @@ from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.missions.load import Mission, build_tree, load_tree
 from behavior_controller.text import Source, Unreadable, clean, count, read_bytes
-from behavior_controller.monitoring.record.codec import decode
-from behavior_controller.monitoring.record.recorder import FILE_NAME, MOST_BYTES
+from behavior_controller.monitoring import story
+from behavior_controller.monitoring.record.codec import Decoder
+from behavior_controller.monitoring.record.files import FILE_NAME, parts, runs
 from behavior_controller.monitoring.record.html_report import story_lines, to_html
 
 NAME_OF: Dict[str, str] = {letter: NAMES[status] for status, letter in events.LETTERS.items()}
 
 LATEST = "latest"
-"""The argument that means the newest record of the default folder."""
+"""The argument that means the newest run of the default folder."""
+
+MOST_BYTES = 50_000_000
+"""The most bytes of a file of a record that are read."""
 
 
 class Replayed(NamedTuple):
-    """The result of a replay. ``divergence`` says where the runs diverge; empty: nowhere."""
+    """The result of a replay. ``divergence`` says where the runs diverge; empty: nowhere.
+
+    ``missing`` says what the record lacks: the replay leaves out up to the next pass.
+    """
 
     passes: int
     changes: int
     divergence: str = ""
+    missing: Tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return the line for the operator."""
-        if self.divergence:
-            return f"the runs diverge {clean(self.divergence)}"
-        changes = count(self.changes, "change of status", "changes of status")
-        return f"the same path: {count(self.passes, 'pass', 'passes')}, {changes}"
+        text = f"the runs diverge {clean(self.divergence)}"
+        if not self.divergence:
+            changes = count(self.changes, "change of status", "changes of status")
+            text = f"the same path: {count(self.passes, 'pass', 'passes')}, {changes}"
+        if self.missing:
+            text += clean(f"; {'; '.join(self.missing)}: left out up to the next pass, and what "
+                          "that was left with (entries, spent recoveries) is not known")
+        return text
 
 
 class Diverged(Exception):
@@ -54,21 +68,22 @@ class Diverged(Exception):
 
 
 def find_record(name: str) -> str:
-    """Return the path of a record, given that, the folder of one run, or ``latest``: the newest of
-    the default folder."""
-    is_latest = name == LATEST and not os.path.exists(name)
-    folder = folders.records() if is_latest else name
-    below = sorted(filter(os.path.isfile, glob.glob(
-        os.path.join(glob.escape(folder), "*", FILE_NAME))))
-    if is_latest and not below:
+    """Return the first file of a run, given that or its folder; of the newest run below a folder of
+    runs, or below the default one (``latest``)."""
+    folder = folders.records() if name == LATEST else name
+    newest = runs(folder)[-1:]
+    if newest:
+        return newest[0]
+    if name == LATEST:
         place = os.path.join(folder, "*", FILE_NAME)
         raise MissionError.of(place, "there is no record yet", "name a record or its folder")
+    below = sorted(filter(os.path.isfile, glob.glob(
+        os.path.join(glob.escape(folder), "*", FILE_NAME))))
     own = os.path.join(name, FILE_NAME)
     if not below or os.path.exists(own):
         return own if os.path.isdir(name) else name
-    if len(below) > 1 and not is_latest:
-        raise MissionError.of(name, f"the folder has the records of {len(below)} runs",
-                              f"name one, the newest is {os.path.dirname(below[-1])}")
+    if len(below) > 1:
+        raise MissionError.of(name, f"the folder has the records of {len(below)} runs", "name one")
     return below[-1]
 
 
@@ -79,11 +94,18 @@ def read_record(path: str) -> List[events.Line]:
 
 def stream_record(path: str) -> Iterator[events.Line]:
     """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
-    try:
-        data = read_bytes(path, MOST_BYTES)
-    except Unreadable as error:
-        raise MissionError.of(path, f"the record cannot be read: {error}") from error
-    return decode(data, path)
+    decoder = None
+    for file in parts(path):
+        try:
+            data = read_bytes(file, MOST_BYTES)
+        except Unreadable as error:
+            if file != path and not os.path.exists(file):
+                continue  # the run goes on, and has dropped it
+            raise MissionError.of(file, f"the record cannot be read: {error}") from error
+        decoder = Decoder(file, decoder)
+        yield from decoder.read_all(data)
+    assert decoder is not None  # the first file is there
+    decoder.finish()
 
 
 def replay(lines: List[events.Line], mission: Optional[str] = None) -> Replayed:
@@ -93,19 +115,23 @@ def replay(lines: List[events.Line], mission: Optional[str] = None) -> Replayed:
     Raises BehaviorControllerError if that file, or the content of the record, cannot be run.
     """
     replaying: Optional[_Replay] = None
-    passes, changes = 0, 0
+    passes, changes, number, missing = 0, 0, 1, []
     for line, nodes in with_nodes(lines):
         event = line.event
         if isinstance(event, events.RunStarted):
             replaying = _Replay(event, nodes, mission)
         elif replaying is not None:
-            if isinstance(event, events.PassFinished):
-                passes += 1
+            if isinstance(event, events.PassStarted):
+                number = event.number
+            elif isinstance(event, events.PassFinished):
+                passes, number = passes + (not replaying.skips), event.number + 1
+            elif isinstance(event, events.Lost):
+                missing.append(story.missing(event))
             try:
                 changes += replaying.take(event)
             except Diverged as diverged:
-                return Replayed(passes, changes, f"in pass {passes + 1}, {diverged}")
-    return Replayed(passes, changes)
+                return Replayed(passes, changes, f"in pass {number}, {diverged}", tuple(missing))
+    return Replayed(passes, changes, "", tuple(missing))
 
 
 def _restored(started: events.RunStarted, clock: ManualClock, mission: Optional[str]) -> Mission:
@@ -192,6 +218,9 @@ class _Replay(FakeGateway):
         self._interface = INTERFACES[started.sources.interface]
         self._topics = RecordedTopics(self._interface)
         self._health = Health()
+        self._before: Optional[int] = None  # number of the call before the first one here
+        self.skips = False
+        """The record lacks something, and the next pass has not begun."""
         self._began: Optional[float] = None
         self._statuses: List[Tuple[str, str]] = []  # that the traversal has changed
         self._wanted: List[Request] = []  # requests that the traversal must make
@@ -205,24 +234,44 @@ class _Replay(FakeGateway):
     def take(self, event: events.Event) -> int:
         """Store what the next traversal needs; a traversal is repeated and compared. Return how
         many statuses it changed. Raises ``Diverged``."""
-        self._topics.take(event)
-        if isinstance(event, events.Asked):
-            self._wanted.append(event.request)
-        elif isinstance(event, events.Answered) and event.call <= len(self.calls):
-            self.calls[event.call - 1].finish(event.result)
-        elif isinstance(event, events.Answered):
-            self._results[event.call] = event.result
-        elif isinstance(event, events.Lost):
-            raise Diverged(f"the record lacks {event.lines} lines")
+        if isinstance(event, events.Lost):
+            self._skip()
         elif isinstance(event, events.PassStarted):
+            self.skips = False
             self._mission.begin_visit(self._tree.blackboard, event.at)
         elif isinstance(event, events.HealthChanged):
             self._health.report(event.respect, event)
             self._health.publish(events.Events())
+        elif isinstance(event, events.Message):
+            self._topics.take(replace(event, read=1) if self.skips else event)
+        elif self.skips:
+            return 0
+        elif isinstance(event, events.Asked):
+            self._before = event.call - 1 if self._before is None else self._before
+            self._wanted.append(event.request)
+        elif isinstance(event, events.Answered):
+            self._answer(event.call - (self._before or 0), event.result)
         elif isinstance(event, events.Tick):
             self._traverse(event)
             return len(event.changes)
+        else:
+            self._topics.take(event)
         return 0
+
+    def _answer(self, call: int, result: Union[Answer, Failure]) -> None:
+        if call > len(self.calls):
+            self._results[call] = result
+        elif call > 0:  # else it was asked in a pass that is not repeated
+            self.calls[call - 1].finish(result)
+
+    def _skip(self) -> None:
+        """Forget what is under way: the next pass is repeated again, with what is known of robot
+        and messages."""
+        self._tree.stop()
+        self.skips, self._before = True, None
+        self._wanted.clear()
+        self._results.clear()
+        self.calls.clear()
 
     def _traverse(self, tick: events.Tick) -> None:
         self._clock.set_to(tick.at)
@@ -294,8 +343,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
         "replayMission", "Runs a recorded mission again and says whether it takes the same path.",
         "0 if it takes the same path or the report is written, 3 if it takes another one, "
         "2 if the record cannot be replayed or the call is wrong, 1 if there is no output")
-    parser.add_argument("record", help=f"mission.jsonl of a run, its folder, or {LATEST}: the "
-                                       f"newest in {folders.records()}")
+    parser.add_argument("record", help="mission.jsonl of a run, its folder, a folder of runs (the "
+                                       f"newest), or {LATEST}: the newest in {folders.records()}")
     instead = parser.add_mutually_exclusive_group()
     instead.add_argument(
         "--mission", metavar="FILE",

@@ -11,7 +11,7 @@ from typing import Callable, List, Optional, Tuple
 from behavior_controller import exit_codes
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.config.settings import split_arguments
-from behavior_controller.monitoring.record.recorder import FILE_NAME as RECORD
+from behavior_controller.monitoring.record import files
 from behavior_controller.ros_arguments import explain_node
 
 from unit_tests.folders import note, noted
@@ -89,11 +89,13 @@ def read_errors(folder: str) -> Tuple[str, ...]:
 
 
 def _keep_record(folder: str, wanted: Optional[str]) -> None:
-    """Copy the record to the folder that the user named for it."""
+    """Copy the record to a folder of its own below that which the user named for it."""
     if wanted:
         try:
-            os.makedirs(wanted, exist_ok=True)
-            shutil.copy(os.path.join(folder, RECORD), wanted)
+            copy = files.new_folder(wanted)
+            for record in files.runs(folder)[-1:]:
+                for file in files.parts(record):
+                    shutil.copy(file, copy)
         except OSError as error:
             print("no record in {}: {}".format(wanted, error.strerror))
 

@@ -6,7 +6,7 @@ import shutil
 import signal
 import time
 from pathlib import Path
-from typing import Callable, List, Optional, Sequence, Tuple
+from typing import Callable, Iterator, List, Optional, Sequence, Tuple
 
 import rospkg
 import rospy
@@ -14,10 +14,10 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import LeafFinished
+from behavior_controller.execution.events import LeafFinished, Line
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.codec import Decoder
-from behavior_controller.monitoring.record.recorder import FILE_NAME as RECORD
+from behavior_controller.monitoring.record import files
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 
 from unit_tests.rehearsal import arrival_waits
@@ -122,6 +122,29 @@ def _test(own: Options) -> int:
     return finish(code, report.shown(columns, files, page))
 
 
+class RecordTail:
+    """Reads the files of the only run below a folder while the controller writes them."""
+
+    def __init__(self, folder: str):
+        self._folder = folder
+        self._path = ""  # of the first file
+        self._tails: List[Tuple[Tail, Decoder]] = []
+
+    def news(self) -> Iterator[Line]:
+        """Yield the lines that were added since the last call."""
+        self._path = self._path or next(iter(files.runs(self._folder)), "")
+        while self._path:
+            file = files.part(self._path, len(self._tails))
+            has_begun = os.path.exists(file)  # then the one before is complete
+            for tail, decoder in self._tails[-1:]:
+                for text in tail.news():
+                    yield from decoder.read(text)
+            if not has_begun:
+                return
+            former = self._tails[-1][1] if self._tails else None
+            self._tails.append((Tail(file), Decoder(file, former)))
+
+
 def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> None:
     """Print a line about a mission that has run for so many seconds."""
     calls = sum(line.call > 0 for line in journal)
@@ -139,13 +162,11 @@ def wait_for_end(folder: str, test: Configuration, world: World,
     Every ``CHECK_INTERVAL`` seconds ``disturbance`` returns why the test cannot go on, or an empty
     text.
     """
-    path = os.path.join(folder, RECORD)
-    tail, decoder, run = Tail(path), Decoder(path), Run()
-    entries = Journal(folder)
+    run, record, entries = Run(), RecordTail(folder), Journal(folder)
     journal: List[JournalEntry] = []
 
     def read() -> None:
-        run.extend(line for text in tail.news() for line in decoder.read(text))
+        run.extend(record.news())
         journal.extend(entries.news())
 
     given = options.of_process().values

@@ -1,0 +1,106 @@
+"""What a start that is refused says of the robot, from the record of a run that was killed."""
+import fcntl
+import os
+
+import pytest
+
+from behavior_controller.execution.events import (
+    Answered, Asked, SafePart, SafeStateReported, StepStarted)
+from behavior_controller.execution.fold import fold
+from behavior_controller.execution.run import Run
+from behavior_controller.execution.state import State
+from behavior_controller.monitoring.moment import left_running
+from behavior_controller.monitoring.record import files, unended
+from behavior_controller.monitoring.record.unended import may_be_live
+from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import Answer, GoTo, Location, SetAnimation, SetAttention
+from behavior_controller.text import read_bytes
+from mission_rig import recorded, visitor_who
+
+LOOKS, MOVES = Asked(1, "/a", SetAttention("social")), Asked(2, "/b", SetAnimation("enabled"))
+STILL, STIFF = Asked(1, "/a", SetAttention("disabled")), Asked(2, "/b", SetAnimation("disabled"))
+DRIVES = (StepStarted(1, "Navigate", "n", "driving", "to Pepper", 180.0, False),
+          Asked(3, "/c", GoTo(Location(1.0, 2.0, 0.0))))
+FIRST, SECOND, THIRD = (Answered(number, Answer("")) for number in (1, 2, 3))
+REFUSED = Answered(1, Failure(Cause.REFUSED, "no", "/a"))
+OFF = SafeStateReported((SafePart("attention", "/a", None),
+                         SafePart("lifelike movement", "/b", None)), 0.1)
+BY_HAND = "attention may be on: switch it off by hand"
+BOTH = "attention and lifelike movement may be on: switch them off by hand"
+MAY_DRIVE = "it may still be driving to Pepper: keep the stop button at hand"
+
+
+@pytest.mark.parametrize("events, expected", [
+    ([], ""), ([LOOKS, FIRST], BY_HAND), ([LOOKS], BY_HAND), ([LOOKS, REFUSED], BY_HAND),
+    ([LOOKS, MOVES, FIRST, SECOND], BOTH),
+    ([LOOKS, FIRST, STILL, REFUSED], BY_HAND), ([LOOKS, FIRST, STILL, FIRST], ""),
+    ([LOOKS, MOVES, OFF], ""), ([STILL, STIFF, FIRST, SECOND], ""),
+    (DRIVES, MAY_DRIVE), ([*DRIVES, THIRD], ""),
+    ([*DRIVES, Answered(3, Failure(Cause.NO_ANSWER, "", "/c"))], MAY_DRIVE),
+    ([LOOKS, *DRIVES, FIRST], f"{BY_HAND}; {MAY_DRIVE}")])
+def test_what_may_be_on_or_under_way_after_a_run_that_was_killed(events, expected):
+    state = State()
+    for at, event in enumerate(events):
+        state = fold(state, float(at), event)
+    assert left_running(state) == (f"the robot may be live: {expected}" if expected else "")
+
+
+@pytest.fixture(name="record")
+def killed_in_a_drive(tmp_path):
+    """The record of a tour that was killed while the robot drove."""
+    path = recorded(tmp_path, visitor_who(says="yes"))
+    with open(path, "rb+") as file:
+        data = file.read()
+        at = data.index(b"\n", data.index(b'"_type":"GoTo"')) + 1
+        file.truncate(at + 20)  # the next line is torn
+    return path
+
+
+def test_a_run_that_was_killed_in_a_drive(tmp_path, record):
+    said = may_be_live(str(tmp_path))
+    assert "; it may still be driving to " not in said  # both are off then
+    assert said.startswith("the robot may be live: it may still be driving to ") and record in said
+    assert "keep the stop button at hand" in said and "\n" not in said
+
+
+def test_only_the_newest_run_counts(tmp_path, record):
+    recorded(tmp_path, visitor_who(says="no"))
+    assert may_be_live(str(tmp_path)) == ""
+
+
+def test_a_node_that_still_runs_is_not_called_dead(tmp_path, record):
+    with open(record, "a") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert may_be_live(str(tmp_path)) == ""
+
+
+def test_a_long_run_is_known_from_its_last_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "FILE_BYTES", 2000)
+    path = recorded(tmp_path, visitor_who(says="yes"))
+    monkeypatch.setattr(files, "FILE_BYTES", 10 ** 6)
+    parts = files.parts(path)
+    last = next(place for place, part in enumerate(parts)
+                if b'"_type":"GoTo"' in open(part, "rb").read()) + 1
+    for part in parts[last:]:
+        os.remove(part)
+    monkeypatch.setattr(unended, "read_bytes", lambda file, most: (
+        read.append(file) or read_bytes(file, most)))
+    read = []
+    assert left_running(Run(read_record(path)).state) in may_be_live(str(tmp_path))
+    assert read == parts[last - 2:last] and last > 10
+
+
+@pytest.mark.parametrize("limit, value", [("TIME_LIMIT", -1.0), ("NEWEST_FILES", 1)])
+def test_a_record_that_cannot_be_read_or_not_in_time_is_said_to_be_so(tmp_path, record, monkeypatch,
+                                                                     limit, value):
+    monkeypatch.setattr(unended, limit, value)
+    if limit != "TIME_LIMIT":
+        with open(record, "r+") as file:
+            file.seek(300)
+            file.write("]")
+    assert may_be_live(str(tmp_path)).startswith(unended.UNKNOWN)
+
+
+def test_without_a_record_nothing_is_said(tmp_path):
+    assert may_be_live(str(tmp_path / "none")) == may_be_live(str(tmp_path)) == ""
