@@ -14,7 +14,7 @@ import unittest
 import rostest
 
 from behavior_controller.execution.events import SafeStateReported
-from behavior_controller.monitoring.record.files import runs
+from behavior_controller.monitoring.record import files
 from behavior_controller.monitoring.record.replay import read_record
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -242,7 +242,7 @@ class TestMission(unittest.TestCase):
         lines = self.lines(controller)
         self.assertIn("INFO attention and lifelike movement are off", lines[-4:],
                       controller.lines.text())
-        events = [line.event for line in read_record(runs(self.folder)[-1])]
+        events = [line.event for line in read_record(files.runs(self.folder)[-1])]
         reported = [event for event in events if isinstance(event, SafeStateReported)]
         self.assertEqual([[part.failure for part in event.parts] for event in reported],
                          [[None, None]])

@@ -10,6 +10,12 @@ import time
 import urllib.request
 from functools import partial
 
+from behavior_controller.execution.events import Asked
+from behavior_controller.folders import RECORDS
+from behavior_controller.monitoring.record.files import MOST_RUNS, is_written, runs
+from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.robot.requests import GoTo
+
 import drawn_trials
 from faulty_master import FaultyMaster
 from link_trials import (
@@ -239,9 +245,71 @@ def clock_set(trial, seconds):
         trial.within("visit over", when(tours, r"pass \d+: ", time.monotonic(), A_TOUR), A_TOUR)
         see_tours(trial, tours, 1)
     trial.stop(tours, robot, "at the end")
-    with open(trial.package.path("record/mission.jsonl")) as file:
+    with open(runs(trial.package.path("record"))[-1]) as file:
         times = [json.loads(line)["time"] for line in file]
     trial.require(times == sorted(times), "the times of the record go back")
+
+
+def clock_set_back(trial, starts):
+    """Runs under other names, several at once, with a clock that goes back: the record of a running
+    node, the newest one and a user's folder stay."""
+    place = os.path.join(trial.logs, RECORDS)
+    os.makedirs(os.path.join(place, "latest"))
+    kept = os.path.join(place, "latest", "mission.jsonl")
+    with open(kept, "w") as file:
+        file.write("a user's")
+    surroundings(trial)
+    trial.package.write("data/waiting.xml", WAITING)
+    trial.package.configure(recordDirectory="", missionRuns=1, scenarioSpecification="short")
+    trial.package.write("data/short.xml", WAITING.replace("<Sleep msec=\"600000\"/>",
+                                                          "<WelcomeSpeech/>"))
+    living = trial.node("__name:=waits", "_scenarioSpecification:=waiting")
+    living.lines.wait_for(re.compile(" record: ").search, A_START)
+    first, = runs(place)
+    for number in range(starts):
+        nodes = [trial.node(f"__name:=run_{number}_{other}", TZ=f"X{number}")
+                 for other in range(trial.draw.choice((1, 1, 3)))]
+        for node in nodes:
+            trial.require(node.wait(A_START) == 0, node.lines.text())
+        newest = [line.split(" record of this run: ")[1] for node in nodes
+                  for line in node.lines.text().split("\n") if " record of this run: " in line]
+        trial.require(runs(place)[-1] in newest, f"start {number + 1}: the newest run is another")
+    trial.require(os.path.exists(first) and is_written(first), "the running node has no record")
+    trial.require(len(runs(place)) == MOST_RUNS + 1, f"{len(runs(place))} records are kept")
+    with open(kept) as file:
+        trial.require(file.read() == "a user's", "the user's file has changed")
+    found = subprocess.run(("rosrun", "cssr_system", "replayMission", "latest"), timeout=A_TOUR,
+                           env=dict(os.environ, ROS_LOG_DIR=trial.logs), stdout=subprocess.PIPE)
+    trial.require(found.returncode == 0, "the latest is no record")
+    trial.times.append(f"{starts} starts")
+
+
+def killed_with_one_directory(trial, rounds):
+    """The node is killed in a drive and started again with the same recordDirectory: the record of
+    each run is there, with the drive in it, and an earlier version's record is as it was."""
+    place = os.path.join(trial.logs, "records")
+    os.makedirs(place)
+    earlier = os.path.join(place, "mission.jsonl")
+    with open(earlier, "w") as file:
+        file.write("earlier")
+    robot = surroundings(trial)[1]
+    trial.package.configure(recordDirectory=place)
+    robot.set_mode(DRIVE, "hang")
+    for _ in range(rounds):
+        node = trial.node()
+        robot.wait_for_request(DRIVE, A_TOUR, start=len(robot.lines.all))
+        time.sleep(trial.draw.uniform(0.5, 2.0))
+        node.process.kill()
+        node.process.wait()
+    drives = [sum(isinstance(line.event, Asked) and isinstance(line.event.request, GoTo)
+                  for line in read_record(path)) for path in runs(place)]
+    trial.require(len(drives) == rounds and all(drives), f"drives on record: {drives}")
+    with open(earlier) as file:
+        trial.require(file.read() == "earlier", "the earlier version's record has changed")
+    robot.kill()
+    refused = trial.node()
+    trial.require(refused.wait(A_START) == 1, "a start without a robot is not refused")
+    trial.require("still be driving to" in refused.lines.text(), "not said that it may still drive")
 
 
 # ----------------------------------------------------------------------------- what they consist of
@@ -326,6 +394,8 @@ TRIALS += [
     ("tests started beside the mission", 240, tests_beside),
     ("clock set back by an hour", 300, partial(clock_set, seconds=-3600)),
     ("clock set forward by an hour", 300, partial(clock_set, seconds=3600)),
+    ("records with a clock that goes back", 600, partial(clock_set_back, starts=22)),
+    ("killed with one recordDirectory", 240, partial(killed_with_one_directory, rounds=3)),
 ]
 TRIALS += drawn_trials.TRIALS
 

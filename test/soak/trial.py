@@ -38,7 +38,8 @@ class Trial:
         self.draw = draw
         self.times, self.problems = [], []
         self._nodes = []
-        self._log = {"ROS_LOG_DIR": os.path.join(folder, "log")}
+        self.logs = os.path.join(folder, "log")
+        self._log = {"ROS_LOG_DIR": self.logs}
 
     # ------------------------------------------------------------------------------- what it starts
 
