@@ -6,18 +6,23 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
 from behavior_controller.config import knowledge_files
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import ConfigurationError
+from behavior_controller.execution.events import HealthChanged, Noticed
+from behavior_controller.monitoring.record import files
+from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.robot.interfaces import INTERFACES
 
 from unit_tests.robot import options
 from unit_tests.robot.behaviour import NODES, nodes
 from unit_tests.robot.world import load_building
 from unit_tests.run import controller
+from unit_tests.run.test_node import RecordTail
 
 REPOSITORY = os.path.dirname(
     os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
@@ -255,3 +260,23 @@ def test_a_node_whose_types_are_not_built_says_so_in_one_line():
         stderr=subprocess.PIPE, universal_newlines=True)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (4, "", 1)
     assert done.stderr.startswith("faceDetection: ") and "cssr_system" in done.stderr
+
+
+def test_a_record_in_several_files_is_read_while_it_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "FILE_BYTES", 2000)
+    tail, found = RecordTail(str(tmp_path)), []
+    assert list(tail.news()) == []
+    record = Record(str(tmp_path), pytest.fail).open()
+    record(HealthChanged("service", "/a", "", False, "gone", "", "gone"))
+    for number in range(100):
+        record(Noticed("info", str(number)))
+        if number % 20 == 0:
+            ends = time.monotonic() + 10.0
+            while not found or getattr(found[-1], "text", "") != str(number):
+                found += [line.event for line in tail.news()]
+                assert time.monotonic() < ends
+                time.sleep(0.01)
+    record.close()
+    found += [line.event for line in tail.news()]
+    assert [event.text for event in found[1:]] == list(map(str, range(100)))
+    assert len(files.parts(record.path)) > 3

@@ -117,6 +117,8 @@ class RunFiles:
         self.path = os.path.join(folder, FILE_NAME)
         self.lines = 0
         """Number of lines written, without those of heads."""
+        self.size = 0
+        """Bytes of the newest file with what was added, without its head."""
         self.is_lost = False
         """The newest file cannot be written any more: the disk it was on is gone, or broken."""
         self._head = head
@@ -133,11 +135,7 @@ class RunFiles:
     def add(self, line: bytes) -> None:
         """Have a line written by the next ``flush``."""
         self._pending += line
-
-    def is_full(self, line: bytes, share: float = 1.0) -> bool:
-        """Return whether a line does not fit into that share of the newest file any more."""
-        size = max(0, self._sizes[max(self._sizes)] - len(self._head)) + len(self._pending)
-        return size > 0 and size + len(line) > share * FILE_BYTES
+        self.size += len(line)
 
     def flush(self) -> None:
         """Write what was added. Raises OSError if a part of it is left to the next call."""
@@ -165,7 +163,7 @@ class RunFiles:
         if self._file != self._first:
             os.close(self._file)
         self._file, self._head, self.is_lost = file, head, False
-        self._sizes[number] = 0
+        self._sizes[number], self.size = 0, len(self._pending)
         while len(self._sizes) > 1 and sum(self._sizes.values()) + FILE_BYTES > RUN_BYTES:
             self._drop_oldest()
 

@@ -192,7 +192,16 @@ class Outset:
 
     def take(self, event: events.Event) -> None:
         """Note the next event."""
-        if isinstance(event, events.EntriesWritten):
+        kind, key_of = type(event), LASTING.get(type(event))
+        if key_of is not None:
+            key = kind, key_of(event)
+            if kind not in (events.TreeShown, events.RunStarted):  # which stay first
+                self._lasting.pop(key, None)
+            if kind is events.TreeShown:
+                self._entries.clear()
+            if not (isinstance(event, events.HealthChanged) and event.is_well):
+                self._lasting[key] = [event]
+        elif isinstance(event, events.EntriesWritten):
             self._entries.update(event.entries)
         elif isinstance(event, events.Answered):
             for about in reversed(list(self._lasting.values())):
@@ -202,14 +211,6 @@ class Outset:
         elif isinstance(event, events.PassFinished):
             self._visits = event.number
             self._lasting.pop((events.PassStarted, None), None)
-        elif type(event) in LASTING:
-            key = type(event), LASTING[type(event)](event)
-            if not isinstance(event, (events.TreeShown, events.RunStarted)):  # which stay first
-                self._lasting.pop(key, None)
-            if isinstance(event, events.TreeShown):
-                self._entries.clear()
-            if not (isinstance(event, events.HealthChanged) and event.is_well):
-                self._lasting[key] = [event]
 
     def head(self, lines: int, at: float) -> bytes:
         """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
@@ -330,7 +331,8 @@ class Record(Feed, Topics):
         if not 0 < len(text) <= LONGEST_LINE:
             event = events.Lost(1, f"a line of the kind {type(event).__name__} cannot be written")
             text = encode(line.time, event)
-        if out.is_full(text, 0.5 if isinstance(event, events.PassStarted) else 1.0):
+        room = files.FILE_BYTES // (2 if isinstance(event, events.PassStarted) else 1)
+        if out.size and out.size + len(text) > room:
             out.flush()
             out.begin_next(self._outset.head(out.lines, line.time))
         self._outset.take(event)
