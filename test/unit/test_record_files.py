@@ -364,12 +364,15 @@ def test_after_a_disk_was_gone_the_run_goes_on_without_a_gap(tmp_path, monkeypat
                                                              parts):
     monkeypatch.setattr(module, "RETRY", 0.05)
     expected, left = whole(tmp_path, 2), [times]
-    write, told = os.pwrite, Told()
+    write, told, torn = os.pwrite, Told(), []
 
     def fail(file, data, place):
-        if place and left[0]:
+        if place and left[0] and not torn:
+            torn.append(len(data) - 50)  # within a line; that much is taken
+            return write(file, data[:len(data) - 50], place)
+        if torn and left[0]:
             left[0] -= 1
-            write(file, data[:len(data) // 2], place)  # torn within a line
+            write(file, data[:20], place)  # it is written, though that fails
             raise OSError(kind, os.strerror(kind))
         return write(file, data, place)
 
@@ -384,6 +387,27 @@ def test_after_a_disk_was_gone_the_run_goes_on_without_a_gap(tmp_path, monkeypat
     assert left == [0] and len(told.texts) == 2 and os.strerror(kind) in told.texts[0]
     assert events_of(record.path) == expected
     assert len(files.parts(record.path)) == parts
+
+
+def test_a_further_file_that_cannot_be_made_is_tried_again(tmp_path, small, monkeypatch):
+    expected, made, told = whole(tmp_path, 2), files._created, Told()
+    failures = iter([True, True])
+
+    def create(path):
+        if "mission." in path and not path.endswith("mission.jsonl") and next(failures, False):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return made(path)
+
+    monkeypatch.setattr(module, "RETRY", 0.05)
+    monkeypatch.setattr(files, "FILE_BYTES", 50_000)
+    monkeypatch.setattr(files, "_created", create)
+    record = Record(str(tmp_path), told).open()
+    for event in expected:
+        record(event)
+    told.wait(2)
+    record.close()
+    assert len(told.texts) == 2 and len(files.parts(record.path)) > 2
+    assert events_of(record.path) == expected
 
 
 def test_a_record_of_nothing_says_so(tmp_path):
