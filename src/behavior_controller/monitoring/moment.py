@@ -11,7 +11,7 @@ from behavior_controller.execution.state import HOME, Robot, State, Step
 from behavior_controller.monitoring.parts import Card, Kind, RobotLine
 from behavior_controller.monitoring.story import (
     STOP_BUTTON, cause, condition, conditions, few, listed, may_be_under_way, may_move, run_end,
-    stop_name, step_words, switched_off)
+    stop_name, step_words, switched_off, under_way_warning)
 from behavior_controller.robot.requests import SetAnimation, SetAttention
 from behavior_controller.text import clean
 
@@ -210,19 +210,16 @@ def instruction(state: State) -> str:
 
 
 def left_running(state: State) -> str:
-    """Return what may be on or under way after a run that was killed, and what a person has to do;
-    empty: nothing."""
-    robot, parts = state.robot, []
+    """Return what may be on or under way after a run without a safe state, and what a person has to
+    do; empty: nothing."""
+    robot = state.robot
     on = [kind.switches
           for kind, last in ((SetAttention, robot.attention), (SetAnimation, robot.animation))
           if kind.__name__ in robot.services and (last is None or last.state != "disabled")]
-    if on:
-        them = "it" if len(on) == 1 else "them"
-        parts.append(f"{listed(on)} may be on: switch {them} off by hand")
-    if robot.goal is not None or robot.goal_name and robot.place is None:
-        way = HOME if robot.goal_name == HOME else f"to {robot.goal_name or 'its goal'}"
-        parts.append(f"it may still be driving {way}: keep the stop button at hand")
-    return clean("the robot may be live: " + "; ".join(parts)) if parts else ""
+    parts = [f"{listed(on)} may be on: switch {'it' if len(on) == 1 else 'them'} off by hand"
+             if on else "", under_way_warning(state)]
+    text = "; ".join(filter(None, parts))
+    return clean("the robot may be live: " + text) if text else ""
 
 
 def _repairs(state: State) -> Iterator[str]:

@@ -276,6 +276,12 @@ def may_move(state: State) -> bool:
     return any(exchange.request.effect == MOTION for exchange in state.robot.unfinished)
 
 
+def under_way_warning(state: State) -> str:
+    """Return this with what a person has to do about it."""
+    under_way = may_be_under_way(state)
+    return f"{under_way}: {STOP_BUTTON}" if may_move(state) else under_way
+
+
 def switched_off(state: State) -> str:
     """Return ``attention and lifelike movement are off``, of the parts of the safe state that were
     reached; empty for none.
@@ -291,8 +297,7 @@ def safe_state(state: State) -> str:
     """
     if state.safe_state is None:
         return ""
-    parts, under_way = state.safe_state.parts, may_be_under_way(state)
-    texts = [switched_off(state)]
+    parts, texts = state.safe_state.parts, [switched_off(state)]
     if not parts:
         texts = ["the robot has neither attention nor lifelike movement to switch off"]
     for part in parts:
@@ -300,9 +305,7 @@ def safe_state(state: State) -> str:
             texts.append(f"whether {part.what} is off is not known: {cause(part.failure)}")
         elif part.failure is not None:
             texts.append(f"{part.what} could not be switched off: {cause(part.failure)}")
-    if under_way:
-        texts.append(f"{under_way}: {STOP_BUTTON}" if may_move(state) else under_way)
-    return clean("; ".join(filter(None, texts)))
+    return clean("; ".join(filter(None, [*texts, under_way_warning(state)])))
 
 
 def ordinal(number: int) -> str:

@@ -3,6 +3,7 @@ import os
 import time
 from typing import List
 
+from behavior_controller import exit_codes
 from behavior_controller.errors import MissionError
 from behavior_controller.execution.events import RunFinished
 from behavior_controller.execution.fold import fold
@@ -43,7 +44,8 @@ def may_be_live(place: str) -> str:
 
 
 def _end(parts: List[str]) -> State:
-    """Return what was so at the end of these files. Raises TimeoutError after ``TIME_LIMIT``."""
+    """Return what was so when the run of these files was killed. Raises TimeoutError after
+    ``TIME_LIMIT``."""
     state, decoder, until = State(), None, time.monotonic() + TIME_LIMIT
     for file in parts:
         decoder = Decoder(file, decoder)
@@ -51,4 +53,4 @@ def _end(parts: List[str]) -> State:
             state = fold(state, line.time, line.event)
             if time.monotonic() > until:
                 raise TimeoutError
-    return state
+    return fold(state, state.at, RunFinished("killed", exit_codes.BROKEN))
