@@ -340,6 +340,58 @@ def test_the_hooks_of_a_client_that_is_gone_are_removed_and_so_are_the_next_clie
     assert served.told("removed: its client is gone", 2)
 
 
+def polled(client, is_over):
+    """Have ``client`` poll as Groot2 does until ``is_over()``; return the seconds that it took."""
+    began = time.monotonic()
+    while not is_over():
+        assert time.monotonic() < began + 10.0
+        client.ask("S")
+        time.sleep(0.03)
+    return time.monotonic() - began
+
+
+@pytest.mark.parametrize("served", [1.5], indirect=True)
+@pytest.mark.parametrize("go", [Client.close, lambda client: None], ids=["closed", "silent"])
+def test_the_hooks_of_a_client_that_is_gone_are_removed_while_another_one_polls(served, go):
+    tree = tree_of('<Sequence><Act name="a"/><Act name="b"/></Sequence>', a="S", b="F")
+    served.show(tree)
+    gone, other = served.client(), served.client()
+    other.ask("I", hook(3, status="SUCCESS"))
+    gone.ask("I", "[{},{}]".format(hook(2, mode=0), hook(1, position=1, status="FAILURE")))
+    assert tree.tick_exactly_once() is RUNNING
+    go(gone)
+    assert polled(other, lambda: tree.tick_exactly_once() is SUCCESS) < 1.5 + 2.0
+    assert [each["uid"] for each in json.loads(other.ask("D"))] == [3]
+    assert served.told("is removed: its client is gone", 2)
+
+
+@pytest.mark.parametrize("served", [1.5], indirect=True)
+def test_a_hook_belongs_to_the_client_that_set_it_last(served):
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    first, last, other = served.client(), served.client(), served.client()
+    first.ask("I", hook(1, mode=0))
+    last.ask("I", hook(1, mode=0, status="SKIPPED"))
+    first.close()
+    assert tree.tick_exactly_once() is RUNNING
+    ends = time.monotonic() + 3.0
+    polled(last, lambda: time.monotonic() > ends)
+    assert tree.tick_exactly_once() is RUNNING and len(json.loads(last.ask("D"))) == 1
+    last.close()
+    polled(other, lambda: tree.tick_exactly_once() is SUCCESS)
+    assert other.ask("D") == b"[]"
+
+
+@pytest.mark.parametrize("release", ["R", "A", "X", "U"])
+def test_any_client_may_release_a_breakpoint(served, release):
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    served.client().ask("I", hook(1, mode=0))
+    assert tree.tick_exactly_once() is RUNNING
+    assert served.client().ask(release, json.dumps(GOOD["U"])) is None
+    assert tree.tick_exactly_once() is SUCCESS
+
+
 def test_disabling_a_breakpoint_that_was_reached_lets_its_node_go_on(served):
     tree = tree_of('<Act name="a"/>', a="S")
     served.show(tree)

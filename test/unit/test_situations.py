@@ -175,6 +175,7 @@ def breakpoint_of_groot2():
     assert (played.card.kind, played.card.uid) == ("held", 3)
     assert "SayGoodByeSpeech" in played.card.what and played.card.since == 1000.0
     assert "Groot2" in played.card.waits_for
+    assert played.robot.instruction == "Release the breakpoint in Groot2, or disconnect Groot2"
     return played, ["nothing runs", "saying"]
 
 

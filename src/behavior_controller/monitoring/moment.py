@@ -241,6 +241,8 @@ def _repairs(state: State) -> Iterator[str]:
     if isinstance(pause, Paused) and not pause.awaited:
         if state.robot.trouble(pause.failure.resource) is None:
             yield "repair what fails: " + cause(pause.failure)
+    if state.held:
+        yield "release the breakpoint in Groot2, or disconnect Groot2"
     if _left_on(state):
         yield f"switch {listed(_left_on(state))} off by hand"
 

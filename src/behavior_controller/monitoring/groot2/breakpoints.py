@@ -5,6 +5,9 @@ breakpoint of the library stops the ticking thread, ours stops the node, and eve
 deadlines, topics) goes on. Every hook that is set, acts, or is removed is reported to the operator:
 a robot that stops at a hook must not look broken.
 
+A hook belongs to the client that set or changed it last, and is removed when that client is gone:
+the library asks only whether any client is there. Any client may remove, disable or unlock it.
+
 ``Hooks`` is the list that clients change, on the publisher's thread. Each change is posted to the
 tick thread, which alone sets hooks on nodes (``_NodeHooks``) and posts back those that have removed
 themselves.
@@ -75,6 +78,7 @@ class Hooks:
         self._clock, self._wake = tree.clock, tree.wake
         self._nodes = {node.uid: _NodeHooks(node, self) for node in tree.nodes}
         self._listed: Dict[Tuple[int, int], Hook] = {}  # by position and uid
+        self._owners: Dict[Tuple[int, int], bytes] = {}  # likewise; also of hooks that are gone
         # those that have removed themselves, on the tick thread
         self.gone: Deque[Hook] = collections.deque()
 
@@ -92,12 +96,13 @@ class Hooks:
                 if self._listed.get(hook.key) is hook:
                     self._listed.pop(hook.key, None)
 
-    def insert(self, hooks: Iterable[Hook]) -> None:
-        """Add each hook, or change the one at its place; a hook of an unknown node is passed over,
-        as the library does."""
+    def insert(self, hooks: Iterable[Hook], owner: bytes = b"") -> None:
+        """Add each hook of the client ``owner``, or change the one at its place; a hook of an
+        unknown node is passed over, as the library does."""
         # the last hook for a place counts: a client that floods must not occupy the tick thread
         newest = {hook.key: hook for hook in hooks if hook.uid in self._nodes}
         self._listed.update(newest)
+        self._owners.update(dict.fromkeys(newest, owner))
         for hook in newest.values():
             self._post(self._nodes[hook.uid].insert, hook)
 
@@ -127,9 +132,12 @@ class Hooks:
             disabled = self._listed[hook.key] = replace(hook, enabled=False)
             self._post(self._nodes[hook.uid].release, disabled, "is disabled")
 
-    def remove_all(self, reason: str = "") -> None:
+    def remove_all(self, reason: str = "",
+                   is_removed: Callable[[bytes], bool] = lambda owner: True) -> None:
+        """Remove the hooks of each client for which ``is_removed``."""
         for hook in self.all():
-            self.remove(hook, reason)
+            if is_removed(self._owners[hook.key]):
+                self.remove(hook, reason)
 
     def _post(self, change: Callable[..., None], *arguments: Any) -> None:
         """Post a change to the tick thread and wake it."""

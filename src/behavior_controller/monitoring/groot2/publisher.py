@@ -39,8 +39,8 @@ see it."""
 
 MOST_TRANSITIONS = 1000
 HEARTBEAT = 5.0
-"""Seconds without a request after which the client counts as gone: its breakpoints must not hold
-the robot."""
+"""Seconds without a request after which a client, which is one connection, counts as gone: its
+breakpoints must not hold the robot."""
 
 PACE = 0.002
 """The shortest time between two requests, in seconds: a client that floods must not slow the
@@ -117,8 +117,9 @@ class Groot2Publisher:
         self._front.add_sockets(self._sockets[0])
         Front(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
         # without the check for a client that is gone, no breakpoint may hold the robot
-        self._task = asyncio.ensure_future(self._serve())
-        self._task.add_done_callback(self._served)
+        self._tasks = list(map(asyncio.ensure_future, (self._serve(), self._check_clients())))
+        for task in self._tasks:
+            task.add_done_callback(self._served)
 
     def _served(self, task: "asyncio.Task[None]") -> None:
         """End if serving ended by an error, which asyncio would print with its traceback."""
@@ -154,29 +155,37 @@ class Groot2Publisher:
 
     async def _serve(self) -> None:
         """Answer requests one by one, at a limited rate; the parts before the empty one are the
-        sender's address. Remove the hooks of a client that is gone: they must not hold the robot.
-        """
+        sender's address, which begins with its connection."""
         while True:
-            while not await self._requests.poll(int(1000 * HEARTBEAT)):
-                if self._shown is not None:
-                    self._shown.hooks.remove_all(": its client is gone")
             parts = await self._requests.recv_multipart()
             self._front.note_request(parts[0])
             if b"" in parts[:-1]:
                 start = parts.index(b"") + 1
-                await self._requests.send_multipart(parts[:start] + self._answer(parts[start:]))
+                answer = self._answer(parts[start:], parts[0])
+                await self._requests.send_multipart(parts[:start] + answer)
             await asyncio.sleep(PACE)
 
-    def _answer(self, frames: List[bytes]) -> List[bytes]:
+    async def _check_clients(self) -> None:
+        """Remove the hooks of a client that is gone, also while others ask: they must not hold the
+        robot."""
+        while True:
+            await asyncio.sleep(HEARTBEAT / 10)
+            if self._shown is not None:
+                self._shown.hooks.remove_all(
+                    ": its client is gone",
+                    lambda client: self._front.silence(client) >= HEARTBEAT)
+
+    def _answer(self, frames: List[bytes], client: bytes) -> List[bytes]:
         """Return the reply to one request, valid or not."""
         try:
-            return self._reply(frames, self._shown)
+            return self._reply(frames, client, self._shown)
         # what a client sends, or a value of the mission, must not end the service
         except Exception as error:
             kind = "" if isinstance(error, Refused) else f"{type(error).__name__}: "
             return [b"error", f"{kind}{error}".encode("utf-8", "replace")]
 
-    def _reply(self, frames: List[bytes], shown: "Optional[_Shown]") -> List[bytes]:
+    def _reply(self, frames: List[bytes], client: bytes,
+               shown: "Optional[_Shown]") -> List[bytes]:
         if len(frames[0]) != 6:
             raise Refused("wrong request header")
         if shown is None:
@@ -184,6 +193,7 @@ class Groot2Publisher:
         _, kind, number = struct.unpack("<BBI", frames[0])
         if chr(kind) not in _COMMANDS:
             raise Refused("Request not recognized")
+        shown.client = client
         payload = _COMMANDS[chr(kind)](shown, frames)
         header = struct.pack("<BBI", PROTOCOL, kind, number) + shown.uuid
         return [header] if payload is None else [header, payload]
@@ -196,6 +206,7 @@ class _Shown:
         self.tree = tree
         self.uuid = uuid.uuid4().bytes
         self.hooks = hooks
+        self.client = b""  # whose request is carried out
         # as in the library: grouped by subtree instance, in the order in which these were made
         instances = [id(board) for board in tree.blackboards.values()]
         self._nodes = sorted(tree.nodes, key=lambda node: instances.index(id(node.blackboard)))
@@ -238,7 +249,7 @@ class _Shown:
     def insert_hooks(self, frames: List[bytes]) -> None:
         """``I``: one hook or an array of them; if one is wrong, none is set."""
         given = _read(frames, Union[Hook, List[Hook]])
-        self.hooks.insert(given if isinstance(given, list) else [given])
+        self.hooks.insert(given if isinstance(given, list) else [given], self.client)
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""

@@ -7,7 +7,9 @@ protocol.
 """
 import asyncio
 import contextlib
+import math
 import socket
+import time
 import uuid
 from typing import Any, AsyncIterator, Awaitable, Dict, Optional
 
@@ -72,6 +74,13 @@ class Front(TCPServer):
         """Note a complete request from the client that a ROUTER socket calls ``name``."""
         if name in self._clients:
             self._clients[name].unanswered = 0
+            self._clients[name].requested_at = time.monotonic()
+
+    def silence(self, name: bytes) -> float:
+        """Return the seconds since the last complete request of that client; infinite if its
+        connection is over."""
+        client = self._clients.get(name)
+        return time.monotonic() - client.requested_at if client is not None else math.inf
 
     def connect(self, name: bytes, client: "_Client") -> None:
         """Connect the ZeroMQ socket to the listener ``name``, an abstract Unix socket without a
@@ -100,6 +109,7 @@ class _Client:
         self._front = front
         self._stream = stream
         self.unanswered = 0
+        self.requested_at = -math.inf  # at the last complete request
 
     async def serve(self) -> None:
         """Copy in both directions until either side ends, for any reason."""
