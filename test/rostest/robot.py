@@ -205,6 +205,13 @@ def forget_dead_entries():
             master.unregisterPublisher(topic, master.lookupNode(node))
 
 
+def registrations(node):
+    """Return the names of all topics and services that the master lists for ``node``: of a topic
+    that it publishes and subscribes to twice."""
+    return sorted(name for rows in rosgraph.Master("/test").getSystemState()
+                  for name, nodes in rows if node in nodes)
+
+
 def free_ports():
     """Return a port for Groot2, which takes the next one too, and one for the page."""
     port = free_port(3)

@@ -24,6 +24,7 @@ from robot import (
     Robot,
     forget_dead_entries,
     mission_starts,
+    registrations,
     run_master,
     sentence,  # noqa: E402
     start_master)
@@ -195,16 +196,19 @@ class TestMonitor(unittest.TestCase):
     def test_a_new_master_is_told_and_the_robots_nodes_are_used_where_they_are(self):
         master = self.own_master()
         robot = self.robot()
-        controller = self.start(WAITING + TALKING + "<LookUpHome/><Navigate/>", missionRuns="1")
+        controller = self.start(WAITING + TALKING + "<LookUpHome/><Navigate/>", missionRuns="1",
+                                rosInterface="true")
         time.sleep(0.7)  # the connections that are watched stand
+        before = registrations("/behaviorController")
         end(master)
         replaced = time.monotonic()
         self.addCleanup(end, run_master(os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]))
         self.wait_for(controller, replaced, "master", "a new one", "textToSpeech",
                       "start them again", limit=10.0)
         self.assertNotIn("answers again", controller.lines.text())
-        subscribers = dict(rosgraph.Master("/test").getSystemState()[1])
-        self.assertIn("/behaviorController", subscribers.get(FACES, []))
+        self.assertTrue({FACES, "/rosout", "/diagnostics", "/behaviorController/stop"}
+                        < set(before), before)
+        self.assertEqual(registrations("/behaviorController"), before)
         # the mission calls its services only now, which this master never knew
         robot.publish(FACES, hertz=20)
         self.assertEqual(controller.wait(10), 0, controller.lines.text())

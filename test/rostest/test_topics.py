@@ -15,10 +15,11 @@ import rosgraph
 import rospy
 import rostest
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from commanded_robot import garbled  # noqa: E402
-from robot import Robot, forget_dead_entries  # noqa: E402
+from robot import Robot, forget_dead_entries, registrations  # noqa: E402
 
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.execution.events import Events  # noqa: E402
@@ -347,6 +348,25 @@ class TestTopics(unittest.TestCase):
         before = used()
         time.sleep(seconds)
         return (used() - before) / seconds
+
+    def test_all_that_a_master_forgets_of_this_node_is_registered_again(self):
+        me, uri = rospy.get_name(), rospy.core.get_node_uri()
+        subscriber = rospy.Subscriber("/forgotten", String)
+        service = rospy.Service("~called", Trigger, lambda request: (True, ""))
+        master, before = rosgraph.Master(me), registrations(me)
+        self.assertTrue({"/rosout"} < set(before) > {"/forgotten", me + "/called"}, before)
+        service_uri = master.lookupService(me + "/called")
+        for topic in before:
+            master.unregisterSubscriber(topic, uri)
+            master.unregisterPublisher(topic, uri)
+            master.unregisterService(topic, service_uri)
+        publisher = rospy.Publisher("/forgotten", String, queue_size=1)  # of which nobody is told
+        self.wait_until(lambda: registrations(me) == sorted(before + ["/forgotten"]))
+        self.assertEqual(master.lookupService(me + "/called"), service_uri)
+        self.wait_until(lambda: publisher.get_num_connections() == 1)
+        publisher.unregister()
+        subscriber.unregister()
+        service.shutdown()
 
     def test_a_subscription_that_is_being_registered_when_the_node_ends_is_unregistered_too(self):
         directory = Directory()

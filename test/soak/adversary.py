@@ -20,10 +20,11 @@ import drawn_trials
 from faulty_master import FaultyMaster
 from link_trials import (
     DEATH_LIMIT, PATIENCE, TOLD_LIMIT, cut, cut_while_it_starts, lab_tour, when_dead)
-from robot import free_ports, start_master
+from robot import free_ports, registrations, start_master
 from tour_model import DRIVE
 from trial import GONE, STOP_LIMIT, longest_gap, sleep_until, when
 
+NODE = "/behaviorController"
 DRIVE_DEADLINE = 10.0  # s
 A_TOUR = 40.0  # s, in which one ends on a loaded computer; alone it takes a few
 A_START = 20.0  # s
@@ -71,12 +72,14 @@ def frozen_master(trial, seconds):
 
 
 def new_master(trial):
-    """A new roscore knows none of the nodes that run: tours go on, and a line reports the new
-    master."""
+    """A new roscore knows none of the nodes that run: tours go on, a line reports the new master,
+    and all that the node had registered is registered again."""
     master, robot = surroundings(trial)
-    trial.package.configure(verboseMode="true", robotNavigationDeadline=DRIVE_DEADLINE)
+    trial.package.configure(verboseMode="true", robotNavigationDeadline=DRIVE_DEADLINE,
+                            rosInterface="true")
     tours = trial.node()
     see_tours(trial, tours, 1)
+    before = registrations(NODE)
     end(master)
     see_tours(trial, tours, 1)
     time.sleep(TOLD_LIMIT)  # the messages about the old one are over
@@ -84,6 +87,9 @@ def new_master(trial):
     started = time.monotonic()
     trial.within("a new master is said after", when(tours, r"master .*\bnew\b", started, PATIENCE),
                  TOLD_LIMIT)
+    after = registrations(NODE)
+    trial.times.append("{} registrations".format(len(after)))
+    trial.require(NODE + "/stop" in before == after, "before {}, after {}".format(before, after))
     hang_a_drive(trial, robot, tours)  # the calls after it need a new connection
     see_tours(trial, tours, 3)
     trial.stop(tours, robot, "at the end")

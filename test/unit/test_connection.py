@@ -15,7 +15,7 @@ NODES = [["/a", ["/n", "/m"]], ["/b", []]]
 SANE = {
     "getSystemState": [NODES, [],
                        NODES], "lookupService": "rosrpc://h:1", "lookupNode": "http://h:1/",
-    "getParam": {"a": [1, "b"]}, "getPublications": [["/a", "std_msgs/String"]],
+    "getParam": {"a": [1, "b"]}, "registerService": 1, "publisherUpdate": 0,
     "registerPublisher": ["http://h:1/"], "registerSubscriber": [], "unregisterSubscriber": 1,
     "deleteParam": 0, "getPid": 77, "requestTopic": ["TCPROS", "h", 1]
 }
@@ -72,10 +72,11 @@ def of_texts(value):
 
 FITS = {"getParam": lambda value: True,
         **dict.fromkeys(
-            ("unregisterSubscriber", "deleteParam", "getPid"), lambda value: type(value) is int),
+            ("unregisterSubscriber", "deleteParam", "getPid", "registerService", "publisherUpdate"),
+            lambda value: type(value) is int),
         "lookupNode": lambda value: isinstance(value, str),
         "lookupService": lambda value: isinstance(value, str), "registerPublisher": of_texts,
-        "registerSubscriber": of_texts, "getPublications": lambda value: value == [],
+        "registerSubscriber": of_texts,
         "getSystemState": lambda value: value == ([], [], []), "requestTopic": lambda value: False}
 """Whether a value of ``GARBAGE`` happens to be one that the method may return."""
 
@@ -97,7 +98,7 @@ def test_a_sane_answer_is_returned(method):
 
 @pytest.mark.parametrize("method, fails", [
     ("lookupService", False), ("lookupNode", False), ("getParam", False), ("requestTopic", False),
-    ("getSystemState", True), ("registerSubscriber", True), ("getPublications", True)])
+    ("getSystemState", True), ("registerSubscriber", True), ("registerService", True)])
 def test_a_reported_failure_is_none_where_that_means_something(method, fails):
     with Peer(answered([-1, "no", 0])) as uri:
         if fails:

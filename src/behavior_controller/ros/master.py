@@ -23,10 +23,11 @@ import rospy
 import rospy.impl.init
 from rospy.impl.masterslave import ROSHandler
 from rospy.impl.paramserver import get_param_server_cache
+from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from behavior_controller.errors import ConfigurationError, NodesMissing
 from behavior_controller.robot.gateway import Cause, NO_ACTION, NOT_OFFERED
-from behavior_controller.ros.tcpros import Trouble, ask, ask_master
+from behavior_controller.ros.tcpros import Named, Trouble, ask, ask_master
 from behavior_controller.ros.timeouts import Stopped
 
 QUERY_LIMIT = 1.5
@@ -72,7 +73,6 @@ class Directory:
         self._subscriptions: Dict[str, str] = {}  # topic: type
         self._publishing: Mapping[str, Any] = {}  # topic: names of the nodes that publish it
         self._offered: FrozenSet[str] = frozenset()
-        self._is_registered = False
         self.unanswered = 0
         """Rounds with an unanswered question since the last without."""
         self._has_failed = False  # a question of this round
@@ -170,14 +170,26 @@ class Directory:
         """Read the master's state, and register what it does not know. Raises ``Trouble`` without
         an answer."""
         publishers, subscribers, services = self._ask("getSystemState")
-        ours = {topic for topic, nodes in publishers + subscribers if rospy.get_name() in nodes}
-        # rospy registers /rosout first, so it is missing if another node of our name has removed
-        # anything
-        if self._subscriptions and not ours.issuperset({ROSOUT, *self._subscriptions}):
-            self._register()
+        missing = self._missing(publishers, subscribers, services)
+        if self._subscriptions and missing:
+            self._register(missing)
         with self._lock:
             self._publishing = dict(publishers)
             self._offered = frozenset(name for name, _ in publishers + services)
+
+    def _missing(self, publishers: Named, subscribers: Named,
+                 services: Named) -> List[Tuple[str, str, str]]:
+        """Return what this node has and the master does not list: the method that registers it, its
+        name, and its type or address."""
+        me, topics = rospy.get_name(), get_topic_manager()
+        subscribed = {**dict(topics.get_subscriptions()), **self._subscriptions}
+        # without rospy's lock, which it holds while it waits for a master
+        offered = [(name, service.uri) for name, service in list(get_service_manager().map.items())]
+        kinds = [("registerPublisher", topics.get_publications(), dict(publishers)),
+                 ("registerSubscriber", subscribed.items(), dict(subscribers)),
+                 ("registerService", offered, dict(services))]
+        return [(method, name, value) for method, own, nodes in kinds
+                for name, value in own if me not in nodes.get(name, ())]
 
     def _ask(self, method: str, *arguments: Any) -> Any:
         """Call the master, and note if it fails to answer; its return is noted after a whole
@@ -192,31 +204,29 @@ class Directory:
             is_slow = time.monotonic() - asked_at > SLOW
             self.slow_answers = self.slow_answers + 1 if is_slow else 0
 
-    def _register(self) -> None:
-        """Register the subscriptions, and what rospy had registered; end if another node has our
-        name."""
+    def _register(self, missing: List[Tuple[str, str, str]]) -> None:
+        """Register what is missing; end if another node has our name."""
         me, uri = rospy.get_name(), rospy.core.get_node_uri()
         with self.registering:
             if rospy.core.is_shutdown_requested():
                 return
             if self._ask("lookupNode", me) in (None, uri):
-                self._register_all(uri)
+                self._register_all(missing, uri)
                 return
         # the master asks the older node to end only once, and that may be lost
         rospy.signal_shutdown(NAME_IS_TAKEN)
 
-    def _register_all(self, uri: str) -> None:
-        if self._is_registered:
-            self._is_registered = False
+    def _register_all(self, missing: List[Tuple[str, str, str]], uri: str) -> None:
+        # rospy registers /rosout first of all: without it the master has forgotten this node
+        if rospy.resolve_name(ROSOUT) in (name for _, name, _ in missing):
             with self._lock:
                 self._former.update(self._known)
                 self._known.clear()
-        # a node that started at the same moment may have removed them
-        for topic, message_type in ask(uri, "getPublications", seconds=QUERY_LIMIT):
-            self._ask("registerPublisher", topic, message_type, uri)
-        for topic, message_type in self._subscriptions.items():
-            self._ask("registerSubscriber", topic, message_type, uri)
-        self._is_registered = True
+        for method, name, value in missing:
+            answer = self._ask(method, name, value, uri)
+            if method == "registerSubscriber" and answer:
+                # rospy connects to the publishers that it is told of
+                ask(uri, "publisherUpdate", name, answer, seconds=QUERY_LIMIT)
 
     def sign_off(self) -> None:
         """Unregister the subscriptions, if the master answers; rospy is shutting down, so none is

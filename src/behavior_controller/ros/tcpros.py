@@ -63,9 +63,10 @@ ANSWERS: Dict[str, Any] = {
     "lookupService": Optional[str],
     "lookupNode": Optional[str],
     "getParam": Any,
-    "getPublications": List[Tuple[str, str]],  # name and type
     "registerPublisher": List[str],
     "registerSubscriber": List[str],
+    "registerService": int,
+    "publisherUpdate": int,
     "unregisterSubscriber": int,
     "deleteParam": Optional[int],
     "getPid": int,
