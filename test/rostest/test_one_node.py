@@ -1,12 +1,16 @@
 #!/usr/bin/env python3
 """Does exactly one node run under a name, whatever is started beside it?"""
+import contextlib
+import http.client
 import os
 import shutil
 import signal
+import socket
 import sys
 import tempfile
 import time
 import unittest
+import urllib.parse
 import xmlrpc.client
 
 import rosgraph
@@ -110,6 +114,33 @@ class TestOneNode(unittest.TestCase):
         node = self.start("__name:=other", "__ns:=/hall")
         self.assertEqual(node.wait(START_LIMIT), 2)
         self.assertIn("Klingon", node.lines.text())
+
+    def test_a_web_page_does_not_end_it_and_rosnode_does(self):
+        running = self.running()
+        place = urllib.parse.urlsplit(self.master.lookupNode(NAME))
+        call = xmlrpc.client.dumps(("/page", "gone"), "shutdown")
+        for headers in ({"Content-Type": "text/plain"},
+                        {"Content-Type": "text/xml", "Origin": "http://page.example"}):
+            client = http.client.HTTPConnection(place.hostname, place.port, timeout=10)
+            client.request("POST", "/", call, headers)
+            self.assertEqual(client.getresponse().status, 403)
+            client.close()
+        with xmlrpc.client.ServerProxy(place.geturl()) as node:
+            protocol, host, port = node.requestTopic("/test", "/rosout", [["TCPROS"]])[2]
+        # whoever is silent at the other port keeps nobody else from it
+        with socket.create_connection((host, port)), \
+                socket.create_connection((host, port), timeout=10) as page:
+            page.sendall(b"POST / HTTP/1.1\r\nOrigin: null\r\nContent-Length: 9\r\n\r\nshutdown!")
+            with contextlib.suppress(ConnectionResetError):
+                self.assertEqual(page.recv(10), b"")
+        self.assert_speaks(running)
+        refused = [line for _, line in running.lines.all if "a browser has sent" in line]
+        self.assertEqual(len(refused), 1, running.lines.text())
+        self.assertNotIn("Traceback", running.lines.text())
+        with contextlib.suppress(ConnectionError), xmlrpc.client.ServerProxy(
+                place.geturl()) as node:
+            node.shutdown("/rosnode", "")  # which may end it before the answer
+        self.assertEqual(running.wait(10), 0, running.lines.text())
 
     # ------------------------------------------------------------------------- a start that is good
 

@@ -1,4 +1,5 @@
 """Long trials of an adversary: how the mission survives the worst faults around it."""
+import contextlib
 import json
 import os
 import re
@@ -6,9 +7,14 @@ import resource
 import signal
 import socket
 import subprocess
+import sys
 import time
+import urllib.parse
 import urllib.request
+import xmlrpc.client
 from functools import partial
+
+import rosgraph
 
 from behavior_controller.execution.events import Asked
 from behavior_controller.folders import RECORDS
@@ -30,6 +36,20 @@ A_TOUR = 40.0  # s, in which one ends on a loaded computer; alone it takes a few
 A_START = 20.0  # s
 HEARTBEAT = 10.0  # s
 FEW_DESCRIPTORS = 1024  # the default limit of a process
+GONE_AFTER = 5.0  # s without a request after which the hooks of a client of Groot2 are removed
+GROOT2 = """import json, struct, sys, time, zmq
+client = zmq.Context().socket(zmq.REQ)
+client.connect("tcp://127.0.0.1:" + sys.argv[1])
+def ask(kind, *payload):
+    client.send_multipart([struct.pack("<BBI", 2, ord(kind), 1), *payload])
+    return client.recv_multipart()
+hooks = [dict(enabled=True, uid=uid, mode=0, once=False, desired_status="SKIPPED", position=0)
+         for uid in range(1, 4)]
+if sys.argv[2:]:
+    ask("I", json.dumps(hooks).encode())
+while True:
+    ask("S")
+    time.sleep(0.03)"""
 WAITING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>
 <ReactiveFallback><AlwaysFailure/><Sleep msec="600000"/></ReactiveFallback></Sequence></BehaviorTree></root>"""
 JUMPING_CLOCK = """import time
@@ -318,6 +338,65 @@ def killed_with_one_directory(trial, rounds):
     trial.require("still be driving to" in refused.lines.text(), "not said that it may still drive")
 
 
+def breakpoint_of_the_dead(trial, rounds):
+    """A client of Groot2 sets a breakpoint in the tour and is killed, while another one polls: the
+    tours go on."""
+    groot2_port, _ = free_ports()
+    robot = surroundings(trial)[1]
+    trial.package.configure(verboseMode="true", groot2Port=groot2_port)
+    tours = trial.node()
+    see_tours(trial, tours, 1)
+    other = trial.process(sys.executable, "-c", GROOT2, str(groot2_port))
+    for number in range(rounds):
+        began = time.monotonic()
+        dying = trial.process(sys.executable, "-c", GROOT2, str(groot2_port), "breakpoint")
+        trial.within("{}. hold".format(number + 1),
+                     when(tours, "robot: .*Release the breakpoint", began, A_TOUR), A_TOUR)
+        # a stopped process keeps its connection
+        dying.send_signal(trial.draw.choice((signal.SIGKILL, signal.SIGSTOP)))
+        trial.within("released after", when(tours, "its client is gone", time.monotonic(), A_TOUR),
+                     GONE_AFTER + TOLD_LIMIT)
+        see_tours(trial, tours, 1)
+    trial.require(other.poll() is None, "the client that polls has ended")
+    trial.stop(tours, robot, "at the end")
+
+
+def web_page(trial):
+    """A web page sends to each port of the node what a browser lets it send: the node refuses it,
+    goes on with its tours, and obeys real nodes."""
+    groot2_port, page_port = free_ports()
+    robot = surroundings(trial)[1]
+    trial.package.configure(groot2Port=groot2_port, monitorPort=page_port)
+    tours = trial.node()
+    see_tours(trial, tours, 1)
+    node = urllib.parse.urlsplit(rosgraph.Master("/test").lookupNode(NODE))
+    with xmlrpc.client.ServerProxy(node.geturl()) as proxy:
+        tcpros_port = proxy.requestTopic("/test", "/rosout", [["TCPROS"]])[2][2]
+    call = xmlrpc.client.dumps(("/page", "gone"), "shutdown").encode()
+    for port in (node.port, tcpros_port, groot2_port, groot2_port + 1, page_port):
+        for kind in ("text/plain", "text/xml", ""):
+            answer = sent_by_a_browser(port, kind, call)
+            refused = b"405" if port == page_port else b"403" if port == node.port else b""
+            trial.require(answer == refused, "port {}: answered {}".format(port, answer))
+    see_tours(trial, tours, 2)
+    with xmlrpc.client.ServerProxy(node.geturl()) as proxy, contextlib.suppress(ConnectionError):
+        proxy.shutdown("/rosnode", "")
+    trial.require(tours.wait(STOP_LIMIT) == 0, "rosnode kill does not end it")
+
+
+def sent_by_a_browser(port, kind, body):
+    """Return the status of the answer to a POST of a web page, empty without one."""
+    head = ("POST / HTTP/1.1", "Host: 127.0.0.1:{}".format(port), "Connection: keep-alive",
+            "Content-Length: {}".format(len(body)), "Content-Type: " + kind,
+            "Origin: http://page.example", "Sec-Fetch-Mode: no-cors", "", "")
+    with socket.create_connection(("127.0.0.1", port), TOLD_LIMIT) as connection:
+        connection.sendall("\r\n".join(head).encode() + body)
+        try:
+            return b"".join(connection.recv(100).split()[1:2])
+        except ConnectionResetError:
+            return b""
+
+
 # ----------------------------------------------------------------------------- what they consist of
 
 
@@ -402,6 +481,8 @@ TRIALS += [
     ("clock set forward by an hour", 300, partial(clock_set, seconds=3600)),
     ("records with a clock that goes back", 600, partial(clock_set_back, starts=22)),
     ("killed with one recordDirectory", 240, partial(killed_with_one_directory, rounds=3)),
+    ("breakpoint of a client that died", 240, partial(breakpoint_of_the_dead, rounds=4)),
+    ("web page", 120, web_page),
 ]
 TRIALS += drawn_trials.TRIALS
 

@@ -805,6 +805,33 @@ def test_a_stranger_is_disconnected(served, sent, monkeypatch, caplog):
     assert caplog.records == []
 
 
+POST = ("POST /{} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nConnection: keep-alive\r\nContent-Length: 400"
+        "\r\nsec-ch-ua-platform: \"Linux\"\r\nUser-Agent: Mozilla/5.0 (X11; Linux x86_64) "
+        "AppleWebKit/537.36\r\nAccept: */*\r\nOrigin: http://page.example\r\nSec-Fetch-Site: "
+        "cross-site\r\nSec-Fetch-Mode: no-cors\r\nReferer: http://page.example/\r\n\r\n")
+
+
+@pytest.mark.parametrize("padding", range(4))
+def test_a_web_page_sets_no_hook(served, padding):
+    """As ZMTP 1.0, which libzmq takes, each byte of a length is followed by that number of bytes:
+    the head of a POST is some frames, and its body may be a request."""
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    head, end = POST.format("a" * padding, served.port).encode(), 0
+    while end < len(head):
+        end += 1 + head[end]
+    frames = [b"", struct.pack("<BBI", 2, ord("I"), 7), hook(1, mode=0).encode()]
+    body = bytes(end - len(head)) + b"".join(
+        bytes([1 + len(frame), frame is not frames[-1]]) + frame for frame in frames)
+    with socket.create_connection(("127.0.0.1", served.port), timeout=8) as browser:
+        browser.sendall(head + body.ljust(400, b"\0"))
+        with contextlib.suppress(ConnectionResetError):
+            while browser.recv(1000):
+                pass
+    assert served.client().ask("D") == b"[]"
+    assert tree.tick_exactly_once() is SUCCESS
+
+
 def test_without_descriptors_the_process_goes_on(served):
     """libzmq aborts the process when it cannot accept for want of descriptors."""
     served.show(tree_of('<Act name="a"/>', a="S"))

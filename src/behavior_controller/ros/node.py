@@ -32,6 +32,7 @@ from behavior_controller.missions.load import Mission
 from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
 from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, log_path, open_log
+from behavior_controller.ros.handshakes import bound_handshakes, refuse_web_pages
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.configuration import read_plan, record_directory, report_faults
@@ -218,7 +219,9 @@ class _Node:
         topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn)
         self._run = run = _Run(plan, topics, folder, console, self._signals)
         self._apart(run.runner.prepare, LEAVES)
+        refuse_web_pages(console.warn)
         former = self._apart(lambda: join(NAME, words), master, silent_master)
+        bound_handshakes()
         console.attach()
         if former:
             console.warn(f"the former node of the name {rospy.get_name()} (at {former}) does not "

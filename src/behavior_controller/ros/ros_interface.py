@@ -18,7 +18,6 @@ from behavior_controller.errors import ConfigurationError
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
-from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.timeouts import start_thread
 
 ROUND = 0.1
@@ -66,7 +65,6 @@ class RosInterface:
         self._closed = threading.Event()
         self._topic = rospy.Publisher("~state", String, queue_size=10, latch=True)
         self._diagnostics = rospy.Publisher("/diagnostics", self._array, queue_size=10)
-        bound_handshakes()
         for name, command in commands.items():
             rospy.Service("~" + name, self._trigger, partial(self._carry_out, command))
         # the state shows last: then the services can be called

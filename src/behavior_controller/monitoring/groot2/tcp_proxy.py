@@ -3,7 +3,8 @@
 libzmq accepts any number of connections, collects a message of any number of parts, and aborts the
 process when no descriptor is left for a connection it accepts. So the front accepts, and has the
 socket connect to it, once for each client. It copies bytes both ways and knows nothing of the
-protocol.
+protocol but its first byte. Without that, libzmq would take the text that a browser sends for a web
+page for the first version of its protocol, and any request in it.
 """
 import asyncio
 import contextlib
@@ -20,6 +21,9 @@ from tornado.tcpserver import TCPServer
 from behavior_controller.monitoring.server import Connections
 
 MOST_CONNECTIONS = 16
+
+SIGNATURE = b"\xff"
+"""The first byte of ZeroMQ's protocol since its version 2; no text begins with it."""
 
 FIRST_BYTE = 5.0
 """Seconds within which a client must send its first bytes, and complete ZeroMQ's handshake."""
@@ -117,6 +121,8 @@ class _Client:
         with contextlib.closing(self._stream), contextlib.suppress(asyncio.TimeoutError, OSError):
             # a silent client costs ZeroMQ nothing
             first = await asyncio.wait_for(self._read(), FIRST_BYTE)
+            if not first.startswith(SIGNATURE):
+                return
             async with self._front.links, self._link() as link:
                 await self._copy(first, link)
 
