@@ -777,6 +777,53 @@ def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypa
     assert resident() - before < 5.0  # each may have one reply under way
 
 
+VANISHING_CLIENTS = r"""
+import random, socket, struct, sys, threading, time
+import test_groot2 as tests
+publisher = tests.Groot2Publisher("127.0.0.1", int(sys.argv[1]), tests.SPECS, print, print)
+publisher.show(tests.tree_of('<Act name="a"/>', a="S"))
+GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48)
+READY = b"\x04\x19\x05READY\x0bSocket-Type\x00\x00\x00\x03REQ"
+REQUEST = b"\x01\x00" + b"\x00\x06" + struct.pack("<BBI", 2, ord("S"), 1)
+ends = time.monotonic() + float(sys.argv[2])
+def come_and_go(draw):
+    while time.monotonic() < ends:
+        try:
+            with socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=3) as client:
+                client.sendall(GREETING)
+                client.recv(64, socket.MSG_WAITALL)
+                client.sendall(READY)
+                client.recv(100)
+                for _ in range(draw.randrange(1, 6)):
+                    client.sendall(REQUEST * draw.randrange(1, 4))
+                    if draw.random() < 0.7:
+                        client.recv(1000)
+                    time.sleep(0.003 * draw.random())
+                if draw.random() < 0.5:  # as a process that is killed
+                    client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        except OSError:
+            pass
+clients = [threading.Thread(target=come_and_go, args=[random.Random(seed)]) for seed in range(4)]
+for client in clients:
+    client.start()
+for client in clients:
+    client.join()
+client = tests.Client(int(sys.argv[1]))
+print(client.statuses())
+client.close()
+publisher.close()
+"""
+
+
+@pytest.mark.parametrize("seconds", many(6.0, 60.0))
+def test_clients_that_vanish_after_a_request_do_not_end_the_process(seconds):
+    done = subprocess.run(
+        [sys.executable, "-c", VANISHING_CLIENTS, str(free_port(2)), str(seconds)], timeout=90,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+        env=dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path))))
+    assert (done.returncode, done.stdout) == (0, "{1: 0}\n")
+
+
 def test_a_message_without_an_end_closes_its_connection(served):
     served.show(tree_of('<Act name="a"/>', a="S"))
     pinging = b"\x01\x00" + b"\x04\x17\x04PING" + bytes(18)  # its pings are answered
@@ -893,7 +940,7 @@ def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_u
         assert [
             sock.getsockopt(option) for option in (zmq.LINGER, zmq.RECONNECT_IVL, zmq.MAXMSGSIZE,
                                                    zmq.HANDSHAKE_IVL, zmq.HEARTBEAT_IVL)
-        ] == [0, -1, 1000, 5000, 20000]
+        ] == [0, 3600000, 1000, 5000, 20000]
         clients = {
             b"one": types.SimpleNamespace(unanswered=7),
             b"other": types.SimpleNamespace(unanswered=7)

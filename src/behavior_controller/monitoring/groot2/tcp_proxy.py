@@ -43,6 +43,11 @@ FORGETTING = 5.0
 """Seconds before ZeroMQ is told that a connection is over: during a handshake, this makes it abort
 the process."""
 
+RECONNECT = 3600.0
+"""Seconds after which ZeroMQ would connect again: after ``FORGETTING``. If it were told never to,
+it would drop the connection at once, and abort the process if it has read one part of a request.
+"""
+
 CHUNK = 16 * 1024
 """Bytes that are copied at a time."""
 
@@ -63,7 +68,7 @@ class Front(TCPServer):
         """
         super().__init__(max_buffer_size=2 * CHUNK)
         zmq_socket.setsockopt(zmq.LINGER, 0)
-        zmq_socket.setsockopt(zmq.RECONNECT_IVL, -1)
+        zmq_socket.setsockopt(zmq.RECONNECT_IVL, int(1000 * RECONNECT))
         zmq_socket.setsockopt(zmq.MAXMSGSIZE, most_unanswered)
         zmq_socket.setsockopt(zmq.HANDSHAKE_IVL, int(1000 * FIRST_BYTE))
         zmq_socket.setsockopt(zmq.HEARTBEAT_IVL, int(1000 * HEARTBEAT))
