@@ -16,7 +16,8 @@ from behavior_controller.text import without_controls
 def no_resources(error: BaseException) -> str:
     """Return the line for a shortage of the machine."""
     reason = str(error) or type(error).__name__
-    return f"the machine gives no more memory, threads or files: {reason}"
+    return ("the machine gives no more memory, threads or files; end what uses them up, or raise "
+            f"the limits (ulimit -n, ulimit -u): {reason}")
 
 
 def run(name: str, module: str, function: str = "main", redraws: bool = False) -> NoReturn:

@@ -38,6 +38,15 @@ TALKING = ("<Repeat num_cycles=\"-1\"><ForceSuccess><Sequence><Sleep "
 ONLY_TALKING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}
 </Sequence></BehaviorTree></root>""".format(TALKING)
 
+WITHOUT_THREADS = """import os, threading
+start = threading.Thread.start
+def start_if_allowed(thread):
+    if os.path.exists(os.environ["WITHOUT_THREADS"]):
+        raise RuntimeError("can't start new thread")
+    start(thread)
+threading.Thread.start = start_if_allowed"""
+"""A system that gives no more threads while a file exists."""
+
 
 class TestBlocked(unittest.TestCase):
     """Each case has a copy of the package; some have their own master, which they may freeze."""
@@ -314,6 +323,44 @@ class TestBlocked(unittest.TestCase):
         os.chown(self.folder, 100000 + os.getpid(), -1)
         self.prepare("<WelcomeSpeech/>", missionRuns=1)
         self.assert_says_why((0, 2, 3, 5, 6, 8, 12, 60), self.allow_threads)
+
+    def test_a_stop_without_a_new_thread_reaches_both_parts_of_the_safe_state(self):
+        self.package.write("src/sitecustomize.py", WITHOUT_THREADS)
+        for hanging in (None, ATTENTION, ANIMATION):
+            self.prepare("", {hanging: "hang"} if hanging else {})
+            self.package.write("data/m.xml", ONLY_TALKING)
+            self.environment["WITHOUT_THREADS"] = self.package.path("threads_are_over")
+            controller = self.controller()
+            self.robot.wait_for_request(SAY, 20)
+            self.package.write("threads_are_over", "")
+            _, seconds = controller.stop(signal.SIGTERM)
+            os.remove(self.package.path("threads_are_over"))
+            self.assertLess(seconds, LIMIT)
+            for service in (ATTENTION, ANIMATION):
+                self.robot.wait_for_request(service, 1, state="disabled")
+            self.assertNotIn("Traceback", controller.lines.text())
+            self.robot.stop()
+
+    def test_without_files_the_computer_is_named_and_neither_master_nor_nodes_are_gone(self):
+        self.prepare(TALKING)
+        controller = self.controller()
+        self.robot.wait_for_request(SAY, 20)
+        time.sleep(1.0)  # the connections that are watched stand
+        number = controller.process.pid
+        soft, hard = resource.prlimit(number, resource.RLIMIT_NOFILE)
+        used = set(map(int, os.listdir("/proc/{}/fd".format(number))))
+        free = next(each for each in range(hard) if each not in used)
+        resource.prlimit(number, resource.RLIMIT_NOFILE, (free, hard))
+        computer = re.compile("computer {}: gives this node no more .*Too many open files".format(
+            socket.gethostname())).search
+        controller.lines.wait_for(computer, 5)
+        controller.lines.wait_for(re.compile("robot: .* is out of resources.*End what uses up"
+                                             ).search, 5)
+        self.assert_says_on(200)
+        self.assertNotRegex(controller.lines.text(), "gone|does not answer|master,")
+        resource.prlimit(number, resource.RLIMIT_NOFILE, (soft, hard))
+        controller.lines.wait_for(lambda line: "memory again" in line, 5)
+        self.assert_stops_safely(controller.process)
 
     def test_little_memory(self):
         self.prepare("<WelcomeSpeech/>", missionRuns=1)

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import unittest
+from unittest import mock
 
 import rosgraph
 import rospy
@@ -19,6 +20,7 @@ from robot import Robot, forget_dead_entries, places  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.execution.safe_state import SafeState  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.robot.declarations import Success  # noqa: E402
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402
@@ -29,6 +31,7 @@ from behavior_controller.ros import types  # noqa: E402
 from behavior_controller.ros.service_client import RosGateway  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
+ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 ONE_OF_EACH = (SetAnimation("enabled"), PerformGesture("deictic", 2, 1500, Point(1.5, 2.5, 3.5),
                                                        10), QueryKnowledge("exhibits"),
                SetAttention("location", Point(4.5, 5.5, 6.5)), GoTo(Location(1.25, 2.5, 90.0)),
@@ -353,6 +356,33 @@ class TestGateway(unittest.TestCase):
             if thread.name.startswith("service /") and count() > threads:
                 thread.join(max(0.0, ends - time.monotonic()))
         self.assertEqual(count(), threads)
+
+    # ------------------------------------------------------------------- a computer without threads
+
+    def test_without_a_new_thread_both_requests_of_the_safe_state_go_out(self):
+        for hanging in (None, ATTENTION, ANIMATION):
+            robot = self.robot({hanging: "hang"} if hanging else {})
+            gateway = RosGateway(INTERFACE, lambda service: 20.0, self.clock, self.wake.emit)
+            began = time.monotonic()
+            with mock.patch.object(threading.Thread, "start",
+                                   side_effect=RuntimeError("can't start new thread")):
+                self.assertIn("no thread", self.ask(Say("hello")).message)
+                report = SafeState(gateway, INTERFACE, (), self.clock.now).wait(self.doze)
+            self.assertLess(time.monotonic() - began, 1.0 + 0.5)
+            for service in (ATTENTION, ANIMATION):
+                robot.wait_for_request(service, 5, state="disabled")
+            failed = [part.service for part in report.parts if part.failure is not None]
+            self.assertEqual(failed, [hanging] if hanging else [])
+            gateway.close()
+            robot.stop()
+        self.robot()
+        self.assertIsInstance(self.ask(INTERFACE.safe_state[0]), Answer)  # with threads again
+
+    def doze(self, seconds):
+        """Wait as the runner does at a stop."""
+        self.wake.wait(seconds)
+        self.wake.test_and_clear()
+        self.clock.run_due()
 
     # ---------------------------------------------------------------------------------- connections
 

@@ -1,5 +1,10 @@
 """Whatever a master or node answers: it has the documented shape, or is one kind of error, within
 the limit."""
+import contextlib
+import errno
+import gc
+import os
+import resource
 import socket
 import threading
 import time
@@ -8,6 +13,8 @@ import xmlrpc.client
 import pytest
 
 from behavior_controller.robot.gateway import Cause
+from behavior_controller.ros import master
+from behavior_controller.ros.shortage import SHORTAGE
 from behavior_controller.ros.tcpros import ANSWERS, Connection, MOST_XML, Trouble, ask
 from faulty_master import GARBAGE, RAW, http_answer
 
@@ -214,3 +221,50 @@ def test_a_name_server_that_hangs_is_waited_for_within_the_limit_and_asked_once(
         assert asked == ["slow.example"]
         answer.set()
         assert ask(named, "getPid") == 77
+
+
+@contextlib.contextmanager
+def no_files_left():
+    """Take all files that this process may have."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    taken = []
+    gc.collect()  # or it gives some back meanwhile
+    resource.setrlimit(resource.RLIMIT_NOFILE, (
+        max(map(int, os.listdir("/proc/self/fd"))) + 10, hard))
+    try:
+        with pytest.raises(OSError):
+            while True:
+                taken.append(os.dup(0))
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        for each in taken:
+            os.close(each)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "robot.example"])
+def test_a_peer_is_not_blamed_for_a_shortage_of_this_computer(host):
+    with no_files_left(), pytest.raises(Trouble) as caught:
+        ask("http://{}:1/".format(host), "getPid", seconds=5.0)
+    assert caught.value.shortage.errno == errno.EMFILE
+    assert str(caught.value).endswith(
+        " cannot be asked: no connection (this computer gives no more: Too many open files)")
+    assert SHORTAGE.now == "[Errno 24] Too many open files"
+    with pytest.raises(Trouble) as refused:
+        ask("http://127.0.0.1:1/", "getPid", seconds=5.0)
+    assert refused.value.shortage is None
+
+
+def test_a_start_without_files_says_so_and_nothing_about_the_master():
+    with no_files_left(), pytest.raises(OSError) as caught:
+        master._ask_at_start("lookupNode", "/a")
+    assert caught.value.errno == errno.EMFILE
+
+
+def test_a_round_in_which_this_computer_could_not_ask_says_nothing_about_the_master():
+    directory = master.Directory()
+    for unanswered in (0, 3):
+        directory.unanswered = unanswered
+        with no_files_left(), contextlib.suppress(Trouble), directory.round():
+            directory.refresh()
+        assert (directory.unanswered, directory.fault) == (unanswered, "")

@@ -1,4 +1,5 @@
-"""The ports of a rospy node: they answer real nodes, and no web page, as a real browser sends it."""
+"""The ports of a rospy node: they answer real nodes, and no web page, as a real browser sends it.
+"""
 import http.server
 import socket
 import struct
@@ -12,8 +13,10 @@ import rosgraph.xmlrpc
 from rospy.impl import tcpros_base
 
 from behavior_controller.ros import handshakes
+from behavior_controller.ros.shortage import Shortage
 from behavior_controller.ros.tcpros import ask
 from browser import open_browser
+from test_connection import no_files_left
 
 CALL = xmlrpc.client.dumps(("/page", "gone"), "shutdown").encode()
 TEXT = "Content-Type: text/xml"
@@ -223,3 +226,29 @@ def test_a_silent_caller_is_sent_away_and_holds_nobody_up(tcpros, monkeypatch):
         half.sendall(b"\x01\x00")
         test_a_subscriber_is_taken(tcpros, [HEADER])
         assert ended(silent) and ended(half)
+
+
+def test_a_server_that_got_no_file_takes_the_caller_later(tcpros, monkeypatch):
+    monkeypatch.setattr(handshakes, "SHORTAGE", Shortage())
+    with socket.socket() as first, socket.socket() as caller:
+        caller.settimeout(10.0)
+        with no_files_left():
+            first.connect(("127.0.0.1", tcpros))  # the wait for it has its file already
+            caller.connect(("127.0.0.1", tcpros))
+            ends = time.monotonic() + 10.0
+            while not handshakes.SHORTAGE.now:
+                assert time.monotonic() < ends
+                time.sleep(0.01)
+        caller.sendall(HEADER)
+        assert caller.recv(10) == b"taken"
+
+
+def test_a_server_that_got_no_thread_takes_the_next_caller(tcpros, monkeypatch):
+    def start_thread(*_):
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(handshakes, "start_thread", start_thread)
+        with socket.create_connection(("127.0.0.1", tcpros), timeout=10) as caller:
+            assert ended(caller)
+    test_a_subscriber_is_taken(tcpros, [HEADER])

@@ -14,7 +14,7 @@ from behavior_controller.execution.events import (
     Answered, Asked, BreakpointChanged, HealthChanged, LeafFinished, LeafSummary, Line,
     PassFinished, PassStarted, Paused, Recovered, Recovering, RunFinished, RunStarted, SafePart,
     SafeStateReported, Sources, StepStarted, TreeNode, TreeShown)
-from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT, SLOW
+from behavior_controller.execution.health import FAILING, GONE, NEW, SHORT, SILENT, SLOW
 from behavior_controller.execution.run import Run
 from behavior_controller.execution.state import (
     UNDER_WAY, Exchange, Robot, State, Step, Stop as Place, Visit)
@@ -637,6 +637,9 @@ def test_when_a_person_has_to_take_the_robot_home(where, health, column):
      "Check the ROS master, and start it again if it has ended"),
     (State(robot=ill((*MASTER, NEW))), "Restart the robot's nodes as soon as it is free"),
     (State(robot=ill((*NAV, NEW))), ""),
+    (State(robot=ill(("computer", "lab-pc", "", SHORT))),
+     "End what uses up the files, threads or memory of lab-pc"),
+    (State(held={1: 120.0}), "Release the breakpoint in Groot2, or disconnect Groot2"),
     (State(safe_state=SafeStateReported((
         SafePart("attention", "/a", None), SafePart("movement", "/m", gone_for("/m"))), 1.0)),
      "Switch movement off by hand")])

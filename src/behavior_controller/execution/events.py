@@ -166,9 +166,9 @@ class Recovered(Happening, frozen=True):
 class HealthChanged(Happening, frozen=True):
     """A service, topic or the master failed while the mission ran, or works again.
 
-    ``kind`` is ``service``, ``topic`` or ``master``; ``name`` the resolved name (the master's: its
-    address); ``node`` the robot's node that offers it; ``consequence`` its meaning for the mission,
-    empty when it works.
+    ``kind`` is ``service``, ``topic``, ``action``, ``master`` or ``computer`` (on which the node
+    runs); ``name`` the resolved name (the master's: its address); ``node`` the robot's node that
+    offers it; ``consequence`` its meaning for the mission, empty when it works.
     """
 
     kind: str

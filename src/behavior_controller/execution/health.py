@@ -14,6 +14,7 @@ from behavior_controller.bt.engine.thread_check import tick_thread_only
 from behavior_controller.execution.events import Events, HealthChanged
 
 GONE, SLOW, FAILING, SILENT, NEW = "gone", "slow", "failing", "silent", "new"
+SHORT = "out of resources"
 
 SLOW_SHARE = 0.5
 """A service is slow when a call has taken this share of its deadline."""

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from behavior_controller.execution.events import (
     DONE, SKIPPED, SUBSTITUTED, HealthChanged, Noticed, Paused, Recovered, Recovering, RunFinished,
     RunStarted, SafeStateReported, TreeNode)
-from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT, SLOW
+from behavior_controller.execution.health import FAILING, GONE, NEW, SHORT, SILENT, SLOW
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, Request, SetAnimation, SetAttention)
@@ -27,7 +27,7 @@ FAILED, GAVE_UP, LEFT, STOPPED, NOTICED = "failed", "gave up", "left", "stopped"
 DECLINED, DONE_ALL, UNCLEAR, SILENT_VISITOR = "declined", "done", "unclear", "silent"
 """The kinds of reasons for which a visit or a stop ends."""
 
-RESPECTS = (GONE, NEW, SILENT, FAILING, SLOW)
+RESPECTS = (GONE, SHORT, NEW, SILENT, FAILING, SLOW)
 """The respects in which a service or topic may not be well, the strongest first."""
 
 

@@ -6,7 +6,7 @@ the model of the run and from nothing else.
 from typing import Iterator, List, Tuple
 
 from behavior_controller.execution.events import HealthChanged, Paused, TreeNode
-from behavior_controller.execution.health import FAILING, GONE, NEW, SILENT
+from behavior_controller.execution.health import FAILING, GONE, NEW, SHORT, SILENT
 from behavior_controller.execution.state import HOME, Robot, State, Step
 from behavior_controller.monitoring.parts import Card, Kind, RobotLine
 from behavior_controller.monitoring.story import (
@@ -233,6 +233,8 @@ def _repairs(state: State) -> Iterator[str]:
             yield "check the ROS master, and start it again if it has ended"
         elif change.kind == "master" and change.respect == NEW:
             yield "restart the robot's nodes as soon as it is free"
+        elif change.respect == SHORT:
+            yield f"end what uses up the files, threads or memory of {change.name}"
     for respect in (SILENT, FAILING):
         nodes = _nodes(ill, respect)
         if nodes:

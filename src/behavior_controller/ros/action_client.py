@@ -194,6 +194,7 @@ class SpeechActionClient(GoalThread):
         self._until = -math.inf  # when the listening ends
         self._is_busy = False  # a goal is under way
         super().__init__(action)
+        self.start()
 
     def listen(self, seconds: float) -> None:
         """Have goals sent for ``seconds`` from now; 0: stop, and cancel the current goal.

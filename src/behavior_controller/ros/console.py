@@ -4,7 +4,6 @@ Normal mode: start-up lines, the story's sentences, and a heartbeat. Verbose mod
 each leaf that finishes and for each attempt that failed. Each line is handed to the threads of its
 sinks (terminal, log file, /rosout).
 """
-import errno
 import logging
 import os
 import stat
@@ -28,6 +27,7 @@ from behavior_controller.monitoring.moment import instruction, robot_line
 from behavior_controller.monitoring.sinks import Detached, Sink, drain, take_over_streams
 from behavior_controller.monitoring.story import Story
 from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.text import clean
 
 FORMAT = "ROSCONSOLE_FORMAT"
@@ -54,10 +54,6 @@ FILE_ONLY = "behavior_controller"
 ROBOT_SPAN = 2.0
 """Seconds in which the robot's line comes only once: a fault of the network has many nodes go at
 the same moment."""
-
-SHORTAGES = (errno.ENOMEM, errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOSPC)
-"""The system's error numbers for a shortage of memory, threads, files or disk space."""
-
 
 SHORTAGE_SPAN = 1.0
 """Seconds in which a shortage is reported only once: it hits many threads at the same moment."""
@@ -247,10 +243,3 @@ def open_log(path: str) -> None:
     os.close(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666))
     # as rospy does, but without a link "latest" beside the folder that __log names
     configure_logging("rospy", filename=path, env={"ROS_LOG_DIR": os.path.dirname(path)})
-
-
-def is_shortage(error: BaseException) -> bool:
-    """Whether the cause of ``error`` is a shortage of the machine, or a limit set on it."""
-    return (isinstance(error, MemoryError) or
-            isinstance(error, OSError) and error.errno in SHORTAGES or
-            isinstance(error, RuntimeError) and "start new thread" in str(error))

@@ -14,6 +14,8 @@ from typing import Any, Callable
 import rosgraph.xmlrpc
 from rospy.impl import tcpros_base
 
+from behavior_controller.ros.shortage import SHORTAGE, is_shortage
+from behavior_controller.ros.tcpros import AGAIN
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.text import clean
 
@@ -57,7 +59,11 @@ def bound_handshakes() -> None:
             sock.close()
             return
         sock.settimeout(HANDSHAKE)
-        start_thread("handshake", shake, sock, address)
+        try:
+            start_thread("handshake", shake, sock, address)
+        except RuntimeError:  # no thread is left
+            room.release()
+            sock.close()
 
     def go_on(handle: Callable[..., Any], sock: socket.socket, address: Any, header: Any) -> Any:
         sock.settimeout(None)
@@ -66,6 +72,27 @@ def bound_handshakes() -> None:
     server.topic_connection_handler = partial(go_on, server.topic_connection_handler)
     server.service_connection_handler = partial(go_on, server.service_connection_handler)
     server.tcp_ros_server.inbound_handler = start
+    server.tcp_ros_server.server_sock = _Listener(server.tcp_ros_server.server_sock)
+
+
+class _Listener:
+    """The listening socket of rospy's server, whose thread a shortage would end."""
+
+    def __init__(self, sock: socket.socket):
+        self._socket = sock
+        self.close = sock.close
+
+    def accept(self) -> Any:
+        """Accept a caller; raises what lets rospy try again if this computer gives no more files.
+        """
+        try:
+            return self._socket.accept()
+        except OSError as error:
+            if not is_shortage(error):
+                raise
+            SHORTAGE.note(error)
+            time.sleep(AGAIN)
+            raise socket.timeout from error
 
 
 def _begins_as_ros_does(sock: socket.socket) -> bool:
@@ -87,7 +114,7 @@ def refuse_web_pages(warn: Callable[[str], None]) -> None:
     send; ``warn`` gets a line about it, on any thread."""
     told_at = -math.inf
 
-    class Handler(rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
+    class Handler(rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler):
         """Carries out the requests of nodes."""
 
         def parse_request(self) -> bool:

@@ -75,7 +75,7 @@ class Directory:
         self._offered: FrozenSet[str] = frozenset()
         self.unanswered = 0
         """Rounds with an unanswered question since the last without."""
-        self._has_failed = False  # a question of this round
+        self._has_failed = self._is_short = False  # a question of this round
         self.slow_answers = 0
         """Slow answers since the last that was not slow."""
         self.fault = ""
@@ -159,12 +159,16 @@ class Directory:
 
     @contextlib.contextmanager
     def round(self) -> Iterator[None]:
-        """Count the round of questions inside as answered, or as unanswered."""
-        self._has_failed = False
+        """Count the round of questions inside as answered, or as unanswered; as neither if this
+        computer could not ask."""
+        self._has_failed = self._is_short = False
         try:
             yield
         finally:
-            self.unanswered = self.unanswered + 1 if self._has_failed else 0
+            if self._has_failed:
+                self.unanswered += 1
+            elif not self._is_short:
+                self.unanswered = 0
 
     def refresh(self) -> None:
         """Read the master's state, and register what it does not know. Raises ``Trouble`` without
@@ -198,7 +202,10 @@ class Directory:
         try:
             return ask_master(method, *arguments, seconds=QUERY_LIMIT)
         except Trouble as trouble:
-            self.fault, self._has_failed = trouble.fault, True
+            if trouble.shortage is not None:
+                self._is_short = True
+            else:
+                self.fault, self._has_failed = trouble.fault, True
             raise
         finally:
             is_slow = time.monotonic() - asked_at > SLOW
@@ -275,6 +282,8 @@ def _ask_at_start(method: str, argument: str) -> Any:
     try:
         return ask_master(method, argument)
     except Trouble as trouble:
+        if trouble.shortage is not None:
+            raise trouble.shortage
         if isinstance(trouble.__cause__, ConnectionRefusedError):
             raise NodesMissing(f"no ROS master at {rosgraph.get_master_uri()}: start roscore or "
                                "the robot, or set ROS_MASTER_URI")

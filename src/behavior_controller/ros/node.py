@@ -31,11 +31,12 @@ from behavior_controller.leaves import registry
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
-from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, log_path, open_log
+from behavior_controller.ros.console import FILE_ONLY, Console, log_path, open_log
 from behavior_controller.ros.handshakes import bound_handshakes, refuse_web_pages
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.configuration import read_plan, record_directory, report_faults
+from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
 from behavior_controller.ros.signals import Signals, block_signals

@@ -8,10 +8,12 @@ from typing import Callable, NamedTuple, Optional, Union
 import rosgraph
 import rospy
 
+from behavior_controller.command import no_resources
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.declarations import Service, Unsendable
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request
+from behavior_controller.ros.shortage import SHORTAGE, is_shortage
 from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import resolved
@@ -42,7 +44,14 @@ class RequestThread:
         self._cut = threading.Event()  # of the newest request
         self.is_asked = False
         """Whether the request under way may have reached the server."""
-        start_thread(service.kind + " " + self.name, self._work)
+        self.is_short = False
+        """Whether the last request failed for a shortage of this computer."""
+        self.limit: Optional[float] = None
+        """Seconds for a step of a request that gets no thread of its own; None: it has one."""
+
+    def start(self) -> None:
+        """Start the thread. Raises RuntimeError if no thread is left."""
+        start_thread(self.service.kind + " " + self.name, self._work)
 
     def carry(self, request: Request, done: Done, feedback: Callable[[str], None]) -> None:
         """Send ``request``; ``done`` and ``feedback`` are called on another thread."""
@@ -84,12 +93,21 @@ class RequestThread:
                 return
             job.done(self._carried_out(job), time.monotonic())
 
+    def work_off(self) -> None:
+        """Carry out the only request, on the calling thread."""
+        job = self._jobs.get()
+        if job is not None:
+            job.done(self._carried_out(job), time.monotonic())
+        self.close()
+
     def _carried_out(self, job: Job) -> Union[Answer, Failure]:
         """Return the answer, or why there is none. An optional service that no node offers counts
         as done."""
+        self.is_short = False
         try:
             return self.exchange(job)
         except Trouble as trouble:
+            self.is_short = trouble.shortage is not None
             may_lack = self.service.is_optional and not self.service.fails_without
             if trouble.cause is Cause.NOT_ADVERTISED and may_lack:
                 return Answer()
@@ -97,6 +115,37 @@ class RequestThread:
         except Unsendable as error:
             return Failure(Cause.TYPE_MISMATCH, str(error), self.name)
         except (rospy.ROSException, rosgraph.MasterException, OSError) as error:
+            self.is_short = is_shortage(error)
             return Failure(Cause.NOT_REACHABLE, f"it cannot be connected to: {error}", self.name)
         except BaseException as error:  # the declaration of another package may raise anything
+            self.is_short = is_shortage(error)
+            if self.is_short:
+                SHORTAGE.note(error)
+                return Failure(Cause.NOT_REACHABLE, no_resources(error), self.name)
             return Failure(Cause.UNUSABLE_ANSWER, f"its declaration: {described(error)}", self.name)
+
+
+class Reserve:
+    """One thread, started while there are any, for requests that get none of their own: it carries
+    them out one after the other."""
+
+    def __init__(self) -> None:
+        self._waiting: "queue.SimpleQueue[RequestThread]" = queue.SimpleQueue()
+        self._thread: Optional[threading.Thread] = None
+
+    def start(self) -> None:
+        """Start the thread, once. Raises RuntimeError if no thread is left."""
+        if self._thread is None:
+            self._thread = start_thread("reserve", self._work)
+
+    def carry_out(self, request: RequestThread) -> None:
+        """Have the request of ``request``, which has no thread, carried out."""
+        self._waiting.put(request)
+
+    def _work(self) -> None:
+        while True:
+            self._waiting.get().work_off()
+
+
+RESERVE = Reserve()
+"""That of this process."""

@@ -29,7 +29,7 @@ from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.action_client import GoalThread
 from behavior_controller.ros.tcpros import CONNECT_LIMIT, Connection, STEP_LIMIT, Trouble
 from behavior_controller.ros.master import DIRECTORY, Place
-from behavior_controller.ros.request_thread import Job, RequestThread
+from behavior_controller.ros.request_thread import Job, RESERVE, RequestThread
 from behavior_controller.ros.types import TYPES, filled, resolved
 
 HURRY = 0.3
@@ -38,6 +38,10 @@ HURRY = 0.3
 The safe state has one second, in which the master may freeze. ``Monitor`` looks up restarted
 services without haste.
 """
+
+WITHOUT_THREAD = 0.4
+"""Seconds for a request of the safe state that gets no thread of its own: the other one waits for
+it, and both have one second."""
 
 ROUND = 0.05
 """Seconds between two looks for the subscribers of a topic that is published to."""
@@ -145,10 +149,12 @@ class ServiceThread(RequestThread):
         """Ask the server."""
         data = encode(self.service, job.request)
         if not self._connection.is_open:
-            place = DIRECTORY.service(self.name, CONNECT_LIMIT, HURRY)
+            limit = self.limit or CONNECT_LIMIT
+            place = DIRECTORY.service(self.name, limit, HURRY)
             open_service(place, self._connection, self.name, TYPES[self.service]._md5sum,
-                         CONNECT_LIMIT, persistent="1")
-            self._connection.wait_without_limit()
+                         limit, persistent="1")
+            if self.limit is None:
+                self._connection.wait_without_limit()
         self.is_asked = True
         self._connection.send(data)
         return result_of(self.service, receive_response(self.service, self._connection), self.name)
@@ -212,6 +218,7 @@ class RosGateway(Gateway):
         self._wake = wake
         self._spare: Dict[Service, List[RequestThread]] = defaultdict(list)
         self._under_way: Dict[Call, _UnderWay] = {}
+        RESERVE.start()
 
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at the deadline of
@@ -220,7 +227,7 @@ class RosGateway(Gateway):
         deadline = self.deadline(service)
         call = Call(request, self._wake, lambda: self._give_up(call))
         try:
-            thread = self._thread(service)
+            thread = self._thread(service, request in self._interface.safe_state)
         except RuntimeError as error:
             text = f"no thread to ask with ({error})"
             call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
@@ -230,12 +237,24 @@ class RosGateway(Gateway):
         self._under_way[call] = _UnderWay(thread, timer, time.monotonic())
         thread.carry(request, partial(self._hand_over, self._end, call),
                      partial(self._hand_over, self._report, call))
+        if thread.limit is not None:
+            RESERVE.carry_out(thread)
         return call
 
-    def _thread(self, service: Service) -> RequestThread:
-        """Take a spare thread, or make one."""
+    def _thread(self, service: Service, is_vital: bool = False) -> RequestThread:
+        """Take a spare thread, or start one. Raises RuntimeError if none is left, unless it
+        ``is_vital``: then the request is for the reserve."""
         spare = self._spare[service]
-        return spare.pop() if spare else THREADS[type(service)](service)
+        if spare:
+            return spare.pop()
+        thread = THREADS[type(service)](service)
+        try:
+            thread.start()
+        except RuntimeError:
+            if not (is_vital and isinstance(thread, ServiceThread)):
+                raise
+            thread.limit = WITHOUT_THREAD
+        return thread
 
     def prepare(self, offers: Iterable[Offer]) -> None:
         """Connect to those of these that take longer to connect to than a service."""
@@ -271,7 +290,8 @@ class RosGateway(Gateway):
         """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
         held = self._release(call)
         if held is not None:
-            self._spare[held.thread.service].append(held.thread)
+            if held.thread.limit is None:
+                self._spare[held.thread.service].append(held.thread)
             self._finish(call, held, result, at)
 
     def _release(self, call: Call) -> Optional[_UnderWay]:
@@ -285,8 +305,9 @@ class RosGateway(Gateway):
                 at: float) -> None:
         """Finish ``call``, which ended ``at`` that time, and report it to the health."""
         thread, is_failure = held.thread, isinstance(result, Failure)
-        self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
-                           is_failure, thread.service.kind)
+        if not thread.is_short:  # its server was not asked
+            self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
+                               is_failure, thread.service.kind)
         call.finish(result)
 
     def _give_up(self, call: Call) -> Optional[_UnderWay]:

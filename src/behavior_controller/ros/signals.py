@@ -5,7 +5,6 @@ enough: it runs on the main thread, and if the signal comes just before that thr
 until it wakes. Nothing on this thread may hang: it reads no file, and lines are only queued at the
 console.
 """
-import contextlib
 import math
 import os
 import signal
@@ -86,8 +85,10 @@ class Signals:
         self.stop_requested.set()
         self._wake()
         time.sleep(REACTION)
-        with contextlib.suppress(RuntimeError):  # no threads left: the limit holds
+        try:
             start_thread("stop", self._ignored)
+        except RuntimeError:  # no thread is left
+            self._ignored()
         time.sleep(max(0.0, self.time_left))
         if not self.is_over:
             self._console.tell("error", NOT_STOPPED)

@@ -111,7 +111,7 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
     """Examine ``offers`` in parallel and return those that cannot be used, in their order, each
     with the reason.
 
-    Ends within ``PROBE_LIMIT``. Raises ``Stopped`` when ``wake`` signals that the operator has
+    Ends within ``PROBE_LIMIT``. Raises the error of a shortage, and ``Stopped`` when ``wake`` signals that the operator has
     stopped the node.
     """
     probes = [begin("probe " + offer.name, partial(PROBES[type(offer)], offer))[1]
@@ -122,6 +122,8 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
         try:
             probe.result(0)
         except Trouble as trouble:
+            if trouble.shortage is not None:
+                raise trouble.shortage
             missing[offer] = trouble
         except FutureTimeout:
             missing[offer] = Trouble(Cause.NO_ANSWER, f"not in {PROBE_LIMIT:g} s")

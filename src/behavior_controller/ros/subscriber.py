@@ -89,13 +89,16 @@ class Link:
     def _work(self) -> None:
         while not self._ended.is_set():
             self._connection = Connection()
+            fault: Optional[str] = f"its publisher at {self._uri} cannot be reached"
             try:
-                with contextlib.suppress(Trouble):  # the monitor reports it if it lasts
-                    self._open()
-                    self._listen()
+                self._open()
+                self._listen()
+            except Trouble as trouble:  # the monitor reports it if it lasts
+                if trouble.shortage is not None:
+                    fault = None  # this computer could not try
             finally:
                 pause = AGAIN if self.header else ROUND
-                self.fault = f"its publisher at {self._uri} cannot be reached"
+                self.fault = fault
                 self.header = {}
                 self._connection.hang_up()
             self._ended.wait(pause)

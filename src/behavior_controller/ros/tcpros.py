@@ -9,6 +9,7 @@ nodes (https://wiki.ros.org/ROS/Master_API, .../Slave_API).
 """
 import http.client
 import contextlib
+import os
 import socket
 import struct
 import threading
@@ -26,6 +27,7 @@ import rospy
 
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.robot.gateway import Cause
+from behavior_controller.ros.shortage import SHORTAGE, is_shortage, shortage_behind
 from behavior_controller.ros.timeouts import begin
 from behavior_controller.text import clean
 
@@ -89,6 +91,11 @@ class Trouble(BehaviorControllerError):
         self.fault = fault
 
     @property
+    def shortage(self) -> Optional[BaseException]:
+        """The shortage of this computer for which it failed; None if the peer is the cause."""
+        return shortage_behind(self)
+
+    @property
     def reason(self) -> str:
         """The cause in words, and the text."""
         return f"{self.cause.text}: {self}"
@@ -126,12 +133,13 @@ class _TimedSocket(socket.socket):
         return count
 
 
-def _reason(error: Optional[Exception]) -> str:
+def _reason(error: Optional[BaseException]) -> str:
     """Return why something failed, in the system's shortest words."""
     if isinstance(error, socket.gaierror):
         return ("the name of its computer cannot be resolved here: enter it in /etc/hosts, or set "
                 "ROS_IP where the node starts")
-    return getattr(error, "strerror", None) or str(error or "timed out")
+    reason = getattr(error, "strerror", None) or str(error or "timed out")
+    return f"this computer gives no more: {reason}" if shortage_behind(error) else reason
 
 
 def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT,
@@ -151,13 +159,15 @@ def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT,
     except Trouble as trouble:
         why, origin = str(trouble), trouble.__cause__
     except OSError as error:
-        why = _reason(error)
+        why, origin = _reason(error), error
         if connection.has_received and isinstance(error, socket.timeout):
             fault, why = "answers slowly", f"its answer takes longer than {seconds:g} s"
     except Exception as error:  # the parsers of HTTP and XML-RPC raise anything on broken data
         fault, why = "does not answer as ROS does", f"{method}: {clean(str(error), 200)}"
     finally:
         connection.hang_up()
+    if shortage_behind(origin) is not None:
+        fault = "cannot be asked"
     raise Trouble(Cause.NOT_REACHABLE, f"{peer}{uri} {fault}: {why}", fault) from origin
 
 
@@ -210,6 +220,15 @@ def _addresses(host: str, seconds: float) -> List[Any]:
 
 def _look_up(host: str, flags: int = 0) -> List[Any]:
     return socket.getaddrinfo(host, None, type=socket.SOCK_STREAM, flags=flags)
+
+
+def _file_shortage() -> Optional[OSError]:
+    """Return the error of a process that gets no more files; None if it gets them."""
+    try:
+        os.close(os.dup(0))
+    except OSError as error:
+        return error if is_shortage(error) else None
+    return None
 
 
 _lookups: Dict[str, "Future[List[Any]]"] = {}
@@ -267,12 +286,13 @@ class Connection:
     def connect(self, host: str, port: int, seconds: float) -> socket.socket:
         """Connect to the host's first address that accepts; all use of the connection ends in
         ``seconds``."""
-        error: Optional[Exception] = None
+        error: Optional[BaseException] = None
         deadline = time.monotonic() + seconds
         try:
             addresses = _addresses(host, seconds)
         except (OSError, ValueError) as failed:  # also of what is no name
-            addresses, error = [], failed
+            # a lookup that gets no file says that there is no such name
+            addresses, error = [], _file_shortage() or failed
         for family, kind, protocol, _, address in addresses:
             try:
                 sock = self._socket = _TimedSocket(family, kind, protocol)
@@ -286,6 +306,8 @@ class Connection:
             except (OSError, OverflowError) as failed:  # also of what is no port
                 self.hang_up()
                 error = failed
+        if error is not None and is_shortage(error):
+            SHORTAGE.note(error)
         raise Trouble(Cause.NOT_REACHABLE, f"no connection ({_reason(error)})") from error
 
     def _read_header(self) -> Dict[str, str]:

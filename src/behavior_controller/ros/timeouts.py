@@ -9,6 +9,7 @@ from typing import Any, Callable, Iterable, Optional, Tuple
 
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.ros.shortage import SHORTAGE
 
 
 class Stopped(BehaviorControllerError):
@@ -34,7 +35,11 @@ def start_thread(name: str, work: Callable[..., object], *arguments: Any) -> thr
     Raises RuntimeError if no thread can be started.
     """
     thread = threading.Thread(target=work, args=arguments, name=name, daemon=True)
-    thread.start()
+    try:
+        thread.start()
+    except RuntimeError as error:
+        SHORTAGE.note(error)
+        raise
     return thread
 
 

@@ -6,6 +6,7 @@ and master are judged four times a second by the state of ``RosTopics`` and ``Di
 no judgement waits for a master. Changes go to ``Health``.
 """
 import contextlib
+import socket
 import threading
 import time
 from typing import Callable, Dict, Iterable, Set, Tuple
@@ -14,13 +15,14 @@ import rosgraph
 
 from behavior_controller.execution.events import HealthChanged
 from behavior_controller.execution.health import (
-    GONE, Health, NEW, SILENT, SLOW, available_again, gone)
+    GONE, Health, NEW, SHORT, SILENT, SLOW, available_again, gone)
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Topic)
 from behavior_controller.ros.tcpros import (
     AGAIN, CHUNK, Connection, ROUND, STEP_LIMIT, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.service_client import open_service
+from behavior_controller.ros.shortage import SHORTAGE
 from behavior_controller.ros.subscriber import Latch, RosTopics
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import resolved
@@ -62,6 +64,9 @@ SLOW_MASTER = "nodes that are started, or started again, are found later"
 
 NEW_MASTER = ("the mission goes on with them where they were last, as long as they run; start them "
               "again as soon as the robot is free, or no node that starts from now on finds them")
+
+
+SHORT_COMPUTER = "until it does, what is started anew is not found, and steps may fail"
 
 
 class Monitor:
@@ -113,7 +118,8 @@ class Monitor:
                 self._hold(offer)
             except Trouble as trouble:
                 is_needed = offer in self._needed and not offer.is_optional
-                if is_needed or (resolved(offer), GONE) in self._reported:
+                is_known = is_needed or (resolved(offer), GONE) in self._reported
+                if is_known and trouble.shortage is None:
                     self._tell_gone(offer, trouble.reason)
                 self._closed.wait(ROUND)
 
@@ -152,11 +158,22 @@ class Monitor:
 
     def _check_all(self) -> None:
         while not self._closed.wait(CHECK_EVERY):
+            self._check_computer()
             self._check_master()
             for offer in self._offers:
                 is_unused = offer is self._speech and not self._is_asr_enabled()
                 if isinstance(offer, Topic) and not is_unused:
                     self._check_topic(offer, self._topics.latches[offer])
+
+    def _check_computer(self) -> None:
+        """Report whether this computer gives the node what it needs."""
+        short = SHORTAGE.now
+        status, consequence = "gives this node files, threads and memory again", ""
+        if short:
+            status = f"gives this node no more files, threads or memory: {short}"
+            consequence = SHORT_COMPUTER
+        self._report(SHORT, HealthChanged(
+            "computer", socket.gethostname(), "", not short, status, consequence))
 
     def _check_master(self) -> None:
         """Report whether the master answers, and whether it has forgotten the robot's nodes."""
