@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import json
 import os
+import re
 import sys
 import time
 from typing import Any, Dict, List, NoReturn, Optional, Set, Tuple
@@ -23,9 +24,9 @@ from behavior_controller.bt.engine.node import label
 from behavior_controller.bt.registry import Kind
 from behavior_controller.bt.linter.structure import by_place
 from behavior_controller.bt.linter.rules import RULES
-from behavior_controller.bt.loader.document import read
-from behavior_controller.errors import FaultsFound, MissionError, attempt
+from behavior_controller.errors import FaultsFound, attempt
 from behavior_controller.missions.load import load_tree, missions
+from behavior_controller.output_files import OutputKind
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, did_you_mean
@@ -33,6 +34,10 @@ from behavior_controller.missions.validation import (
     Judgement, Validation, as_json, listed, may_be_a_mission, named)
 
 _WATCH_EVERY = 0.3  # seconds
+
+HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
+MARK = "\n<!-- written by exportNodeModel, which may replace this file -->"
+PROJECT = OutputKind("a project that exportNodeModel has written", re.escape(HEAD + MARK))
 
 
 def validate(argv: Optional[List[str]] = None) -> int:
@@ -136,38 +141,26 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
         "if there are none, those of the folder data")
     options = ros_arguments.parse(parser, argv)
     if options.project is None:
-        print(_document([], ""))
+        print(_document([]), end="")
         return exit_codes.SUCCESS
-    _refuse_other_file(parser, options.project)
+    if not options.project.endswith(".btproj"):
+        parser.error(f"{clean(options.project)} is no project: its name must end with .btproj")
+    PROJECT.check(options.project)
     here = os.path.dirname(os.path.abspath(options.project))
     beside = sorted(os.listdir(here)) if os.path.isdir(here) else []
     own = [name for name in beside
            if name.endswith(".xml") and may_be_a_mission(os.path.join(here, name))]
     includes = own or [os.path.relpath(path, here) for path in missions()]
     name = os.path.splitext(os.path.basename(options.project))[0]
-    with open(options.project, "w", encoding="utf-8") as file:
-        file.write(_document(includes, f" project_name={quoteattr(name)}") + "\n")
+    PROJECT.write(options.project, _document(includes, f" project_name={quoteattr(name)}", MARK))
     print(f"{clean(options.project)}: a project of {', '.join(map(os.path.basename, includes))}")
     return exit_codes.SUCCESS
 
 
-def _refuse_other_file(parser: argparse.ArgumentParser, path: str) -> None:
-    """End the command rather than overwrite a file that is no project."""
-    if not path.endswith(".btproj"):
-        parser.error(f"{clean(path)} is no project: its name must end with .btproj")
-    try:
-        is_project = "project_name" in read(path).root.attributes
-    except MissionError:
-        is_project = not os.path.lexists(path)
-    if not is_project:
-        parser.error(
-            f"{clean(path)} is no project of Groot2, and would be overwritten: name another file")
-
-
-def _document(includes: List[str], attributes: str) -> str:
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', f'<root BTCPP_format="4"{attributes}>']
+def _document(includes: List[str], attributes: str = "", mark: str = "") -> str:
+    lines = [HEAD + mark, f'<root BTCPP_format="4"{attributes}>']
     lines += [f"  <include path={quoteattr(path)}/>" for path in includes]
-    return "\n".join(lines + [tree_nodes_model(leaves.specs(), indent="  "), "</root>"])
+    return "\n".join(lines + [tree_nodes_model(leaves.specs(), indent="  "), "</root>\n"])
 
 
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:

@@ -43,6 +43,7 @@ LAYERS = [
      "bt.script.values", "robot.gateway", "execution.events", "execution.health", "config",
      "monitoring.sinks", "monitoring.parts"],
     ["robot", "extensions"],
+    ["output_files"],
     ["errors", "exit_codes", "ros_arguments"],
     ["ros_packages"],
     ["text", "foreign_code", "folders"],

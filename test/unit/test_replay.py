@@ -513,13 +513,6 @@ def test_a_folder_of_one_record_is_that_record_and_of_several_is_refused(tmp_pat
     ).err == "{}: the record cannot be read: No such file or directory\n".format(tmp_path / "none")
 
 
-def test_a_report_that_cannot_be_written_is_one_line(tmp_path, capsys):
-    path = recorded(tmp_path, visitor_who(says="no"))
-    assert main(["--report", "/dev/full", path]) == 2
-    assert capsys.readouterr(
-    ).err == "/dev/full: the report cannot be written: No space left on device\n"
-
-
 def test_the_report(tmp_path, capsys):
     path = recorded(tmp_path, visitor_who(says="yes"), failure_rate=0.2, seed=4)
     page = str(tmp_path / "report.html")

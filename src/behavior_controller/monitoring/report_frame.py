@@ -9,14 +9,14 @@ from tornado.template import Template
 FOLDER = os.path.dirname(os.path.abspath(__file__))
 
 
-def framed(title: str, heads: Sequence[str], sections: Dict[str, str], content: str,
-           script: str = "", data: str = "") -> str:
-    """Return the page; ``content`` is HTML that has the ``sections`` with these ids, and ``data``
-    is JSON for the script."""
+def framed(generator: str, title: str, heads: Sequence[str], sections: Dict[str, str],
+           content: str, script: str = "", data: str = "") -> str:
+    """Return the page; ``generator`` is the command that makes it, ``content`` is HTML that has the
+    ``sections`` with these ids, and ``data`` is JSON for the script."""
     page = Template(file_text("report_files", "frame.html")).generate(
         checksum=_checksum, style=file_text("page_files", "style.css"), title=encodable(title),
-        heads=list(map(encodable, heads)), sections=sections, content=content, script=script,
-        data=data)
+        generator=generator, heads=list(map(encodable, heads)), sections=sections,
+        content=content, script=script, data=data)
     return page.decode()
 
 

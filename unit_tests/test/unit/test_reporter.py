@@ -18,31 +18,58 @@ def share(monkeypatch, tmp_path):
     return tmp_path / "share" / "data"
 
 
+def save(text, folder, kind=folders.REPORT):
+    """Save the report of a run and return its path."""
+    return test_node.save(text, str(folder), kind)
+
+
+FIRST, SECOND = ("# 2026-01-0{}T12:00:00: mission m\n".format(day) for day in (1, 2))
+PAGE = ('<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="generator" content="runTest">\n')
+
+
 def test_each_run_keeps_its_report_and_the_newest_is_in_the_package(given, share, tmp_path):
-    for run in ("first", "second"):
+    for run, text in (("first", FIRST), ("second", SECOND)):
         (tmp_path / run).mkdir()
-        assert test_node.save(run, str(tmp_path / run)) == str(share / test_node.OUTPUT)
+        assert save(text, tmp_path / run) == str(share / test_node.OUTPUT)
     assert (share / test_node.OUTPUT).read_text() == (tmp_path / "second" /
-                                                      test_node.OUTPUT).read_text() == "second"
-    assert (tmp_path / "first" / test_node.OUTPUT).read_text() == "first"
+                                                      test_node.OUTPUT).read_text() == SECOND
+    assert (tmp_path / "first" / test_node.OUTPUT).read_text() == FIRST
 
 
 def test_a_package_that_cannot_be_written_has_its_newest_report_among_those_of_ros(
         given, share, tmp_path):
     share.rmdir()
     (tmp_path / "ros").mkdir()
-    assert test_node.save("text", str(tmp_path)) == str(tmp_path / "ros" / test_node.OUTPUT)
+    assert save(FIRST, tmp_path) == str(tmp_path / "ros" / test_node.OUTPUT)
+
+
+def test_a_file_of_the_users_is_no_newest_report(given, share, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("ROS_TEST_RESULTS_DIR", str(tmp_path))
+    notes = [share / test_node.OUTPUT, tmp_path / "unit_tests" / test_node.JUNIT]
+    for folder in (tmp_path / "ros", tmp_path / "unit_tests"):
+        folder.mkdir()
+    for note in notes:
+        note.write_text("my notes")
+    assert save(FIRST, tmp_path) == str(tmp_path / "ros" / test_node.OUTPUT)
+    test_node._save_junit('<testsuite name="behaviorControllerTest" />')
+    assert [note.read_text() for note in notes] == ["my notes"] * 2
+    assert capsys.readouterr().out.count("\n") == 1
+    notes[1].unlink()
+    for tests in ("1", "2"):  # one of its own is replaced
+        test_node._save_junit('<testsuite name="behaviorControllerTest" tests="{}"/>'.format(tests))
+    assert 'tests="2"' in notes[1].read_text() and not capsys.readouterr().out
 
 
 def test_the_newest_report_is_where_the_user_wants_it(given, share, tmp_path):
     given("outputFile:={}".format(tmp_path / "mine"))
-    assert test_node.save("text", str(tmp_path)) == str(tmp_path / "mine")
-    assert test_node.save("page", str(tmp_path), ".html") == str(tmp_path / "mine.html")
+    assert save(FIRST, tmp_path) == str(tmp_path / "mine")
+    assert save(PAGE, tmp_path, folders.PAGE) == str(tmp_path / "mine.html")
     given("outputFile:={}".format(tmp_path / "mine.dat"))
-    assert test_node.save("page", str(tmp_path), ".html") == str(tmp_path / "mine.html")
-    assert (tmp_path / "behaviorControllerTestOutput.html").read_text() == "page"
+    assert save(PAGE, tmp_path, folders.PAGE) == str(tmp_path / "mine.html")
+    assert (tmp_path / "behaviorControllerTestOutput.html").read_text() == PAGE
     given("outputFile:={}".format(tmp_path / "no" / "folder"))
-    assert test_node.save("text", str(tmp_path)) == "nowhere: {}: No such file or directory".format(
+    assert save(FIRST, tmp_path) == "nowhere: {}: No such file or directory".format(
         tmp_path / "no" / "folder")
 
 

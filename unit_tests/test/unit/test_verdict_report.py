@@ -13,6 +13,7 @@ from behavior_controller.execution.events import (
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.requests import Say
 
+from unit_tests import folders
 from unit_tests.judge import report
 from unit_tests.judge.failures import FailureRow, failure_rows, table
 from unit_tests.judge.junit import to_xml
@@ -316,3 +317,14 @@ def test_what_the_robot_says_forges_no_line_of_the_report():
     assert [line for line in text.splitlines() if line.startswith("PASSED")] == []
     assert {len(line.split("\t")) for line in failure_lines(Case(of_test))} == {6}
     ElementTree.fromstring(junit)
+
+
+@pytest.mark.parametrize("run", [facts(), facts()._replace(run=Run())])
+def test_what_a_test_writes_is_known_as_its_own(tmp_path, run):
+    shown = Report(run, heading(run))
+    written = {folders.REPORT: shown.text(), folders.PAGE: shown.page(),
+               folders.JUNIT: to_xml(shown.verdict, 1.0, heading(run))}
+    for kind, text in written.items():
+        path = tmp_path / "written"
+        path.write_text(text)
+        assert not text or kind.check(str(path)) is None

@@ -32,6 +32,8 @@ from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.report_frame import encodable, file_text, framed
 from behavior_controller.monitoring.view import View, clock
 
+COMMAND = "replayMission"
+
 SECTIONS = {"then": "Moment", "story": "Story", "timeline": "Timeline", "tree": "Tree",
             "files": "Mission file", "settings": "Configuration"}
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
@@ -140,10 +142,10 @@ class Drawn:
         return self
 
 
-def to_html(lines: Iterable[events.Line], verdict: str = "") -> str:
+def to_html(lines: Iterable[events.Line], verdict: str = "", generator: str = COMMAND) -> str:
     """Return the page of a record (its last mission, if the mission was changed while it ran).
 
-    ``verdict`` is a text that stands before the story.
+    ``verdict`` is a text that stands before the story, ``generator`` the command that makes it.
     """
     earlier, run = _last(lines)
     written, doubt = _written(run)
@@ -160,8 +162,9 @@ def to_html(lines: Iterable[events.Line], verdict: str = "") -> str:
         moment=_between(live, '<div id="card">', "</section>"),
         robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
     sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
-    return framed("Mission " + mission_name(run.started.mission), list(_heads(run, earlier)),
-                  sections, content.decode(), _script(), _data(run, written))
+    return framed(generator, "Mission " + mission_name(run.started.mission),
+                  list(_heads(run, earlier)), sections, content.decode(), _script(),
+                  _data(run, written))
 
 
 def _last(lines: Iterable[events.Line]) -> Tuple[List[events.RunStarted], Drawn]:

@@ -4,7 +4,6 @@ import glob
 import itertools
 import os
 import sys
-from pathlib import Path
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from msgspec.structs import replace
@@ -18,6 +17,7 @@ from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
 from behavior_controller.execution import events
 from behavior_controller.execution.run import with_nodes
+from behavior_controller.output_files import is_standard_output, page_of
 from behavior_controller.robot.gateway import Call, Failure, FakeGateway, Sample, Topics
 from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Interface, Topic
@@ -29,7 +29,7 @@ from behavior_controller.text import Source, Unreadable, clean, count, read_byte
 from behavior_controller.monitoring import story
 from behavior_controller.monitoring.record.codec import Decoder
 from behavior_controller.monitoring.record.files import FILE_NAME, parts, runs
-from behavior_controller.monitoring.record.html_report import story_lines, to_html
+from behavior_controller.monitoring.record.html_report import COMMAND, story_lines, to_html
 
 NAME_OF: Dict[str, str] = {letter: NAMES[status] for status, letter in events.LETTERS.items()}
 
@@ -38,6 +38,9 @@ LATEST = "latest"
 
 MOST_BYTES = 50_000_000
 """The most bytes of a file of a record that are read."""
+
+REPORT = page_of(COMMAND)
+"""The page that ``--report`` writes."""
 
 
 class Replayed(NamedTuple):
@@ -340,7 +343,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Return the exit code of ``replayMission``: 0 the same path, 3 another path, 2 the record
     cannot be replayed."""
     parser = ros_arguments.CommandParser(
-        "replayMission", "Runs a recorded mission again and says whether it takes the same path.",
+        COMMAND, "Runs a recorded mission again and says whether it takes the same path.",
         "0 if it takes the same path or the report is written, 3 if it takes another one, "
         "2 if the record cannot be replayed or the call is wrong, 1 if there is no output")
     parser.add_argument("record", help="mission.jsonl of a run, its folder, a folder of runs (the "
@@ -350,15 +353,19 @@ def main(arguments: Optional[List[str]] = None) -> int:
         "--mission", metavar="FILE",
         help="run this file, such as the edited mission, instead of the mission in the record")
     instead.add_argument("--report", metavar="OUT.html",
-                         help="write a report of the recorded run as a web page instead")
+                         help="write a report of the recorded run as a web page instead: a new "
+                              "file, or in place of an earlier report")
     instead.add_argument("--story", action="store_true",
                          help="print what happened instead, a line each")
     chosen = ros_arguments.parse(parser, arguments)
     try:
+        if chosen.report is not None:
+            REPORT.check(chosen.report)
         path = find_record(chosen.record)
-        if chosen.report:
-            _write(chosen.report, to_html(stream_record(path)))
-            print(f"{clean(chosen.report)}: the report of {clean(path)}")
+        if chosen.report is not None:
+            REPORT.write(chosen.report, to_html(stream_record(path)))
+            if not is_standard_output(chosen.report):
+                print(f"{clean(chosen.report)}: the report of {clean(path)}")
             return exit_codes.SUCCESS
         if chosen.story:
             print("\n".join(story_lines(stream_record(path))))
@@ -369,11 +376,3 @@ def main(arguments: Optional[List[str]] = None) -> int:
         return exit_codes.WRONG_INPUT
     print(outcome)
     return exit_codes.FAILURE if outcome.divergence else exit_codes.SUCCESS
-
-
-def _write(path: str, text: str) -> None:
-    try:
-        Path(path).write_text(text, encoding="utf-8", errors="replace")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise MissionError.of(path, f"the report cannot be written: {reason}") from error

@@ -17,6 +17,7 @@ from behavior_controller.monitoring.story import sentences, why
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean, count
 
+from unit_tests.folders import COMMAND
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.failures import IN_SAFE_STATE, FailureRow, failure_rows, table
 from unit_tests.judge.reference import HANDLERS
@@ -185,7 +186,8 @@ class Report:
                  *table(self.rows, self._began, WIDEST)]
         marks = [Line(time, Noticed("error", "Here the run differs. " + text))
                  for time, text in self.verdict.differences]
-        return to_html(sorted([*run.lines, *marks], key=lambda line: line.time), "\n".join(shown))
+        return to_html(sorted([*run.lines, *marks], key=lambda line: line.time), "\n".join(shown),
+                       COMMAND)
 
 
 def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:

@@ -17,6 +17,7 @@ from msgspec.structs import asdict
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, ConfigurationError, Fault
 from behavior_controller.missions.load import find
+from behavior_controller.output_files import page_of
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, count, did_you_mean
@@ -35,6 +36,9 @@ FAULTS = (NONE, "single", PAIRS)
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 """The default failure rates."""
+
+PAGE = page_of(html_report.COMMAND)
+"""The page that ``--html`` writes."""
 
 BAR = 30
 """Letters of the progress bar."""
@@ -140,7 +144,7 @@ def _planned(text: str) -> PlannedFault:
 
 def _parser() -> argparse.ArgumentParser:
     parser = CommandParser(
-        "rehearseMission",
+        html_report.COMMAND,
         "Play a mission without ROS, in virtual time, with the simulated robot and each kind of "
         "visitor: without faults, with each single fault, or with random ones, and print the "
         "mistakes that this shows.", "0 if nothing was found, 4 if something was, 2 if the mission "
@@ -176,7 +180,8 @@ def _parser() -> argparse.ArgumentParser:
     option("jobs", _number(1, 1024, int), "N", "processes; one for each core if not given")
     parser.set_defaults(planned=[], silent=[], limit=LIMIT, jobs=len(os.sched_getaffinity(0)))
     parser.add_argument("--json", action="store_true", help="print all as JSON")
-    parser.add_argument("--html", metavar="FILE", help="write all as a web page, too")
+    parser.add_argument("--html", metavar="FILE", help="write all as a web page, too: a new file, "
+                        "or in place of an earlier page")
     return parser
 
 
@@ -218,8 +223,9 @@ def _check_robot(interface: Any, options: argparse.Namespace) -> None:
 def main(argv: Optional[List[str]] = None) -> int:
     """Play, print the findings, and return the exit code."""
     options = read(argv)
-    page = open(options.html, "w", encoding="utf-8") if options.html else None
     try:
+        if options.html is not None:
+            PAGE.check(options.html)
         todo = Plan(options)
     except BehaviorControllerError as error:
         print(error)
@@ -228,10 +234,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     result = rehearse(todo, options.jobs)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     print(json.dumps(as_json(result), indent=1) if options.json else as_text(result))
-    if page is not None:
-        with page:
-            page.write(html_report.to_html(heading(result), result.rows, result.shares,
-                                           result.findings))
+    if options.html is not None:
+        PAGE.write(options.html, html_report.to_html(heading(result), result.rows, result.shares,
+                                                     result.findings))
     if result.findings:
         return exit_codes.FINDINGS
     return exit_codes.SUCCESS if result.plays == result.planned else exit_codes.UNAVAILABLE

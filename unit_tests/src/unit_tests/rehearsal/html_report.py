@@ -9,6 +9,8 @@ from behavior_controller.text import count
 
 from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share
 
+COMMAND = "rehearseMission"
+
 ROW_HEAD = ("visitor", "answers by", "outcome", "after", "stops", "with faults")
 SHARE_HEAD = ("failure rate", "runs", "successes", "share", "95 % interval", "pass takes")
 
@@ -87,7 +89,7 @@ def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
     content = Template(CONTENT).generate(tables=shown, shares=shares, findings=findings, plot=plot,
                                          count=count, text=encodable)
     sections = [*shown, "Findings"]
-    return framed(title, [], {name: name for name in sections}, content.decode())
+    return framed(COMMAND, title, [], {name: name for name in sections}, content.decode())
 
 
 def plot(shares: Sequence[Share]) -> str:

@@ -23,7 +23,7 @@ from behavior_controller.config.config_file import (
     Key, REQUIRED, Reader, boolean, collected, filled, integer, key, keys_of, number, one_of,
     read_source)
 from behavior_controller.config.settings import Settings, split_arguments, unread
-from behavior_controller.errors import ConfigurationError, Fault, attempt
+from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
 from behavior_controller.robot.declarations import Interface
 from behavior_controller.ros_arguments import ASSIGNMENT
 from behavior_controller.text import Source, did_you_mean
@@ -129,9 +129,10 @@ KEYS = tuple(keys_of(Configuration).values())
 USE_REAL = {node: "use_real_" + node for node in NODES}
 """Node -> the key that leaves the simulated one out."""
 
-OWN = (Key("outputFile", Reader("a file", str), "", "where the report is written"),) + tuple(
-    Key(name, boolean, False, "the real {} is running; it is not simulated".format(node))
-    for node, name in USE_REAL.items())
+OWN = (Key("outputFile", Reader("a file", str), "",
+           "where the report is written: a new file, or in place of an earlier report"),
+       *(Key(name, boolean, False, f"the real {node} is running; it is not simulated")
+         for node, name in USE_REAL.items()))
 """The keys of the test as a whole, which are in neither configuration."""
 
 FOLDER, DRAWN, REPORT = "folder", "drawn", "report"
@@ -273,6 +274,8 @@ def read(arguments: Arguments) -> Options:
     if values.get("recordDirectory") == "none":
         faults.append(Fault("argument recordDirectory", 0, 0, "a test needs its record",
                             "leave it out, or name a folder for a copy"))
+    if values.get("outputFile"):
+        faults += _output_faults(values["outputFile"])
     around = None
     if controller is not None:
         behaviour = test.visitor_behaviour if test is not None else ENGAGES
@@ -281,6 +284,18 @@ def read(arguments: Arguments) -> Options:
     if faults or test is None or around is None:
         raise ConfigurationError(faults)
     return Options(arguments, test, around)
+
+
+def _output_faults(report: str) -> Sequence[Fault]:
+    """Return a fault if the report, or the page beside it, may not be written there."""
+    try:
+        folders.REPORT.check(report)
+        folders.PAGE.check(folders.page_beside(report))
+    except FaultsFound as refused:
+        return refused.faults
+    except OSError as error:
+        return [Fault(error.filename, 0, 0, f"it cannot be written: {error.strerror}")]
+    return []
 
 
 def load_test(values: Mapping[str, str]) -> Configuration:

@@ -30,6 +30,8 @@ def main(words: Optional[Sequence[str]] = None) -> int:
             print(options.usage(arrival_waits.sufficient(waits) if waits else ""))
             return 0
         values = options.parse(given)
+        if "outputFile" in values:  # the nodes run in another folder
+            values["outputFile"] = os.path.abspath(values["outputFile"])
         own = options.read(Arguments([], values))
         missions.find(own.world.settings.scenario_specification)
         claims.check_test(own)

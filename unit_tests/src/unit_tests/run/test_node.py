@@ -6,18 +6,19 @@ import shutil
 import signal
 import time
 from pathlib import Path
-from typing import Callable, Iterator, List, Optional, Sequence, Tuple
+from typing import Callable, Iterator, List, Optional, Sequence, Tuple, Union
 
 import rospkg
 import rospy
 
 from behavior_controller import exit_codes
 from behavior_controller.folders import ros_home
-from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.errors import BehaviorControllerError, FaultsFound
 from behavior_controller.execution.events import LeafFinished, Line
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.codec import Decoder
 from behavior_controller.monitoring.record import files
+from behavior_controller.output_files import OutputKind
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 
 from unit_tests.rehearsal import arrival_waits
@@ -112,10 +113,10 @@ def _test(own: Options) -> int:
     heading = title(facts, test, datetime.datetime.now())
     report = Report(facts, heading, warnings)
     _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
-    files = ["report: " + save(report.text(), folder),
+    files = ["report: " + save(report.text(), folder, folders.REPORT),
              "its folder, with record and journal: " + folder]
     content = report.page()
-    page = save(content, folder, ".html") if content else ""
+    page = save(content, folder, folders.PAGE) if content else ""
     columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
     is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
@@ -195,27 +196,31 @@ def wait_for_end(folder: str, test: Configuration, world: World,
                  has_timed_out=has_timed_out, errors=read_errors(folder), stall=stall)
 
 
-def save(text: str, folder: str, ending: str = "") -> str:
-    """Write the report to the folder of the run, and a copy as the newest report; return the path
-    of the copy. With an ``ending``: what is written beside it."""
+def save(text: str, folder: str, kind: OutputKind) -> str:
+    """Write the report, or its page, to the folder of the run, and a copy as the newest one; return
+    the path of the copy."""
     wanted = options.of_process().values.get("outputFile")
     newest = [os.path.join(folders.share(), "data", OUTPUT), os.path.join(ros_home(), OUTPUT)]
     paths = [os.path.join(folder, OUTPUT)] + ([wanted] if wanted else newest)
-    if ending:
-        paths = [(path[:-4] if path.endswith(".dat") else path) + ending for path in paths]
-    _write(paths[:1], text)
-    return _write(paths[1:], text)
+    if kind is folders.PAGE:
+        paths = list(map(folders.page_beside, paths))
+    _write(paths[:1], text, kind)
+    return _write(paths[1:], text, kind)
 
 
-def _write(paths: Sequence[str], text: str) -> str:
-    """Write a file to the first folder where this user may write, and return its path."""
+def _write(paths: Sequence[str], text: str, kind: OutputKind) -> str:
+    """Write a file to the first path where this user may write, and return the path."""
     for path in paths:
         try:
-            Path(path).write_text(text, encoding="utf-8")
+            kind.write(path, text)
             return path
-        except OSError as error:
-            reason = "nowhere: {}: {}".format(path, error.strerror)
+        except (FaultsFound, OSError) as error:
+            reason = "nowhere: " + _reason(error)
     return reason
+
+
+def _reason(error: Union[FaultsFound, OSError]) -> str:
+    return str(error) if isinstance(error, FaultsFound) else f"{error.filename}: {error.strerror}"
 
 
 def _save_junit(text: str) -> None:
@@ -223,9 +228,9 @@ def _save_junit(text: str) -> None:
     folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
     try:
         os.makedirs(folder, exist_ok=True)
-        Path(folder, JUNIT).write_text(text, encoding="utf-8")
-    except OSError as error:
-        print("no JUnit file: {}: {}".format(folder, error.strerror), flush=True)
+        folders.JUNIT.write(os.path.join(folder, JUNIT), text)
+    except (FaultsFound, OSError) as error:
+        print("no JUnit file: " + _reason(error), flush=True)
 
 
 def finish(code: int, text: str) -> int:
