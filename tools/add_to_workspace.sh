@@ -7,6 +7,7 @@ set -eo pipefail
 REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 . "$REPOSITORY/tools/progress.sh"
 . "$REPOSITORY/tools/links.sh"
+export PYTHONPATH="" # what this shell has sourced is not what the system has
 
 main() {
   local removes=""
@@ -14,33 +15,105 @@ main() {
   [ $# = 1 ] && [ -n "$1" ] && [ "${1#-}" = "$1" ] ||
     fail "usage: tools/add_to_workspace.sh [--remove] WORKSPACE   (the folder in which you call catkin_make)"
   [ -z "$removes" ] || [ -d "$1/src" ] || fail "$1 is no catkin workspace: it has no folder src"
-  mkdir -p "$1/src"
-  WORKSPACE="$(cd "$1" && pwd -P)"
+  WORKSPACE="$(realpath -m "$1")"
+  SOURCE="$(realpath -m "$1/src")"
   LOGS="$WORKSPACE/build/log/cssr_system"
-  PACKAGE="$WORKSPACE/src/cssr_system"
+  PACKAGE="$SOURCE/cssr_system"
   # a clone inside the workspace is the package cssr_system itself
-  [[ "$REPOSITORY/" != "$WORKSPACE"/src/* ]] || PACKAGE="$REPOSITORY"
+  [[ "$REPOSITORY/" != "$SOURCE"/* ]] || PACKAGE="$REPOSITORY"
+  [ -n "$removes" ] || refuse_places "$1"
+  refuse_what_is_not_ours
   refuse_another_package
   if [ -n "$removes" ]; then
     remove
   else
+    mkdir -p "$SOURCE"
     [ "$PACKAGE" = "$REPOSITORY" ] || link_package "$PACKAGE"
-    ln -sfn "$REPOSITORY/unit_tests" "$WORKSPACE/src/unit_tests" # catkin does not look for it inside of a package
+    ln -sfn "$REPOSITORY/unit_tests" "$SOURCE/unit_tests" # catkin does not look for it inside of a package
     add_python_packages
-    echo "Now, in $WORKSPACE: catkin_make$(python_option) && source devel/setup.bash"
+    if [[ "$WORKSPACE" = *" "* ]]; then
+      echo "Now, in $WORKSPACE: catkin_make$(python_option) install && source install/setup.bash (from devel, rosrun runs nothing below a path with a blank)"
+    else
+      echo "Now, in $WORKSPACE: catkin_make$(python_option) && source devel/setup.bash"
+    fi
   fi
+}
+
+# Ends if catkin_make could not build there. A link to a path takes more characters than a workspace.
+refuse_places() {
+  local built="$WORKSPACE"
+  [ "$PACKAGE" != "$REPOSITORY" ] || built="$WORKSPACE $PACKAGE"
+  [[ "$built" != *[][\{\}\(\)\<\>\'\`\$\&:\#\|]* && "$1$WORKSPACE$REPOSITORY" != *[\"\\\;[:cntrl:]]* ]] ||
+    fail "catkin_make cannot build ${REPOSITORY//[[:cntrl:]]/?} in ${WORKSPACE//[[:cntrl:]]/?}: a path has a quote, bracket, control character or one of \\ \$ & ; : # |"
+  [[ "$SOURCE/" != "$REPOSITORY"/* ]] || fail "$SOURCE would be a part of this repository: name another workspace"
+  [ -d "$SOURCE" ] || [ ! -e "$SOURCE" ] || fail "$SOURCE is not a folder"
+}
+
+# Ends unless this command made all that is in its places.
+refuse_what_is_not_ours() {
+  local place places=("$PACKAGE/python_packages")
+  if [ "$PACKAGE" != "$REPOSITORY" ]; then
+    [ ! -L "$PACKAGE" ] && { [ -d "$PACKAGE" ] || [ ! -e "$PACKAGE" ]; } || refuse "$PACKAGE"
+    readarray -d '' places < <(find "$PACKAGE" -mindepth 1 -maxdepth 1 -print0 2>/dev/null)
+  fi
+  for place in "${places[@]}" "$SOURCE/unit_tests"; do
+    is_ours "$place" || { [ ! -e "$place" ] && [ ! -L "$place" ]; } || refuse "$place"
+  done
+}
+
+# is_ours PATH: a link to what has its name in the repository, the copy of package.xml, or packages that pip laid there
+is_ours() {
+  local name="${1##*/}"
+  case "$name" in
+    package.xml) [ -f "$1" ] && [ ! -L "$1" ] && { cmp -s "$1" "$REPOSITORY/$name" || is_ours "${1%/*}/CMakeLists.txt"; } ;;
+    python_packages) [ -d "$1" ] && [ ! -L "$1" ] && is_of_pip "$1" ;;
+    *) [ -L "$1" ] && { [ "$(readlink "$1")" = "$REPOSITORY/$name" ] || [ "$1" -ef "$REPOSITORY/$name" ]; } ;;
+  esac
+}
+
+# is_of_pip FOLDER: whether each file belongs to a package that pip recorded there, and those that we need are among them
+is_of_pip() {
+  local files recorded
+  files="$(find "$1" ! -type d ! -name '*.pyc' -printf '%P\n')"
+  recorded="$(cat "$1"/*.dist-info/RECORD 2>/dev/null | sed 's/,[^,]*,[^,]*$//')"
+  [ -z "$files" ] || { grep -qE '^(py_trees|msgspec)/' <<<"$recorded" && ! grep -qvxF -f <(echo "$recorded") <<<"$files"; }
+}
+
+refuse() {
+  fail "${1//[[:cntrl:]]/?} was not made by this command, and nothing was changed: move it, or put ours into a workspace of its own, and source that one last (see docs/developers_guide.md)"
 }
 
 # The robot's own nodes may live in a package of the same name; one workspace can hold only one of them.
 refuse_another_package() {
   local other
-  for other in $(grep -lsE '<name>(cssr_system|unit_tests)</name>' "$WORKSPACE"/src/*/package.xml "$WORKSPACE"/src/*/*/package.xml); do
-    other="$(dirname "$other")"
-    case "$(readlink -f "$other/CMakeLists.txt")" in
-      "$REPOSITORY"/*) ;;
-      *) fail "$other is a package of the same name: put ours into a workspace of its own, and source that one last (see docs/developers_guide.md)" ;;
-    esac
-  done
+  other="$(/usr/bin/python3 - "$SOURCE" "$PACKAGE" "$REPOSITORY/unit_tests" <<'PYTHON'
+import os
+import sys
+from xml.etree import ElementTree
+
+
+def name_of(package):
+    try:
+        return (ElementTree.parse(os.path.join(package, "package.xml")).findtext("name") or "").strip()
+    except (OSError, ElementTree.ParseError):
+        return ""
+
+
+seen = set()
+for folder, folders, files in os.walk(sys.argv[1], followlinks=True):  # as catkin looks for packages
+    place = os.path.realpath(folder)
+    is_package = "package.xml" in files
+    folders[:] = [name for name in folders if not is_package and not name.startswith(".")]
+    if "CATKIN_IGNORE" in files or place in seen:
+        folders[:] = []
+    elif is_package and place not in sys.argv[2:] and name_of(folder) in ("cssr_system", "unit_tests"):
+        os.write(1, os.fsencode(folder))
+        break
+    seen.add(place)
+PYTHON
+)"
+  [ -z "$other" ] ||
+    fail "${other//[[:cntrl:]]/?} is a package of the same name: put ours into a workspace of its own, and source that one last (see docs/developers_guide.md)"
 }
 
 # The Python that the workspace was, or will be, built with.
@@ -59,7 +132,6 @@ python_option() {
 add_python_packages() {
   local python wanted="$LOGS/requirements.txt"
   python="$(workspace_python)"
-  rm -rf "$PACKAGE/python_packages"
   mkdir -p "$LOGS"
   "$python" - "$REPOSITORY/tools/requirements.txt" "$wanted" "$LOGS/constraints.txt" <<'PYTHON'
 import re
@@ -83,55 +155,100 @@ with open(sys.argv[3], "w") as constraints:  # what the system has stays as it i
     constraints.writelines("{}=={}\n".format(*pair) for pair in versions.items()
                            if pair[0] not in names and re.fullmatch(r"\d+(\.\d+)*", pair[1]))
 PYTHON
-  [ -s "$wanted" ] || return 0
+  if [ ! -s "$wanted" ]; then
+    rm -rf "$PACKAGE/python_packages"
+    return
+  fi
   step python_packages "adding Python packages ($(sed 's/[^A-Za-z_].*//' "$wanted" | sort -u | tr '\n' ' ' | sed 's/ $//'))" \
     install_packages "$python" "$PACKAGE/python_packages" "$wanted" "$LOGS/constraints.txt"
 }
 
-# In a virtual environment pip adds only what the system lacks.
+# In a virtual environment pip adds only what the system lacks. What was there is replaced when all of it is complete.
 install_packages() {
-  local python="$1" folder="$2" wanted="$3" constraints="$4" environment packages
-  environment="$(mktemp -d)"
-  trap "rm -rf '$environment'" EXIT
+  local python="$1" folder="$2" wanted="$3" constraints="$4" packages
+  ENVIRONMENT="$(mktemp -d "$LOGS/XXXXXX")"
+  trap 'rm -rf "$ENVIRONMENT"' EXIT
   if "$python" -m pip --version; then
-    "$python" -m venv --system-site-packages --without-pip "$environment"
+    "$python" -m venv --system-site-packages --without-pip "$ENVIRONMENT"
   else # Debian's Python may have none
-    "$python" -m venv --system-site-packages "$environment" || { echo "install python3-pip or python3-venv"; return 1; }
+    "$python" -m venv --system-site-packages "$ENVIRONMENT" || { echo "install python3-pip or python3-venv"; return 1; }
   fi
-  packages="$(echo "$environment"/lib/python*/site-packages)"
-  ls "$packages" >"$environment/before"
-  "$environment/bin/python" -m pip install --disable-pip-version-check --no-input -r "$wanted" -c "$constraints"
-  mkdir -p "$folder"
-  ls "$packages" | grep -vxF -f "$environment/before" -e __pycache__ | while read -r name; do
-    mv "$packages/$name" "$folder/"
+  packages="$(echo "$ENVIRONMENT"/lib/python*/site-packages)"
+  ls "$packages" >"$ENVIRONMENT/before"
+  "$ENVIRONMENT/bin/python" -m pip install --disable-pip-version-check --no-input -r "$wanted" -c "$constraints" || return 1
+  mkdir "$ENVIRONMENT/python_packages"
+  ls "$packages" | grep -vxF -f "$ENVIRONMENT/before" -e __pycache__ | while read -r name; do
+    mv "$packages/$name" "$ENVIRONMENT/python_packages/"
   done
-  find "$folder" -type f -exec chmod -x {} + # rosrun would offer them
+  find "$ENVIRONMENT/python_packages" -type f -exec chmod -x {} + # rosrun would offer them
+  rm -rf "$folder"
+  mv "$ENVIRONMENT/python_packages" "$folder"
 }
 
-# All that this command, catkin_make and catkin_make install left in the workspace.
+# All that this command, catkin_make and catkin_make install left in the workspace. A file of another package stays, also
+# where its name is one of ours.
 remove() {
-  local name python_packages
-  python_packages="$(ls "$PACKAGE/python_packages" 2>/dev/null)" || true
-  rm -rf "$PACKAGE/python_packages" "$LOGS"
+  local modules
+  cd "$WORKSPACE"
+  for modules in {devel,install}/lib/python3*/*-packages; do
+    remove_python_packages "$modules"
+    ! grep -qsF -e "/cssr_system/src'" -e "$REPOSITORY/src'" -e 'PACKAGE = "cssr_system"' \
+      "$modules"/behavior_controller/{__init__,ros_arguments}.py || remove_installed "${modules%%/*}" "$modules"
+  done
+  ! grep -qs behavior_controller build/cssr_system/catkin_generated/setup_py_interrogation.cmake ||
+    take_out build/{cssr_system,unit_tests}
+  remove_scripts build/atomic_configure
+  take_out build/log/cssr_system/{constraints.txt,python_packages.log,requirements.txt}
+  rm -rf "$PACKAGE/python_packages" "$SOURCE/unit_tests"
   [ "$PACKAGE" = "$REPOSITORY" ] || rm -rf "$PACKAGE"
-  rm -f "$WORKSPACE/src/unit_tests"
-  for name in {cssr_system,unit_tests}{,.pc,'-*'} behavior_controller 60.cssr_system.bash 50.virtual_environment.sh; do
-    remove_built -name "$name"
-  done
-  for name in $(cd "$REPOSITORY" && find src/behavior_controller unit_tests/nodes -maxdepth 1 -type f -perm /111 -printf '%f\n'); do
-    remove_built -path "*/atomic_configure/$name" -o -path "*/bin/$name"
-  done
-  for name in $python_packages; do
-    remove_built -path "*/dist-packages/$name"
-  done
-  rm -f "$WORKSPACE/devel/bin/cmake.lock"
-  find "$WORKSPACE"/{build/log,devel,install} -type d -empty -delete 2>/dev/null || true
   echo "Both packages are out of $WORKSPACE. Now, in it: catkin_make"
 }
 
-# remove_built TEST…: what find finds by it in the folders that are built
-remove_built() {
-  find "$WORKSPACE"/{build,devel,install} \( "$@" \) -prune -exec rm -rf {} + 2>/dev/null || true
+# remove_installed SPACE MODULES: devel or install, and its folder of Python modules
+remove_installed() {
+  take_out "$1"/{include,lib,share,share/*/ros}/{cssr_system,unit_tests} "$1"/lib/pkgconfig/{cssr_system,unit_tests}.pc \
+    "$2"/{cssr_system,unit_tests}{,-*.egg-info} "$2/behavior_controller"
+  local hook
+  for hook in "$1"/etc/catkin/profile.d/{60.cssr_system.bash,50.virtual_environment.sh}; do
+    ! grep -qs cssr_system "$hook" || take_out "$hook"
+  done
+  remove_scripts "$1/bin"
+  [ "$(ls -A "$1/bin" 2>/dev/null)" != cmake.lock ] || take_out "$1/bin/cmake.lock"
+}
+
+# remove_scripts FOLDER: our executables, and what catkin makes for them
+remove_scripts() {
+  local name
+  (cd "$REPOSITORY" && find src/behavior_controller unit_tests/nodes -maxdepth 1 -type f -perm /111 -printf '%f\n') |
+    while read -r name; do
+      ! grep -qsE "(src/behavior_controller|unit_tests/nodes)/$name'|command\.run(_node)?\(\"$name\"," "$1/$name" ||
+        take_out "$1/$name"
+    done
+}
+
+# remove_python_packages MODULES: the copies of ours; a file that differs is another package's
+remove_python_packages() {
+  local name
+  [ -d "$1" ] && [ -d "$PACKAGE/python_packages" ] || return 0
+  find "$PACKAGE/python_packages" -type f -printf '%P\n' | while IFS= read -r name; do
+    # RECORD has the checksum of a script that names the environment in which pip ran
+    [[ "$name" != *.pyc && "$name" != */RECORD ]] && ! cmp -s "$PACKAGE/python_packages/$name" "$1/$name" || rm -f "$1/$name"
+  done
+  find "$PACKAGE/python_packages" -mindepth 1 -maxdepth 1 -type d -printf '%f\0' | while IFS= read -rd '' name; do
+    find "$1/$name" \( -name '*.pyc' -o -type d -empty \) -delete 2>/dev/null || true
+  done
+  rmdir -p "$1" 2>/dev/null || true
+}
+
+# take_out PATH…: remove each, and the folders that get empty
+take_out() {
+  local path
+  for path; do
+    if [ -e "$path" ] || [ -L "$path" ]; then
+      rm -rf "$path"
+      rmdir -p "$(dirname "$path")" 2>/dev/null || true
+    fi
+  done
 }
 
 main "$@"

@@ -7,11 +7,11 @@ link_package() {
   local folder="$1" entries entry link
   mkdir -p "$folder"
   entries="$(package_entries)"
-  for entry in $entries; do
+  while IFS= read -r entry; do
     [ "$(readlink "$folder/$entry")" = "$REPOSITORY/$entry" ] || ln -sfn "$REPOSITORY/$entry" "$folder/$entry"
-  done
-  find "$folder" -maxdepth 1 -type l | while read -r link; do
-    grep -qxF "$(basename "$link")" <<<"$entries" || rm "$link"
+  done <<<"$entries"
+  find "$folder" -maxdepth 1 -type l -print0 | while IFS= read -rd '' link; do
+    [[ "$(readlink "$link")" != "$REPOSITORY"/* ]] || grep -qxF "$(basename "$link")" <<<"$entries" || rm "$link"
   done
   # CMake would install the link itself, which leads nowhere from there
   cmp -s "$REPOSITORY/package.xml" "$folder/package.xml" ||

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 import urllib.parse
 import urllib.request
@@ -62,6 +63,18 @@ time.time = jumping
 BESIDE = [("rosrun", "unit_tests", "runTest"), ("rosrun", "unit_tests", "textToSpeech")
           ] + [("roslaunch", "unit_tests", launch)
                for launch in ("behaviorControllerTest.launch", "simulatedRobot.launch")]
+REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+USERS_PACKAGE = {
+    "package.xml": """<package format="2"><name>mine</name><version>1.0.0</version><description>a package
+</description><maintainer email="a@example.org">a</maintainer><license>BSD</license>
+<buildtool_depend>catkin</buildtool_depend></package>""",
+    "CMakeLists.txt": """cmake_minimum_required(VERSION 3.5)
+project(mine)
+find_package(catkin REQUIRED)
+catkin_package()
+install(DIRECTORY unit_tests cssr_system DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(PROGRAMS report DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})""",
+    "report": "#!/bin/sh", "unit_tests/mine": "", "cssr_system/mine": ""}
 WRONG_WORDS = ("_missionRuns:=many", "missionRuns:=1", "_topicMaxAge:=-1", "__name:=a/b", "--now",
                "_scenarioSpecification:=absent", "_language:=Klingon", "_missionRun:=1")
 
@@ -397,6 +410,31 @@ def sent_by_a_browser(port, kind, body):
             return b""
 
 
+def users_workspace(trial):
+    """A user's package stays in a workspace, whose path has a blank, when ours are added, built and
+    removed; a folder of the user's in our place is refused."""
+    with tempfile.TemporaryDirectory(prefix="a workspace ") as workspace:
+        for name, text in USERS_PACKAGE.items():
+            write(os.path.join(workspace, "src", "mine", name), text)
+        build(workspace)
+        before = files(workspace)
+        for words in ((), (), ("--remove", )):
+            done = add_to_workspace(*words, workspace)
+            trial.require(done.returncode == 0, done.stdout.strip())
+            build(workspace)
+        after = files(workspace)
+        changed = {name for name, text in before.items()
+                   if "mine" in name and after.get(name) != text}
+        trial.require(not changed, "changed or gone: " + ", ".join(sorted(changed)))
+        write(os.path.join(workspace, "src", "cssr_system", "calibration.yaml"), "mine")
+        before = files(workspace)
+        for words in ((), ("--remove", )):
+            done = add_to_workspace(*words, workspace)
+            trial.require(done.returncode == 1 and done.stdout.count("\n") == 1,
+                          "not refused in a line: " + done.stdout.strip())
+            trial.require(files(workspace) == before, "a folder of the user's was changed")
+
+
 # ----------------------------------------------------------------------------- what they consist of
 
 
@@ -405,6 +443,40 @@ def page_data(port, path):
     with urllib.request.urlopen("http://127.0.0.1:{}/{}".format(port, path),
                                 timeout=PATIENCE) as answer:
         return json.loads(answer.read().decode())
+
+
+def write(path, text):
+    """Write a file, in a new folder if need be."""
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    with open(path, "w") as file:
+        file.write(text)
+
+
+def files(folder):
+    """Return the content of each file below ``folder``, by its path; of a link its target."""
+    found = {}
+    for place, _, names in os.walk(folder):
+        for path in (os.path.join(place, name) for name in names):
+            if os.path.islink(path):
+                found[path] = os.readlink(path)
+            else:
+                with open(path, "rb") as file:
+                    found[path] = file.read()
+    return found
+
+
+def build(workspace):
+    """Build and install a workspace as in a new shell."""
+    subprocess.run(["bash", "-ec", '. "$REPOSITORY/tools/environment.sh"; use_ros; cd "$0"; '
+                    "catkin_make && catkin_make install", workspace], check=True,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                   env=dict(os.environ, REPOSITORY=REPOSITORY))
+
+
+def add_to_workspace(*words):
+    """Call the command, and return its end with what it printed."""
+    return subprocess.run([os.path.join(REPOSITORY, "tools", "add_to_workspace.sh"), *words],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
 
 
 def surroundings(trial):
@@ -483,6 +555,7 @@ TRIALS += [
     ("killed with one recordDirectory", 240, partial(killed_with_one_directory, rounds=3)),
     ("breakpoint of a client that died", 240, partial(breakpoint_of_the_dead, rounds=4)),
     ("web page", 120, web_page),
+    ("a workspace with the user's own files", 240, users_workspace),
 ]
 TRIALS += drawn_trials.TRIALS
 

@@ -163,8 +163,8 @@ def test_beside_a_robot_whose_package_has_the_same_name(home, workspace):
         home, str(robot / "devel/setup.bash"))
     theirs.environment["ROS_MASTER_URI"] = ours.environment["ROS_MASTER_URI"]
     code, text = Shell(home).run("{}/tools/add_to_workspace.sh {}".format(REPOSITORY, robot))
-    assert code == 1 and "a package of the same name" in text and not (robot /
-                                                                       "src/unit_tests").exists()
+    assert code == 1 and "not made by this command" in text and not (robot /
+                                                                     "src/unit_tests").exists()
     Shell(home).do("cd {} && catkin_make".format(robot), BUILD_LIMIT)
     started = [
         ours.start(
