@@ -43,6 +43,20 @@ def set_screen(browser, width, height, mode="light"):
 SCREENS = [(400, 800), (800, 1180), (1280, 800), (1920, 1080)]
 MODES = ["light", "dark"]
 
+IS_WHOLE = """
+const range = document.createRange();
+return arguments[0].every(id => {
+  const one = document.getElementById(id);
+  range.selectNodeContents(one);
+  return [...range.getClientRects()].every((_, place) => {
+    const line = () => range.getClientRects()[place], middle = () => (line().top + line().bottom) / 2;
+    scrollBy(0, middle() - innerHeight / 2);
+    return line().left >= 0 && line().right <= innerWidth &&
+      [line().left + 2, line().right - 2].every(x => document.elementFromPoint(x, middle()) === one);
+  });
+})"""
+"""Whether each line of the elements with these ids can be seen: not cut, and nothing lies over it."""
+
 
 def first(chosen, everything):
     """Return the parameters for ``everything``; those that are not ``chosen`` are long.

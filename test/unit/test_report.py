@@ -29,7 +29,8 @@ from behavior_controller.monitoring.moment import card, robot_line
 from unit_tests.rehearsal.findings import BY_NAME
 from unit_tests.rehearsal.html_report import to_html as rehearsal_html
 from unit_tests.rehearsal.summary import FindingSummary, Share, VisitorRow
-from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
+from browser import (
+    IS_WHOLE, MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen)
 from mission_rig import decode
 from recorded_tours import KINDS, recorded_day
 from test_page import wait_until
@@ -982,6 +983,7 @@ def test_any_moment_of_the_run_is_shown(report, day):
         assert (seen["kind"], seen["place"], seen["instruction"]) == (
             expected.kind, robot.place, robot.instruction)
         assert seen["stops"] == [each.state for each in state.visit.stops]
+        assert report.execute_script(IS_WHOLE, ["instruction"])
         assert set(seen["entries"]) - {"none"} == set(state.entries)
         assert not seen["told"] or max(seen["told"]) <= at + 0.001
     assert len(run.visits) == len(KINDS)

@@ -29,7 +29,7 @@ from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, Faces, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention)
-from browser import SCREENS, reset_screen, set_screen
+from browser import IS_WHOLE, SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
 from test_story import refusing, walks_off
@@ -727,15 +727,14 @@ HEADS = """
 const at = id => byId(id).getBoundingClientRect(), places = ids => ids.map(id => [at(id).left, at(id).top].map(Math.round));
 return arguments[0].map(robot => {
   showRobot(robot);
-  return [document.querySelector("header").offsetHeight, places(["alive", "place", "attention", "movement", "instruction"]),
-          at("instruction").right <= innerWidth]})"""
+  return [document.querySelector("header").offsetHeight, places(["alive", "place", "attention", "movement", "instruction"])]})"""
 WHOLE = """
 byId("robot").focus();
 return ["alive", "place", "safe", "instruction"].map(byId).every(
   one => one.scrollWidth <= one.clientWidth && one.scrollHeight <= one.clientHeight)"""
 
 
-@pytest.mark.parametrize("width, height", SCREENS)
+@pytest.mark.parametrize("width, height", SCREENS + [(320, 640)])
 def test_what_is_so_with_the_robot_moves_nothing(browser, width, height):  # noqa: F811
     well = RobotLine(True, "all nodes in use answer", "off", "off", "at home")
     lost = RobotLine(False, "/robotNavigation/set_goal is gone", "on (scanning)", "unknown",
@@ -752,8 +751,25 @@ def test_what_is_so_with_the_robot_moves_nothing(browser, width, height):  # noq
         open_page(browser, shown)
         robots = [asdict(robot) for robot in (well, lost, unsafe, all_lost)]
         heads = browser.execute_script(HEADS, robots)
-        assert heads[0] == heads[1] == heads[2] == heads[3] and heads[0][2]
+        assert heads[0] == heads[1] == heads[2] and heads[0][1] == heads[3][1]
         assert browser.execute_script(WHOLE)
+    finally:
+        reset_screen(browser)
+        shown.page.close()
+
+
+@pytest.mark.parametrize("width, height", SCREENS + [(320, 640), (320, 256), (640, 360)])
+def test_what_a_person_has_to_do_is_never_cut(browser, width, height):  # noqa: F811
+    line = RobotLine(False, "/robotNavigation/set_goal is gone", "on", "unknown", "at home",
+                     "safe state not reached: attention and lifelike movement may be on")
+    shown = Show(Rig())
+    set_screen(browser, width, height)
+    try:
+        open_page(browser, shown)
+        for words in (1, 8, 20, 40):
+            robot = replace(line, instruction=" ".join(["Restart", "/robotNavigation,"] * words))
+            browser.execute_script("showRobot(arguments[0]); keepHeight()", asdict(robot))
+            assert browser.execute_script(IS_WHOLE, ["instruction", "safe"]), words
     finally:
         reset_screen(browser)
         shown.page.close()
@@ -769,6 +785,25 @@ def shift_on_page(browser, shown, act):  # noqa: F811
     width, shift, places = browser.execute_script("return [innerWidth, shift, shifted]")
     print("layout shift at {} px: {:.3f} {}".format(width, shift, places[:20]))
     return shift
+
+
+@pytest.mark.parametrize("width, height", [(320, 640), (400, 800), (800, 1180), (1280, 800)])
+def test_a_long_instruction_moves_the_page_once(browser, width, height):  # noqa: F811
+    shown = Show(Rig())
+
+    def act():
+        for text in ("Restart /{}; take the robot home".format(", /".join(["robotNavigation"] * 9)),
+                     "", "Take the robot home") * 4:
+            line = RobotLine(False, "x is gone", "on", "unknown", "at home", instruction=text)
+            browser.execute_script("showRobot(arguments[0]); keepHeight()", asdict(line))
+            time.sleep(0.05)
+
+    set_screen(browser, width, height)
+    try:
+        assert shift_on_page(browser, shown, act) < 0.06
+    finally:
+        reset_screen(browser)
+        shown.page.close()
 
 
 @pytest.mark.parametrize("width, height", [(400, 800), (800, 1180), (1280, 800)])

@@ -79,11 +79,12 @@ def test_what_is_wrong_is_shown():
         GONE, HealthChanged("service", "/a/b", "", False, "gone", "it cannot \x1b[2Jdrive"))
     rig.mission.health.publish(rig.mission.events)
     state = state_of(board)
-    assert status_tool.lines(read(state),
-                             False)[2] == "service /a/b: gone; it cannot \\x1b[2Jdrive"
-    assert "no message for 7 s" in status_tool.lines(read(state, silent=7.2), False)[2]
+    todo, _, wrong = status_tool.lines(read(state), False)[1:4]
+    assert todo == "to do: Restart /a/b"
+    assert wrong == "service /a/b: gone; it cannot \\x1b[2Jdrive"
+    assert "no message for 7 s" in status_tool.lines(read(state, silent=7.2), False)[3]
     alive = {"age": 8.5, "hangs": True, "at": 0.0}
-    hung = status_tool.lines(read(state, alive=alive), False)[2]
+    hung = status_tool.lines(read(state, alive=alive), False)[3]
     assert "hangs" in hung and "8.5 s" in hung
 
 
@@ -235,6 +236,17 @@ def test_a_window_shows_what_runs_and_what_lies_about_it(width, height):
     assert len(found) < height and all(len(line) <= width for line in found)
     assert " ".join(" ".join(found[:8]).split()).startswith(text[0][:40])
     assert height < 24 or any("▶ Navigate" in line for line in found)
+
+
+@pytest.mark.parametrize("width, height", [(20, 24), (32, 14), (40, 20), (80, 24)])
+def test_what_a_person_has_to_do_is_whole_in_a_narrow_window(width, height):
+    state = good()
+    todo = "Restart /robotNavigation, /overtAttention and 7 more; switch attention and lifelike " \
+        "movement off by hand; take the robot home"
+    state["now"]["robot"].update(is_well=False, instruction=todo, alive="/" + "gone " * 80)
+    found = status_tool.fitted(status_tool.lines(read(state), True), width, height)
+    assert "".join(todo.split()) in "".join("".join(found).split())
+    assert all(len(line) <= width for line in found)
 
 
 @pytest.mark.parametrize("width, height, expected", [

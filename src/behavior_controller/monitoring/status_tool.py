@@ -183,12 +183,14 @@ def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]],
 
 
 def lines(state: ShownState, is_all: bool) -> List[str]:
-    """Return the board as text: the card, the robot, what is wrong, the tree with a symbol for each
-    node.
+    """Return the board as text: the card, what a person has to do, the robot, what is wrong, the
+    tree with a symbol for each node.
     """
     now, mission = state.now, state.mission
     doing = parts.card_line(now.card, state.alive.at + state.silent)
-    head = [f"mission {mission_name(mission.file)}: {doing}", "robot: " + now.robot.text]
+    head = [f"mission {mission_name(mission.file)}: {doing}",
+            *["to do: " + now.robot.instruction] * bool(now.robot.instruction),
+            "robot: " + replace(now.robot, instruction="").text]
     if state.silent >= LATE:
         head.append(f"no message for {state.silent:.0f} s: what is shown may be old")
     elif state.alive.hangs:

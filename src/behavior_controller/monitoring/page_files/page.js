@@ -4,6 +4,7 @@
 const OUTCOME_SIGNS = {SUCCESS: "✔", FAILURE: "✘"};
 const NODE = "node-";  // what an id of a node begins with
 const LATE = 2;      // seconds without a message after which what is shown may be old; the node sends one every second
+const KEPT = 60;     // seconds for which the header keeps the height that an instruction took
 const RETRY = 10;    // seconds without a message after which the page connects again
 let source = null;
 let heard = seconds();    // when the last message came
@@ -13,6 +14,7 @@ let alive = {age: null, hangs: false};  // the tick thread's last sign of life, 
 let parts = {};           // of the board, as of the last message
 let steps = [];           // of the visit that ended
 let step = null;          // the one on the card
+let tallest = {height: 0, at: 0};  // of the instruction, and when it took that height
 let ages = [];            // elements that show the age of a topic's last message
 
 function showVisits(visits) {
@@ -181,11 +183,21 @@ function showHealth(offers) {
 
 function showStep(now) {
   showNow(now);
+  keepHeight();
   const isStep = ["step", "wait", "retry", "paused"].includes(card.kind);
   step = isStep ? {words: card.what, began: card.since, uid: card.uid, is_wait: card.kind !== "step"} : null;
 }
 
 // in this order: what is shown first is there for what follows
+// a long instruction moves the page below it once, not to and fro; a header that takes half of the window scrolls with the page
+function keepHeight() {
+  const text = byId("instruction"), header = document.querySelector("header");
+  text.style.minHeight = "";
+  if (text.offsetHeight >= tallest.height || seconds() - tallest.at > KEPT) tallest = {height: text.offsetHeight, at: seconds()};
+  else text.style.minHeight = tallest.height + "px";
+  header.classList.toggle("tall", header.offsetHeight > innerHeight / 2);
+}
+
 const SHOW = {
   alive: part => { alive = part; [ahead, shift] = [part.at - seconds(), part.clock_shift]; }, mission: showMission, statuses: showStatuses,
   now: showStep, story: story => { showStory(story); showAlarms(); }, timeline: part => { steps = part; },
