@@ -52,10 +52,12 @@ return arguments[0].every(id => {
     const line = () => range.getClientRects()[place], middle = () => (line().top + line().bottom) / 2;
     scrollBy(0, middle() - innerHeight / 2);
     return line().left >= 0 && line().right <= innerWidth &&
-      [line().left + 2, line().right - 2].every(x => document.elementFromPoint(x, middle()) === one);
+      [line().left + 2, line().right - 2].every(
+        x => document.elementFromPoint(x, middle()) === one);
   });
 })"""
-"""Whether each line of the elements with these ids can be seen: not cut, and nothing lies over it."""
+"""Whether each line of the elements with these ids can be seen: not cut, and nothing lies over it.
+"""
 
 
 def first(chosen, everything):

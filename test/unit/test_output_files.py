@@ -80,7 +80,8 @@ def foreign(folder, ending):
     def place(name):
         return folder / (name + ending)
 
-    yield from (folder / "mission.xml", folder / "run" / "mission.jsonl")
+    yield folder / "mission.xml"
+    yield from folder.glob("run/*/mission.jsonl")
     place("empty").write_text("")
     place("binary").write_bytes(b"\xff\x00" * 100)
     place("page").write_text("<!DOCTYPE html>\n<html><head><title>Mine</title></head></html>")

@@ -211,7 +211,7 @@ def test_a_copy_of_the_record_that_fails_is_one_line(given, program, tmp_path, c
     (tmp_path / "file").write_text("")
     given("folder:={}".format(tmp_path / "run"), "recordDirectory:={}".format(tmp_path / "file"))
     assert controller.main([program("controller", "pass")], no_check) == 0
-    assert capfd.readouterr().out == "no record in {}: Not a directory\n".format(tmp_path / "file")
+    assert capfd.readouterr().out == "no record in {}: File exists\n".format(tmp_path / "file")
 
 
 def test_the_controller_is_not_started_for_a_wrong_test(given, program, tmp_path):
