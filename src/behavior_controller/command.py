@@ -6,6 +6,7 @@ import importlib
 import os
 import signal
 import sys
+import warnings
 from typing import Any, Callable, List, NoReturn
 
 from behavior_controller import NOT_SET_UP, exit_codes, extensions
@@ -27,7 +28,7 @@ def run(name: str, module: str, function: str = "main", redraws: bool = False) -
     Control characters in what it prints are escaped; a command that ``redraws`` may move the cursor
     and clear lines. A reader that goes away (``| head``) ends it.
     """
-    _open_closed_streams()
+    _prepare()
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     for stream in (sys.stdout, sys.stderr):
         _make_safe(stream, redraws)
@@ -56,7 +57,7 @@ def run(name: str, module: str, function: str = "main", redraws: bool = False) -
 
 def run_node(name: str, module: str, function: str, *arguments: str) -> NoReturn:
     """End with the exit code of a ROS node's ``function``. Its streams stay as they are."""
-    _open_closed_streams()
+    _prepare()
     main = _loaded(name, module, function, exit_codes.BROKEN)
     try:
         sys.exit(main(*arguments))
@@ -99,12 +100,15 @@ def _make_safe(stream: Any, redraws: bool) -> None:
     stream.write = lambda text: write(without_controls(text, redraws))
 
 
-def _open_closed_streams() -> None:
-    """Open closed standard streams on the null device.
+def _prepare() -> None:
+    """Open closed standard streams on the null device, and let no warning be an error.
 
-    Modules expect them to be open (py_trees asks for them), and would write to a socket that got
-    the descriptor of a closed one.
+    Modules expect the streams to be open (py_trees asks for them), and would write to a socket that
+    got the descriptor of a closed one. Modules of ROS warn, and with PYTHONWARNINGS=error each
+    warning would be an exception.
     """
+    if any(each[0] == "error" for each in warnings.filters):
+        warnings.simplefilter("default")
     spare = os.open(os.devnull, os.O_RDWR)
     while spare < 3:
         spare = os.dup(spare)

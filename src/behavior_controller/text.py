@@ -1,11 +1,13 @@
 """Reads text files safely, makes outside text safe to show, and suggests the word that was meant.
 """
+import ast
 import difflib
+import inspect
 import itertools
 import os
 import re
 import stat
-from typing import Iterable, NamedTuple
+from typing import Any, Iterable, NamedTuple
 
 LONGEST = 1000
 """The most characters of outside text that are shown: names, values and answers may have any
@@ -106,6 +108,18 @@ def decode(data: bytes, errors: str = "strict") -> str:
     """Return bytes as text without the byte order mark. Raises UnicodeDecodeError, unless
     ``errors`` are ignored."""
     return data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig", errors)
+
+
+def docstring(thing: Any) -> str:
+    """Return the docstring of a class or function: with ``python -OO``, which drops it, as the
+    source has it; empty if that is missing too."""
+    if thing.__doc__ is not None:
+        return thing.__doc__
+    try:
+        definition = ast.parse(inspect.getsource(thing)).body[0]
+        return ast.get_docstring(definition, clean=False) or ""  # type: ignore[arg-type]
+    except (OSError, SyntaxError):
+        return ""
 
 
 def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:

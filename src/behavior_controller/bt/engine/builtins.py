@@ -11,6 +11,7 @@ from behavior_controller.bt.script.parser import to_bool
 from behavior_controller.bt.script.values import BT_ANY, TEXT, convert
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
 from behavior_controller.bt.status import FAILURE, SUCCESS
+from behavior_controller.text import docstring
 
 
 class AlwaysSuccess(SyncActionLeaf):
@@ -127,7 +128,7 @@ def _spec(factory: Any, outcome: Optional[possible.Outcome] = None, node_id: str
           is_instant: bool = True, **facts: Any) -> NodeSpec:
     """Return the node type of a class, with the first line of what it does."""
     return NodeSpec(node_id or factory.__name__, factory.KIND, factory, factory.PORTS,
-                    factory.__doc__.split("\n")[0], outcome=outcome, is_instant=is_instant,
+                    docstring(factory).split("\n")[0], outcome=outcome, is_instant=is_instant,
                     next_after=_NEXT_AFTER.get(outcome, 0), **facts)
 
 

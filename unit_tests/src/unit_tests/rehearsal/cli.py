@@ -329,7 +329,7 @@ def _finding_lines(finding: FindingSummary, is_first: bool) -> List[str]:
     """Return a finding in lines; the first of its kind with its meaning and its story."""
     lines = []
     if is_first:
-        first, *others = textwrap.wrap(finding.kind.means, WIDTH)
+        first, *others = textwrap.wrap(finding.kind.means, WIDTH) or [""]
         lines += ["", f"{finding.kind.name}: {first}"] + ["  " + line for line in others]
     lines.append(f"  {finding.where} ({finding.place}): {finding.what}")
     lines += [

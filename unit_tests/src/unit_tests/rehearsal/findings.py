@@ -17,7 +17,7 @@ from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say, SetAttention)
-from behavior_controller.text import clean, count
+from behavior_controller.text import clean, count, docstring
 
 from unit_tests.rehearsal.play import BUSY, Place, Played, START, Stage
 from unit_tests.robot.journal import JournalEntry
@@ -189,7 +189,7 @@ class FindingKind(NamedTuple):
 def _kind(detect: Callable[[Play], Iterator[Place]]) -> FindingKind:
     """Return the kind that a function detects: its name is the function's, its meaning the first
     paragraph of the docstring."""
-    meaning = (detect.__doc__ or "").partition("\n\n")[0]
+    meaning = docstring(detect).partition("\n\n")[0]
     return FindingKind(detect.__name__[1:].replace("_", "-"), " ".join(meaning.split()), detect)
 
 

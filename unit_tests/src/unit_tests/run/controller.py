@@ -75,8 +75,8 @@ def command_line(command: List[str], test: Configuration, folder: str) -> List[s
 def _pass_on_errors(process: "subprocess.Popen[bytes]", path: str) -> None:
     """Copy what the process writes to stderr to our own until it ends; its errors to a file too."""
     assert process.stderr is not None
-    with open(path, "w", encoding="utf-8") as file:
-        for line in process.stderr:
+    with process.stderr as lines, open(path, "w", encoding="utf-8") as file:
+        for line in lines:
             os.write(2, line)
             error = _ERROR.match(line.decode(errors="replace"))
             file.write(error.group(1) + "\n" if error else "")
