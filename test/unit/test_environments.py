@@ -62,8 +62,8 @@ def run(words, folder, changes, before=""):
             variables[name] = value
     command = ["sh", "-c", before + 'exec "$@"', "sh", sys.executable, executables()[words[0]]]
     with open(str(folder / str(abs(hash(words)))), "w+b") as output:
-        done = subprocess.run(command + list(words[1:]), env=variables, cwd=str(folder), timeout=120,
-                              stdin=subprocess.DEVNULL, stdout=output, stderr=output)
+        done = subprocess.run(command + list(words[1:]), env=variables, cwd=str(folder),
+                              timeout=120, stdin=subprocess.DEVNULL, stdout=output, stderr=output)
         output.seek(0)
         return done.returncode, output.read().decode("utf-8", "replace")
 
