@@ -15,6 +15,7 @@ let parts = {};           // of the board, as of the last message
 let steps = [];           // of the visit that ended
 let step = null;          // the one on the card
 let tallest = {height: 0, at: 0};  // of the instruction, and when it took that height
+let measured = null;      // the instruction when its height was last asked for
 let ages = [];            // elements that show the age of a topic's last message
 
 function showVisits(visits) {
@@ -192,6 +193,8 @@ function showStep(now) {
 // a long instruction moves the page below it once, not to and fro; a header that takes half of the window scrolls with the page
 function keepHeight() {
   const text = byId("instruction"), header = document.querySelector("header");
+  if (text.textContent === measured && seconds() - tallest.at < KEPT) return;
+  measured = text.textContent;
   text.style.minHeight = "";
   if (text.offsetHeight >= tallest.height || seconds() - tallest.at > KEPT) tallest = {height: text.offsetHeight, at: seconds()};
   else text.style.minHeight = tallest.height + "px";
@@ -271,5 +274,6 @@ on("close", "click", closeNode);
 listenToScrubber();
 document.addEventListener("keydown", event => { if (event.key === "Escape" && opensUid) closeNode(); });
 addEventListener("hashchange", openByHash);
+addEventListener("resize", () => { measured = null; keepHeight(); });
 connect();
 setInterval(showDoubt, 250);
