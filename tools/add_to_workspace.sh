@@ -67,6 +67,7 @@ is_ours() {
   case "$name" in
     package.xml) [ -f "$1" ] && [ ! -L "$1" ] && { cmp -s "$1" "$REPOSITORY/$name" || is_ours "${1%/*}/CMakeLists.txt"; } ;;
     python_packages) [ -d "$1" ] && [ ! -L "$1" ] && is_of_pip "$1" ;;
+    __pycache__) [ -d "$1" ] && [ ! -L "$1" ] && [ -z "$(find "$1" ! -type d ! -name '*.pyc')" ] ;; # of conftest.py
     *) [ -L "$1" ] && { [ "$(readlink "$1")" = "$REPOSITORY/$name" ] || [ "$1" -ef "$REPOSITORY/$name" ]; } ;;
   esac
 }
