@@ -28,7 +28,7 @@ from behavior_controller.monitoring.record.recorder import (
 from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
-    Answer, Faces, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention)
+    Answer, Faces, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention, SetPose)
 from browser import IS_WHOLE, SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
@@ -563,6 +563,7 @@ ARRIVES = LeafFinished(9, "Seen", "all/seen", "SUCCESS", "", 0.0, None,
                        LeafSummary("visit", "", "arrived"))
 AT_ARM, AT_HOME = to_drive(DRIVE, 1, Answer()), to_drive(HOMEWARD, 1, Answer())
 UNSENT = to_drive(HOMEWARD, 2, gone_for(service_of(GoTo)))
+POSE_SET = [Asked(4, "/pose", SetPose(ARM)), Answered(4, Answer())]
 RETRY = Recovering(7, "Navigate", "all/go", LATE, 1, 2)
 WHERE = {
     "never drove": [], "at home": AT_HOME, "at a stop": AT_ARM, "drives": to_drive(DRIVE, 1),
@@ -571,7 +572,10 @@ WHERE = {
     "recovering": to_drive(DRIVE, 1, LATE) + [RETRY],
     "retried": to_drive(DRIVE, 1, LATE) + [RETRY, Asked(3, service_of(GoTo), GoTo(ARM))],
     "home not sent": AT_ARM + UNSENT, "not sent from home": AT_HOME + to_drive(
-        DRIVE, 2, gone_for(service_of(GoTo)))}
+        DRIVE, 2, gone_for(service_of(GoTo))),
+    "never sent": UNSENT, "not sent from its pose": POSE_SET + UNSENT,
+    "at home, pose set": AT_HOME + POSE_SET,
+    "drive failed, pose set": to_drive(DRIVE, 1, LATE) + POSE_SET}
 FAILS, SUCCEEDS = PassFinished(1, "FAILURE", 9.0), PassFinished(1, "SUCCESS", 9.0)
 PAUSE = Paused(LATE, "/robotNavigation")
 WHEN = [  # the columns of the table
@@ -588,7 +592,10 @@ FETCHED = {
     "drives home": ("-......H", "-......H"),
     "drive failed": ("-HHHH-HH", "HHHHH-HH"), "home failed": ("-HHHH-HH", "HHHHH-HH"),
     "recovering": ("-......H", "H......H"), "retried": ("-......H", "-......H"),
-    "home not sent": ("-HHHH-HH", "-HHHH-HH"), "not sent from home": ("--------", "--------")}
+    "home not sent": ("-HHHH-HH", "-HHHH-HH"), "not sent from home": ("--------", "--------"),
+    "never sent": ("--------", "--------"), "not sent from its pose": ("--------", "--------"),
+    "at home, pose set": ("--------", "--------"),
+    "drive failed, pose set": ("-HHHH-HH", "HHHHH-HH")}
 BACK = replace(gone(), is_well=True, consequence="")
 
 
@@ -601,6 +608,17 @@ def test_when_a_person_has_to_take_the_robot_home(where, health, column):
                 [PassStarted(1, 0.0), ARRIVES, *WHERE[where], *health, *when]))
             told = "take the robot home" in robot_line(run.state).instruction.lower()
             assert (letter, when) == ("H" if told else "-", when)
+
+
+@pytest.mark.parametrize("result, safe", [
+    (refusal(GoTo(ARM)), "safe"), (gone_for(service_of(GoTo)), "safe"), (Answer(), "safe"),
+    (LATE, "may still be driving to the arm"), (None, "may still be driving to the arm")])
+def test_what_was_under_way_when_the_safe_state_was_reported_may_end(result, safe):
+    """As in one branch of a Parallel while another gives up."""
+    results = [] if result is None else [Answered(1, result)]
+    run = Run(Line(float(at), event) for at, event in enumerate(
+        [*to_drive(DRIVE, 1), SafeStateReported((), 0.1), *results]))
+    assert robot_line(run.state).safe == safe
 
 
 @pytest.mark.parametrize("state, expected", [

@@ -209,8 +209,7 @@ def _leaf_finished(state: State, event: LeafFinished) -> State:
     state = _abandon(state, lambda exchange: exchange.uid in uids or
                      event.status == "IDLE" and not exchange.uid)
     if event.status == "SUCCESS" and step is not None:  # also what went on after its answer
-        unfinished = tuple(one for one in state.robot.unfinished if one.call != step.call)
-        state = _change_robot(state, unfinished=unfinished)
+        state = replace(state, robot=_ended(state.robot, step.call))
     state = _note_visitor(_note_evidence(state, event), event)
     recovery = _first((state.recovered, *state.recoveries),
                       lambda recovery: recovery is not None and recovery.uid == event.uid)
@@ -465,6 +464,7 @@ def _moved(robot: Robot, exchange: Exchange) -> Robot:
     """
     request, result = exchange.request, exchange.result
     cause = result.cause if isinstance(result, Failure) else None
+    robot = _ended(robot, exchange.call)  # which a report of the safe state may have left open
     if type(request) in _SWITCHES:
         return replace(robot, **{_SWITCHES[type(request)]: request if cause is None else None})
     if cause in UNCERTAIN:
@@ -473,12 +473,13 @@ def _moved(robot: Robot, exchange: Exchange) -> Robot:
         robot = replace(robot, unfinished=_others(robot.unfinished, exchange))
     if isinstance(request, GoTo) and request.goal == robot.goal:
         if cause in UNSENT:
-            return replace(robot, goal=None)
+            has_driven = robot.last_place or robot.way
+            return replace(robot, goal=None, goal_name=robot.goal_name if has_driven else "")
         if cause is not None:
             return _departed(robot, exchange)
         return replace(robot, goal=None, place=request.goal, last_place=robot.goal_name, way="")
-    if isinstance(request, SetPose) and cause is None:
-        return replace(robot, place=request.pose, last_place="", way="")
+    if isinstance(request, SetPose) and cause is None and not robot.goal_name:
+        return replace(robot, place=request.pose)  # after a drive it moves nothing
     return robot
 
 
@@ -494,6 +495,11 @@ def _left_open(robot: Robot, exchange: Exchange) -> Robot:
     if not exchange.request.effect:
         return robot
     return replace(robot, unfinished=_others(robot.unfinished, exchange) + (exchange,))
+
+
+def _ended(robot: Robot, call: int) -> Robot:
+    """Return the robot after the end of a request."""
+    return replace(robot, unfinished=tuple(one for one in robot.unfinished if one.call != call))
 
 
 def _others(exchanges: Iterable[Exchange], one: Exchange) -> Tuple[Exchange, ...]:
