@@ -14,7 +14,7 @@ from behavior_controller.execution.events import (Answered, HealthChanged, LeafF
                                                   RunFinished, RunStarted, SafePart,
                                                   SafeStateReported, Suspended)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import GONE
+from behavior_controller.execution.health import FAILURES_IN_A_ROW, GONE
 from behavior_controller.robot.d543 import ATTENTION, SPEECH
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, GoTo, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
@@ -167,6 +167,20 @@ def test_a_part_of_the_safe_state_that_fails_at_once_is_asked_for_again(
     report, = rig.of(SafeStateReported)
     assert [part.failure for part in report.parts] == [None if is_reached else failure, None]
     assert report.seconds == pytest.approx(1.04 if attempts == 9 else 0.12 * (attempts - 1))
+
+
+def test_a_loss_is_reported_while_the_safe_state_is_asked_for_and_a_failing_service_is_not():
+    def answer(request):
+        health = rig.mission.health
+        health.ended("/a", 0.1, 5.0, True)
+        if len(rig.gateway.requests) == 3:
+            health.report(GONE, HealthChanged("service", "/x", "x", False, "gone: it ended", ""))
+        return REFUSAL
+
+    rig = one_leaf("<AlwaysSuccess/>", answer)
+    rig.run(lambda rig: rig.clock.advance(0.04))
+    assert len(rig.last_requests) > 2 * FAILURES_IN_A_ROW
+    assert [(event.name, event.respect) for event in rig.of(HealthChanged)] == [("/x", GONE)]
 
 
 def test_a_part_of_the_safe_state_that_the_robot_lacks_is_reported_only_if_the_mission_uses_it():

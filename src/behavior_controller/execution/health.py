@@ -60,6 +60,7 @@ class Health:
         self._reports: Deque[HealthChanged] = collections.deque()
         self._troubles: Dict[Tuple[str, str], HealthChanged] = {}  # by name and respect
         self._changes: List[HealthChanged] = []
+        self._counts = True
         self.calls: Mapping[str, CallCount] = {}
         self.last_arrivals: Dict[str, float] = {}
         """The time of each topic's last message (monotonic seconds)."""
@@ -89,7 +90,8 @@ class Health:
         slow."""
         before = self.calls.get(service, CallCount())
         # of a node that is gone something stronger is known, which ends when it is started again
-        row = before.in_a_row + 1 if has_failed and not self.is_gone(service) else 0
+        is_counted = has_failed and self._counts and not self.is_gone(service)
+        row = before.in_a_row + 1 if is_counted else 0
         failures = before.failures + 1 if has_failed else before.failures
         counted = CallCount(before.calls + 1, failures, row, seconds)
         self.calls = {**self.calls, service: counted}
@@ -101,6 +103,11 @@ class Health:
             if seconds < deadline * SLOW_SHARE:
                 self._note(
                     HealthChanged(kind, service, "", True, "answers in time again", "", SLOW))
+
+    @tick_thread_only
+    def stop_counting(self) -> None:
+        """Take no service for failing from now on, however many of its calls fail."""
+        self._counts = False
 
     def _note(self, change: HealthChanged) -> None:
         """Keep a change for the next ``publish``."""

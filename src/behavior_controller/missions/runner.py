@@ -305,9 +305,6 @@ class Runner:
     def _doze(self, seconds: Optional[float]) -> None:
         """Wait for an event, ``seconds`` at the longest; nothing is ticked."""
         self.mission.health.publish(self.mission.events)
-        self._sleep(seconds)
-
-    def _sleep(self, seconds: Optional[float]) -> None:
         self._wait(seconds)
         # before what woke it is looked at: what comes later ends the next wait
         self.tree.wake.test_and_clear()
@@ -339,7 +336,8 @@ class Runner:
             self._halt()
         self.is_stopping = True
         # the report says what failed: that a service is failing is no news then
-        self.mission.events.emit(self.mission.ask_for_safe_state().wait(self._sleep))
+        self.mission.health.stop_counting()
+        self.mission.events.emit(self.mission.ask_for_safe_state().wait(self._doze))
 
 
 def _foreign(error: BehaviorControllerError) -> Optional[BaseException]:
