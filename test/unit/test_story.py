@@ -575,6 +575,11 @@ THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
      ([ASKED, leaf("", "said")], "SUCCESS", "no answer"),
      ([ASKED, leaf("", "heard"), ASKED], "SUCCESS", "no clear answer"),
      ([ASKED, leaf("", "heard"), START, ASKED], "SUCCESS", "no answer"),
+     # nothing was asked: the question failed
+     ([leaf("no", "heard")], "SUCCESS", "the visitor said no"),
+     ([leaf("", "heard")], "SUCCESS", "no clear answer"),
+     ([leaf("unanswered", "heard")], "SUCCESS", "no answer"),
+     ([leaf("unanswered", "heard"), leaf("yes", "heard")], "SUCCESS", "complete"),
      ([exhibit("begun")], "SUCCESS", "complete at exhibit 1 of 2, Arm"),
      ([exhibit("begun"), exhibit("over"), exhibit("begun", 2)], "SUCCESS",
       "complete, 2 of 2 exhibits completed"),
@@ -613,6 +618,15 @@ THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
 def test_why_a_visit_ended_so(events, outcome, why):
     story = story_of(START, *events, PassFinished(1, outcome, 9.0))
     assert (how_it_ended(story.state.visit), story.state.visit.outcome) == (why, outcome)
+
+
+@pytest.mark.parametrize("says, ending", [
+    (None, "no answer"), ("perhaps later", "no clear answer"), ("no", "the visitor said no")])
+def test_a_visit_with_a_robot_that_cannot_ask_is_not_complete(says, ending):
+    rig, story = Rig(answer=refusing(Say)), Story()
+    rig.mission.events.subscribe(lambda event: story.take(rig.clock.now(), event))
+    rig.run(visitor_who(says))
+    assert how_it_ended(story.state.visit).startswith(ending + "; without ")
 
 
 @pytest.mark.parametrize(

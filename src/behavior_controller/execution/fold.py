@@ -120,12 +120,14 @@ def _why_done(state: State) -> Reason:
     visit, course = state.visits[-1], state.course
     if course.left_by is not None and visit.stops and visit.stops[-1].state == BROKEN_OFF:
         return _why_failed(state)
-    if visit.stops or visit.asked is None or visit.answer == "yes":
+    if visit.stops or visit.answer == "yes":
         return Reason(DONE_ALL)
     if visit.answer == "no":
         return Reason(DECLINED)
     if course.is_unclear:
         return Reason(UNCLEAR)
+    if visit.asked is None and not course.is_unanswered:  # it has no question
+        return Reason(DONE_ALL)
     return Reason(SILENT_VISITOR, blind=next(reversed(course.unmet.values()), None))
 
 
@@ -263,6 +265,8 @@ def _note_visitor(state: State, event: LeafFinished) -> State:
     mark = summary.mark
     if summary.kind == "heard" and not mark:
         return _change_course(state, is_unclear=True)
+    if mark == "unanswered":
+        return _change_course(state, is_unanswered=True)
     if mark == "left":
         return _change_course(state, left_by=None if visit.arrived is None else event.resource)
     if mark in ("yes", "no"):

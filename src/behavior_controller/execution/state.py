@@ -282,6 +282,7 @@ class Course(Struct, frozen=True):
     met: float = 0.0  # when the visitor came, on the mission's clock
     left_by: Optional[str] = None  # the topic by which the visitor is no longer seen
     is_unclear: bool = False  # the visitor's answer was neither yes nor no
+    is_unanswered: bool = False  # the mission went by an answer that had not come
     given_up: Optional[Recovered] = None  # the last one
     handler: int = 0  # the HandleFallBack that ended last
     failed: Tuple[int, Optional[Reason]] = (0, None)  # which leaf failed last, and why

@@ -64,7 +64,10 @@ class IsVisitorResponseYes(InstantCondition):
 
     def holds(self) -> bool:
         """Return whether it is yes."""
-        return self.get_input_or("visitorResponse", "") == YES
+        answer = self.get_input_or("visitorResponse", "")
+        if not answer:
+            self.summary = LeafSummary("heard", "", "unanswered")
+        return answer == YES
 
 
 class PressYesNoDialogue(ServiceLeaf):
