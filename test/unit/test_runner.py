@@ -169,6 +169,17 @@ def test_a_part_of_the_safe_state_that_fails_at_once_is_asked_for_again(
     assert report.seconds == pytest.approx(1.04 if attempts == 9 else 0.12 * (attempts - 1))
 
 
+def test_a_part_that_failed_before_its_last_attempt_got_no_answer_says_so():
+    failures = [REFUSAL, REFUSAL, REFUSAL]
+    rig = one_leaf("<AlwaysSuccess/>", lambda request: Answer() if isinstance(
+        request, SetAnimation) else failures.pop() if failures else None)
+    rig.run(lambda rig: rig.clock.advance(0.04))
+    report, = rig.of(SafeStateReported)
+    assert report.parts[0].failure == Failure(
+        Cause.NO_ANSWER, "waited 1.0 s; refused before", "/overtAttention/set_mode")
+    assert report.parts[1].failure is None
+
+
 def test_a_loss_is_reported_while_the_safe_state_is_asked_for_and_a_failing_service_is_not():
     def answer(request):
         health = rig.mission.health

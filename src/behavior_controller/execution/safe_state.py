@@ -34,6 +34,7 @@ class SafeState:
         self._began = now()
         self._calls = [gateway.start(request) for request in interface.safe_state]
         self._due: Dict[Call, float] = {}  # when a request that failed is sent again
+        self._before: Dict[Call, Failure] = {}  # how the attempt before this one failed
 
     @property
     def result(self) -> Optional[SafeStateReported]:
@@ -64,9 +65,10 @@ class SafeState:
         """Send again what failed ``AGAIN_AFTER`` ago, and return when the next one is due."""
         now, next_due = self._now(), math.inf
         for place, call in enumerate(self._calls):
-            if self._due.get(call, math.inf) <= now:
-                call = self._calls[place] = self._gateway.start(call.request)
             failure = call.result
+            if isinstance(failure, Failure) and self._due.get(call, math.inf) <= now:
+                call = self._calls[place] = self._gateway.start(call.request)
+                self._before[call], failure = failure, call.result
             if isinstance(failure, Failure) and failure.cause not in FINAL:
                 next_due = min(next_due, self._due.setdefault(call, now + AGAIN_AFTER))
         return next_due
@@ -81,6 +83,8 @@ class SafeState:
             if result is None:
                 call.drop()
                 waited = f"waited {self._now() - self._began:.1f} s"
+                if call in self._before:
+                    waited += f"; {self._before[call].cause.text} before"
                 result = Failure(Cause.NO_ANSWER, waited, service.name)
             failure = result if isinstance(result, Failure) else None
             is_lacking = failure is not None and failure.cause is Cause.NOT_ADVERTISED
