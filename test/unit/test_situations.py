@@ -610,6 +610,22 @@ def test_when_a_person_has_to_take_the_robot_home(where, health, column):
             assert (letter, when) == ("H" if told else "-", when)
 
 
+@pytest.mark.parametrize("is_over, safe", [(True, "safe: " + OFF), (False, "may still be saying")])
+def test_what_a_retry_says_after_its_answer_is_under_way_until_it_is_over(is_over, safe):
+    refused = []
+
+    def refuse_once(request):
+        if not isinstance(request, Say) or refused:
+            return NotImplemented
+        return refused.append(request) or refusal(request)
+
+    played = Situation(one_leaf("<Fallback><SayText name='4'/><HandleFallBack/></Fallback>",
+                                refuse_once, robotInterface="release-1.0", waitForSpeech="all"))
+    played.rig.run(lambda rig: rig.clock.advance(0.25),
+                   is_stopped=lambda: not is_over and played.rig.clock.now() > 1001.0)
+    assert safe in played.robot.safe and len(refused) == 1
+
+
 @pytest.mark.parametrize("result, safe", [
     (refusal(GoTo(ARM)), "safe"), (gone_for(service_of(GoTo)), "safe"), (Answer(), "safe"),
     (LATE, "may still be driving to the arm"), (None, "may still be driving to the arm")])

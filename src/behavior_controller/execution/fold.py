@@ -9,8 +9,8 @@ from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
-    BEGUN, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged, EntriesWritten,
-    Event, FeedbackReceived, HealthChanged, LeafFinished, Lost, Message, Noticed,
+    BEGUN, DONE, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged,
+    EntriesWritten, Event, FeedbackReceived, HealthChanged, LeafFinished, Lost, Message, Noticed,
     PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
@@ -338,6 +338,9 @@ def _recovered(state: State, event: Recovered) -> State:
     is_known, is_left_out = state.has_given_up(event), event.outcome == SKIPPED
     if is_left_out and event.failure.cause is not Cause.CONDITION_FALSE:
         state = _count_skipped(_change_course(state, without=event.node), event.node)
+    step = _first(state.steps, lambda step: step.uid == uid)
+    if step is not None and event.outcome == DONE:  # also what went on after its answer
+        state = replace(state, robot=_ended(state.robot, step.call))
     state = _end_steps(state, lambda step: step.uid == uid)
     state = replace(state, omitted=0, recovered=decided,
                     recoveries=_without(state.recoveries, known))
