@@ -15,7 +15,8 @@ from behavior_controller.execution.events import (Answered, HealthChanged, LeafF
                                                   SafeStateReported, Suspended)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import FAILURES_IN_A_ROW, GONE
-from behavior_controller.robot.d543 import ATTENTION, SPEECH
+from behavior_controller.execution.safe_state import SafeState
+from behavior_controller.robot.d543 import ATTENTION, INTERFACE, SPEECH
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, GoTo, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.missions.runner import Persistence, Runner, Running
@@ -167,6 +168,17 @@ def test_a_part_of_the_safe_state_that_fails_at_once_is_asked_for_again(
     report, = rig.of(SafeStateReported)
     assert [part.failure for part in report.parts] == [None if is_reached else failure, None]
     assert report.seconds == pytest.approx(1.04 if attempts == 9 else 0.12 * (attempts - 1))
+
+
+def test_no_wait_for_the_safe_state_is_negative_though_time_goes_on():
+    rig, time, waits = one_leaf("<AlwaysSuccess/>", lambda request: REFUSAL), [0.0], []
+
+    def now():
+        time[0] += 0.12
+        return time[0]
+
+    SafeState(rig.gateway, INTERFACE, (), now).wait(waits.append)
+    assert waits and min(waits) >= 0.0
 
 
 def test_a_part_that_failed_before_its_last_attempt_got_no_answer_says_so():

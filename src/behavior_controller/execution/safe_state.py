@@ -58,7 +58,7 @@ class SafeState:
             due = self._ask_again()
             if due == math.inf and self.result is not None:
                 break
-            wait(min(due, deadline) - self._now())
+            wait(max(0.0, min(due, deadline) - self._now()))  # time goes on meanwhile
         return self.report()
 
     def _ask_again(self) -> float:
