@@ -155,7 +155,7 @@ RUNS = {
     "left out": (looks_away, None, True, 1, [
         "stop info SelectExhibit 1 2 1", "moved info Navigate 1",
         "stop warning IsMutualGazeDiscovered 1 2 1", "stop info SelectExhibit 2 2 2",
-        "visit info 1 SUCCESS 17.0 1 2"
+        "visit warning 1 SUCCESS 17.0 1 1 2"
     ]),
     "given up": (visitor_who("yes"), unanswered_drive, True, 1, [
         "failure warning Navigate 180 /robotNavigation/set_goal", "recovery info Navigate 1 1",
@@ -618,6 +618,15 @@ THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
 def test_why_a_visit_ended_so(events, outcome, why):
     story = story_of(START, *events, PassFinished(1, outcome, 9.0))
     assert (how_it_ended(story.state.visit), story.state.visit.outcome) == (why, outcome)
+
+
+def test_a_visit_is_complete_without_the_stops_that_were_left_out():
+    rig, story = Rig(), Story()
+    rig.mission.events.subscribe(lambda event: story.take(rig.clock.now(), event))
+    rig.run(looks_away)
+    visit = story.state.visit
+    assert how_it_ended(visit) == "complete without exhibit 1, 1 of 2 exhibits completed"
+    assert degree(visit) == "complete without exhibit 1" and story.state.incomplete == 1
 
 
 @pytest.mark.parametrize("says, ending", [

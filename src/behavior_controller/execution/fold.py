@@ -336,7 +336,8 @@ def _recovered(state: State, event: Recovered) -> State:
                       recovered=event, decided=state.at, attempt=0, attempts=event.attempts)
     why, omitted = why_recovered(state, event), state.omits(event)
     is_known, is_left_out = state.has_given_up(event), event.outcome == SKIPPED
-    if is_left_out and event.failure.cause is not Cause.CONDITION_FALSE:
+    is_false = event.failure.cause is Cause.CONDITION_FALSE
+    if is_left_out and not is_false:
         state = _count_skipped(_change_course(state, without=event.node), event.node)
     step = _first(state.steps, lambda step: step.uid == uid)
     if step is not None and event.outcome == DONE:  # also what went on after its answer
@@ -350,6 +351,7 @@ def _recovered(state: State, event: Recovered) -> State:
         why = state.why_left if state.course.left_by is not None else why
         state = _end_stop(state, why, LEFT_OUT if is_left_out else BROKEN_OFF, omitted)
         if is_left_out:
+            state = _count_skipped(state, omitted.name) if is_false else state
             return _change_course(state, given_up=None)
     elif event.outcome != GIVEN_UP:
         return state
@@ -357,7 +359,8 @@ def _recovered(state: State, event: Recovered) -> State:
 
 
 def _count_skipped(state: State, node: str) -> State:
-    """Note that the mission went on without a node, for the visit and for the stop under way."""
+    """Note that the mission went on without a node, or a stop that was left out, for the visit and
+    for the stop under way."""
     if state.visit is None:
         return state
     skipped = state.visit.skipped

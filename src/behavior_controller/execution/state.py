@@ -81,7 +81,8 @@ class Stop(Struct, frozen=True):
 class Visit(Struct, frozen=True):
     """One visitor's pass. ``outcome`` is empty while it is under way, and if it was stopped.
 
-    ``skipped`` is how often each node failed that the mission went on without, by the policy.
+    ``skipped`` is how often each node failed that the mission went on without, by the policy, and
+    the stops that were left out for a condition.
     """
 
     number: int
