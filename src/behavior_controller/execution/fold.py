@@ -110,7 +110,7 @@ def _pass_finished(state: State, event: PassFinished) -> State:
     why, robot = _why_done(state) if is_success else _why_failed(state), state.robot
     is_where_sent = robot.place is not None and robot.last_place == robot.goal_name
     is_lost = robot.is_away and (robot.is_lost or not (is_success and is_where_sent))
-    if is_success and state.visit.skipped:
+    if is_success and state.visits[-1].skipped:
         state = replace(state, incomplete=state.incomplete + 1)
     return _end_visit(_change_robot(state, is_lost=is_lost), clean(event.outcome), why,
                       event.seconds - waited, waited)
