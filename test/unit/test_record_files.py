@@ -4,6 +4,7 @@ import errno
 import fcntl
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -257,6 +258,28 @@ def test_a_file_of_a_user_beside_a_record_is_no_part_of_it(tmp_path):
     for name in ("mission.1.jsonl", "mission.jsonl.bak", "my_mission.2.jsonl"):
         with open(os.path.join(os.path.dirname(path), name), "wb") as file:
             file.write(data)
+    assert events_of(path) == before
+
+
+def test_files_of_another_run_and_what_is_no_file_are_no_part_of_a_run(tmp_path, small):
+    path = small(tmp_path / "one", 2, 100_000, 10 ** 9)
+    other = files.parts(small(tmp_path / "other", 4, 30_000, 10 ** 9))
+    before, number = events_of(path), len(files.parts(path))
+    shutil.copy(other[-1], files.part(path, number))
+    os.mkdir(files.part(path, number + 1))
+    os.mkfifo(files.part(path, number + 2))
+    assert len(other) > number and events_of(path) == before
+    assert replay(read_record(path)).missing == ()
+
+
+def test_a_further_file_that_begins_before_the_mission_is_read(tmp_path):
+    path = recorded(tmp_path, visitor_who(says="no"))
+    before = events_of(path)
+    with open(path) as file:
+        text = file.read()
+    with open(files.part(path, 1), "w") as file:
+        file.write(text)
+    os.truncate(path, text.index("\n") + 1)  # the disk was gone after the first line
     assert events_of(path) == before
 
 

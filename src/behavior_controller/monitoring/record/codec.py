@@ -5,7 +5,7 @@ needs a new ``VERSION``, except a field with a default.
 """
 import io
 import json
-from typing import Any, Iterator, List, Optional
+from typing import Any, Iterator, List, Optional, Tuple
 
 import msgspec
 from msgspec.structs import replace
@@ -67,10 +67,12 @@ class Decoder:
     def __init__(self, file: str, former: "Optional[Decoder]" = None):
         """``former`` has read the file before it of the same run, if there is one."""
         self.has_mission: bool = former is not None and former.has_mission
-        self._former = former
         self._file = file
         self._read = 0  # lines
         self._head = Header(FORMAT, VERSION, 0, 0.0)
+        # process and beginning
+        self._run: Optional[Tuple[int, float]] = former._run if former is not None else None
+        self._is_foreign = False  # the file is of another run
         self._lines: int = former._lines if former is not None else 0  # of the run
         self._visits: int = former._visits if former is not None else 0
         self._interface = DEFAULT  # of the running mission
@@ -95,6 +97,7 @@ class Decoder:
         try:
             if self._read == 1:
                 self._check_header(text)
+            if self._read == 1 or self._is_foreign:
                 return []
             return self._joined(self._checked(self._line(text)))
         except RecursionError:
@@ -108,8 +111,6 @@ class Decoder:
         """Return a line that follows on those of the file before it; where some are missing, what
         is repeated of them, and last that they are missing."""
         head, number = self._head, self._read - 1
-        if self._former is not None and not head.repeated:
-            return []  # a file of another run
         if number > head.repeated:
             place = head.lines + number - head.repeated
             if place <= self._lines:
@@ -147,6 +148,8 @@ class Decoder:
             raise self._fault(f"the record has the version {head.version}; this release reads "
                               f"version {VERSION}", "replay it with the release that wrote it")
         self._head = head
+        self._is_foreign = self._run not in (None, (head.pid, head.time))
+        self._run = self._run or (head.pid, head.time)
 
     def _line(self, text: bytes) -> Line:
         has_escapes = b"\\u" in text  # perhaps a lone surrogate, which the quick decoder refuses

@@ -75,7 +75,7 @@ def parts(path: str) -> List[str]:
     if name == FILE_NAME:
         with contextlib.suppress(OSError):
             numbers = [int(match[1]) for match in map(_FURTHER.fullmatch, os.listdir(folder or "."))
-                       if match]
+                       if match and os.path.isfile(os.path.join(folder, match[0]))]
     return [path] + [part(path, number) for number in sorted(numbers)]
 
 
