@@ -167,7 +167,8 @@ PYTHON
 # In a virtual environment pip adds only what the system lacks. What was there is replaced when all of it is complete.
 install_packages() {
   local python="$1" folder="$2" wanted="$3" constraints="$4" packages
-  ENVIRONMENT="$(mktemp -d "$LOGS/XXXXXX")"
+  rm -rf "$LOGS"/environment.* # of a call that was killed
+  ENVIRONMENT="$(mktemp -d "$LOGS/environment.XXXXXX")"
   trap 'rm -rf "$ENVIRONMENT"' EXIT
   if "$python" -m pip --version; then
     "$python" -m venv --system-site-packages --without-pip "$ENVIRONMENT"
@@ -182,7 +183,7 @@ install_packages() {
     mv "$packages/$name" "$ENVIRONMENT/python_packages/"
   done
   find "$ENVIRONMENT/python_packages" -type f -exec chmod -x {} + # rosrun would offer them
-  rm -rf "$folder"
+  [ ! -d "$folder" ] || mv "$folder" "$ENVIRONMENT/former" # a half of it would count as the user's
   mv "$ENVIRONMENT/python_packages" "$folder"
 }
 
@@ -199,7 +200,7 @@ remove() {
   ! grep -qs behavior_controller build/cssr_system/catkin_generated/setup_py_interrogation.cmake ||
     take_out build/{cssr_system,unit_tests}
   remove_scripts build/atomic_configure
-  take_out build/log/cssr_system/{constraints.txt,python_packages.log,requirements.txt}
+  take_out build/log/cssr_system/{constraints.txt,environment.*,python_packages.log,requirements.txt}
   rm -rf "$PACKAGE/python_packages" "$SOURCE/unit_tests"
   [ "$PACKAGE" = "$REPOSITORY" ] || rm -rf "$PACKAGE"
   echo "Both packages are out of $WORKSPACE. Now, in it: catkin_make"

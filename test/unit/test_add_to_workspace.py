@@ -97,6 +97,15 @@ def test_adding_twice_and_removing_leave_what_was_there(repository, tmp_path, pl
     assert tree(workspace) == before
 
 
+def test_what_a_killed_call_left_goes_with_the_rest(tmp_path):
+    repository = make_repository(tmp_path / "repository")
+    workspace = make_workspace(tmp_path / "my ws")
+    before = tree(workspace)
+    assert call(repository, workspace)[0] == 0
+    write(workspace / "build/log/cssr_system/environment.aB3x9Z/bin/python")
+    assert call(repository, "--remove", workspace)[0] == 0 and tree(workspace) == before
+
+
 def test_a_new_workspace_is_made(repository, tmp_path):
     workspace = tmp_path / "new" / "my ws"
     write(workspace / "build/CMakeCache.txt", "PYTHON_EXECUTABLE:FILEPATH=" + sys.executable)
