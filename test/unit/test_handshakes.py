@@ -42,9 +42,12 @@ def node(monkeypatch):
     """A real server of a node, with ``port``, ``calls`` and ``warnings``."""
     monkeypatch.setattr(rosgraph.xmlrpc, "SilenceableXMLRPCRequestHandler",
                         rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler)
+    monkeypatch.setattr(rosgraph.xmlrpc.ThreadingXMLRPCServer, "get_request",
+                        rosgraph.xmlrpc.ThreadingXMLRPCServer.get_request)
     handler = Node()
     handler.warnings = []
     handshakes.refuse_web_pages(handler.warnings.append)
+    handshakes.pause_without_files()
     served = rosgraph.xmlrpc.XmlRpcNode(0, handler)
     served.start()
     ends = time.monotonic() + 10.0
@@ -241,6 +244,19 @@ def test_a_server_that_got_no_file_takes_the_caller_later(tcpros, monkeypatch):
                 time.sleep(0.01)
         caller.sendall(HEADER)
         assert caller.recv(10) == b"taken"
+
+
+def test_a_server_of_requests_that_gets_no_file_rests_and_answers_later(node, monkeypatch):
+    noted = []
+    monkeypatch.setattr(handshakes.SHORTAGE, "note", noted.append)
+    with socket.socket() as caller:
+        caller.settimeout(10.0)
+        with no_files_left():
+            caller.connect(("127.0.0.1", node.port))
+            time.sleep(0.5)
+        assert 1 <= len(noted) <= 0.5 / handshakes.AGAIN + 1
+        caller.sendall(b"GET / HTTP/1.0\r\n\r\n")
+        assert b"403" in caller.recv(100)
 
 
 def test_a_server_that_got_no_thread_takes_the_next_caller(tcpros, monkeypatch):

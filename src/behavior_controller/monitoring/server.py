@@ -6,6 +6,7 @@ connects to its port.
 """
 import asyncio
 import contextlib
+import errno
 import itertools
 import socket
 import threading
@@ -17,6 +18,12 @@ from tornado.netutil import bind_sockets
 
 SHORTEST_IDLE = 2.0
 """Seconds for which an idle connection keeps its place."""
+
+SHORTAGES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+"""The system's error numbers when it gives nothing for a connection."""
+
+AGAIN = 0.05
+"""Seconds between two attempts to accept a client meanwhile."""
 
 
 class Connections:
@@ -54,6 +61,21 @@ class Connections:
         self._last_used[stream] = time.monotonic()
 
 
+class _Listener(socket.socket):
+    """A listening socket, for tornado."""
+
+    def accept(self) -> Any:
+        """Accept a client; if no descriptor is left, it waits: tornado would try again at once, and
+        write a traceback each time."""
+        try:
+            return super().accept()
+        except OSError as error:
+            if error.errno not in SHORTAGES:
+                raise
+            time.sleep(AGAIN)
+            raise BlockingIOError from error
+
+
 def opened(address: str, ports: Sequence[int], consequence: str, key: str,
            warn: Callable[[str], None]) -> List[List[socket.socket]]:
     """Return the sockets of each port; if one cannot be opened none, and ``warn`` gets a line that
@@ -61,7 +83,8 @@ def opened(address: str, ports: Sequence[int], consequence: str, key: str,
     sockets: List[List[socket.socket]] = []
     for port in ports:
         try:
-            sockets.append(bind_sockets(port, address))
+            sockets.append([_Listener(fileno=sock.detach())
+                            for sock in bind_sockets(port, address)])
         except OSError as error:
             warn(f"{consequence}: {address}:{port} cannot be opened ({error.strerror or error}); "
                  f"set {key} to another port, or to 0")

@@ -83,16 +83,26 @@ class _Listener:
         self.close = sock.close
 
     def accept(self) -> Any:
-        """Accept a caller; raises what lets rospy try again if this computer gives no more files.
-        """
-        try:
-            return self._socket.accept()
-        except OSError as error:
-            if not is_shortage(error):
-                raise
-            SHORTAGE.note(error)
-            time.sleep(AGAIN)
-            raise socket.timeout from error
+        """Accept a caller."""
+        return _accepted(self._socket)
+
+
+def _accepted(listener: socket.socket) -> Any:
+    """Accept a caller; raises what lets rospy try again if this computer gives no more files."""
+    try:
+        return listener.accept()
+    except OSError as error:
+        if not is_shortage(error):
+            raise
+        SHORTAGE.note(error)
+        time.sleep(AGAIN)
+        raise socket.timeout from error
+
+
+def pause_without_files() -> None:
+    """Have rospy's XML-RPC server, which is made later, try again to accept a caller only after a
+    pause: while no file is left, it would take all of a processor's time."""
+    rosgraph.xmlrpc.ThreadingXMLRPCServer.get_request = lambda server: _accepted(server.socket)
 
 
 def _begins_as_ros_does(sock: socket.socket) -> bool:

@@ -32,7 +32,8 @@ from behavior_controller.missions.load import Mission
 from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
 from behavior_controller.ros.console import FILE_ONLY, Console, log_path, open_log
-from behavior_controller.ros.handshakes import bound_handshakes, refuse_web_pages
+from behavior_controller.ros.handshakes import (
+    bound_handshakes, pause_without_files, refuse_web_pages)
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.configuration import read_plan, record_directory, report_faults
@@ -221,6 +222,7 @@ class _Node:
         self._run = run = _Run(plan, topics, folder, console, self._signals)
         self._apart(run.runner.prepare, LEAVES)
         refuse_web_pages(console.warn)
+        pause_without_files()
         former = self._apart(lambda: join(NAME, words), master, silent_master)
         bound_handshakes()
         console.attach()
