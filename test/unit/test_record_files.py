@@ -372,13 +372,16 @@ def test_what_does_not_fit_meanwhile_is_stated_in_the_record(disk, monkeypatch):
 
 def test_a_disk_that_stays_full_costs_the_mission_nothing(disk):
     fill(disk)
-    record = Record(str(disk), lambda text: None).open()
+    told = Told()
+    record = Record(str(disk), told).open()
     began = time.monotonic()
     for number in range(1000):
         record(Noticed("info", str(number)))
     assert time.monotonic() - began < 1.0
     record.close()
     assert not record.is_kept
+    assert told.texts[1:] == [
+        f"the record {record.path} lacks the end of the run: No space left on device"]
 
 
 @pytest.mark.parametrize("kind, times, parts", [(errno.EDQUOT, 5, 1), (errno.EIO, 1, 2),

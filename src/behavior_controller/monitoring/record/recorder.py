@@ -282,7 +282,10 @@ class Record(Feed, Topics):
                 self._write_round(is_last)
             except (OSError, ValueError) as error:
                 self._trouble = getattr(error, "strerror", None) or str(error)
-                if not self._fails:
+                if is_last and self.path:
+                    self._complain(f"the record {self.path} lacks the end of the run: "
+                                   f"{self._trouble}")
+                elif not self._fails:
                     self._complain(f"no record is written to {self.path or self._place}: "
                                    f"{self._trouble}; it is tried again, the mission goes on")
                 self._fails = True
