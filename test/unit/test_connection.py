@@ -2,9 +2,6 @@
 the limit."""
 import contextlib
 import errno
-import gc
-import os
-import resource
 import socket
 import threading
 import time
@@ -17,6 +14,7 @@ from behavior_controller.ros import master
 from behavior_controller.ros.shortage import SHORTAGE
 from behavior_controller.ros.tcpros import ANSWERS, Connection, MOST_XML, Trouble, ask
 from faulty_master import GARBAGE, RAW, http_answer
+from shortages import no_files_left
 
 NODES = [["/a", ["/n", "/m"]], ["/b", []]]
 SANE = {
@@ -221,25 +219,6 @@ def test_a_name_server_that_hangs_is_waited_for_within_the_limit_and_asked_once(
         assert asked == ["slow.example"]
         answer.set()
         assert ask(named, "getPid") == 77
-
-
-@contextlib.contextmanager
-def no_files_left():
-    """Take all files that this process may have."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    taken = []
-    gc.collect()  # or it gives some back meanwhile
-    resource.setrlimit(resource.RLIMIT_NOFILE, (
-        max(map(int, os.listdir("/proc/self/fd"))) + 10, hard))
-    try:
-        with pytest.raises(OSError):
-            while True:
-                taken.append(os.dup(0))
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-        for each in taken:
-            os.close(each)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "robot.example"])

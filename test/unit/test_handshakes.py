@@ -16,7 +16,7 @@ from behavior_controller.ros import handshakes
 from behavior_controller.ros.shortage import Shortage
 from behavior_controller.ros.tcpros import ask
 from browser import open_browser
-from test_connection import no_files_left
+from shortages import no_files_left
 
 CALL = xmlrpc.client.dumps(("/page", "gone"), "shutdown").encode()
 TEXT = "Content-Type: text/xml"

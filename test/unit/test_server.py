@@ -8,7 +8,7 @@ from tornado.tcpserver import TCPServer
 
 from behavior_controller.monitoring.server import LoopThread, opened
 from free_ports import free_port
-from test_connection import no_files_left
+from shortages import no_files_left
 
 
 class Greeting(TCPServer):
