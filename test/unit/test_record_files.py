@@ -415,6 +415,41 @@ def test_after_a_disk_was_gone_the_run_goes_on_without_a_gap(tmp_path, monkeypat
     assert len(files.parts(record.path)) == parts
 
 
+@pytest.mark.parametrize("file_bytes", [50_000, 10 ** 9])
+@pytest.mark.parametrize("is_folder", [True, False])
+def test_a_record_that_is_removed_while_it_is_written_goes_on(tmp_path, monkeypatch, file_bytes,
+                                                              is_folder):
+    monkeypatch.setattr(module, "RETRY", 0.05)
+    expected, told = whole(tmp_path, 3), Told()
+    visits = [place for place, event in enumerate(expected) if isinstance(event, PassStarted)]
+    monkeypatch.setattr(files, "FILE_BYTES", file_bytes)
+    record = Record(str(tmp_path / "records"), told).open()
+    for event in expected[:visits[1] + 100]:
+        record(event)
+    ends = time.monotonic() + 10.0
+    while record._files.lines < visits[1] + 100:
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+    remove = shutil.rmtree if is_folder else lambda folder: [
+        os.remove(os.path.join(folder, name)) for name in os.listdir(folder)]
+    remove(os.path.dirname(record.path))
+    told.wait(2)
+    assert files.is_written(record.path)
+    for event in expected[visits[1] + 100:]:
+        record(event)
+    record.close()
+    assert told.texts == [
+        f"no record is written to {record.path}: it was removed; it is tried again, the mission "
+        "goes on", f"the record {record.path} is written again"]
+    found = events_of(record.path)
+    lost, = (event for event in found if isinstance(event, Lost))
+    assert lost.reason == "visit 1 is no longer kept"
+    rest = found[found.index(lost) + 1:]
+    assert rest == expected[-len(rest):] and lost.lines == len(expected) - len(rest)
+    assert runs(str(tmp_path / "records")) == [record.path]
+    assert replay(read_record(record.path)).divergence == ""
+
+
 def test_a_further_file_that_cannot_be_made_is_tried_again(tmp_path, small, monkeypatch):
     expected, made, told = whole(tmp_path, 2), files._created, Told()
     failures = iter([True, True])

@@ -120,7 +120,8 @@ class RunFiles:
         self.size = 0
         """Bytes of the newest file with what was added, without its head."""
         self.is_lost = False
-        """The newest file cannot be written any more: the disk it was on is gone, or broken."""
+        """The newest file cannot be written any more: it was removed, or its disk is gone or broken.
+        """
         self._head = head
         self._pending = bytearray()  # whole lines that are not written
         self._sizes: Dict[int, int] = {0: 0}  # bytes of each file, by number
@@ -129,8 +130,7 @@ class RunFiles:
         except OSError:
             os.rmdir(folder)
             raise
-        with contextlib.suppress(OSError):  # not every file system has locks
-            fcntl.flock(self._first, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _lock(self._first)
 
     def add(self, line: bytes) -> None:
         """Have a line written by the next ``flush``."""
@@ -139,6 +139,9 @@ class RunFiles:
 
     def flush(self) -> None:
         """Write what was added. Raises OSError if a part of it is left to the next call."""
+        if _is_removed(self._first) or _is_removed(self._file):
+            self.is_lost = True
+            raise FileNotFoundError(errno.ENOENT, "it was removed")
         number = max(self._sizes)
         head = b"" if self._sizes[number] else self._head
         data, done = head + bytes(self._pending), 0
@@ -159,9 +162,15 @@ class RunFiles:
         """Write to a further file from now on, which begins with its ``head``. Raises OSError."""
         number = max(self._sizes)
         number += self._sizes[number] > 0  # else the file has nothing in it, and is made anew
+        if _is_removed(self._first):  # rosclean removes all of a run
+            os.makedirs(os.path.dirname(self.path), 0o750, exist_ok=True)
+            number = 0
         file = _created(part(self.path, number))
-        if self._file != self._first:
-            os.close(self._file)
+        for old in {self._file, self._first} - ({self._first} if number else set()):
+            os.close(old)
+        if not number:
+            self._first, self._sizes = file, {}
+            _lock(file)
         self._file, self._head, self.is_lost = file, head, False
         self._sizes[number], self.size = 0, len(self._pending)
         while len(self._sizes) > 1 and sum(self._sizes.values()) + FILE_BYTES > RUN_BYTES:
@@ -181,6 +190,17 @@ class RunFiles:
         """Close the files."""
         for file in {self._file, self._first}:
             os.close(file)
+
+
+def _lock(file: int) -> None:
+    with contextlib.suppress(OSError):  # not every file system has locks
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _is_removed(file: int) -> bool:
+    with contextlib.suppress(OSError):  # of a disk that is gone, which writing meets too
+        return not os.fstat(file).st_nlink
+    return False
 
 
 def _created(path: str) -> int:
