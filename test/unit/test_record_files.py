@@ -122,6 +122,13 @@ def test_runs_at_once_have_a_folder_each(tmp_path):
         record.close()
 
 
+def test_a_record_in_a_relative_folder_is_named_so_that_all_find_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    record = Record("my records", pytest.fail).open()
+    record.close()
+    assert [record.path] == runs(str(tmp_path / "my records"))
+
+
 def test_the_next_run_in_the_same_folder_leaves_the_record_of_the_one_before(tmp_path):
     (tmp_path / "mission.jsonl").write_text("of an earlier version")
     first, second = (recorded(tmp_path, visitor_who(says=says)) for says in ("yes", "no"))

@@ -85,7 +85,8 @@ def part(path: str, number: int) -> str:
 
 
 def new_folder(place: str) -> str:
-    """Make the folder of a new run below a folder, and return it. Raises OSError."""
+    """Make the folder of a new run below a folder, and return its absolute path. Raises OSError."""
+    place = os.path.abspath(place)  # a node of roslaunch does not run where its user is
     os.makedirs(place, 0o750, exist_ok=True)
     numbers = [int(match[1] or 0) for match in map(_RUN.fullmatch, os.listdir(place)) if match]
     name = f"{max(numbers, default=0) + 1:06}_{time.strftime('%Y%m%d-%H%M%S')}_{os.getpid()}"
