@@ -229,12 +229,12 @@ class NodeResult(Struct, frozen=True):
 class Robot(Struct, frozen=True):
     """The robot as the answers to requests leave it; None is what the run has not said.
 
-    ``goal`` is that of the drive whose answer is awaited, and ``goal_name`` the name of the last one
-    that was asked for. ``place`` is where it arrived last, unless it may have left since for the
-    goal of the name ``way``, where it did not arrive. ``last_place`` is the name of that place, for
-    as long as it arrives nowhere else. ``is_lost``: a visit has left it where no mission wants it,
-    and it was asked to drive nowhere since. ``services`` are those that were asked, by kind of
-    request. ``unfinished`` are the requests with an effect whose end is not known, the newest of
+    ``goal`` is that of the drive whose answer is awaited, and ``goal_name`` the name of the last
+    goal that was asked for. ``place`` is where it arrived last, unless it may have left since for
+    the goal of the name ``way``, where it did not arrive. ``last_place`` is the name of that place,
+    for as long as it arrives nowhere else. ``is_lost``: a visit has left it away from home, failed
+    or short of its goal, and it was asked to drive nowhere since. ``services`` are those that were
+    asked, by kind of request. ``unfinished`` are the requests with an effect whose end is not known, the newest of
     each kind.
     ``troubles`` are the services, topics and the master that are not well, by name and respect;
     ``ill_since`` is when the first trouble of each began.

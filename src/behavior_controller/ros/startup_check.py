@@ -111,8 +111,8 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
     """Examine ``offers`` in parallel and return those that cannot be used, in their order, each
     with the reason.
 
-    Ends within ``PROBE_LIMIT``. Raises the error of a shortage, and ``Stopped`` when ``wake`` signals that the operator has
-    stopped the node.
+    Ends within ``PROBE_LIMIT``. Raises the error of a shortage, and ``Stopped`` when ``wake``
+    signals that the operator has stopped the node.
     """
     probes = [begin("probe " + offer.name, partial(PROBES[type(offer)], offer))[1]
               for offer in offers]

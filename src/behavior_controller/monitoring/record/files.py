@@ -121,8 +121,7 @@ class RunFiles:
         self.size = 0
         """Bytes of the newest file with what was added, without its head."""
         self.is_lost = False
-        """The newest file cannot be written any more: it was removed, or its disk is gone or broken.
-        """
+        """The newest file cannot be written any more: it was removed, or its disk is gone."""
         self._head = head
         self._pending = bytearray()  # whole lines that are not written
         self._sizes: Dict[int, int] = {0: 0}  # bytes of each file, by number
