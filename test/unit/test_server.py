@@ -24,6 +24,8 @@ def test_a_client_for_which_no_file_is_left_is_served_later_without_a_traceback(
     sockets = opened(address, [port], "nothing", "key", pytest.fail)
     thread = LoopThread("greeting", sockets, lambda: Greeting().add_sockets(sockets[0]))
     try:
+        with socket.create_connection(("127.0.0.1", port), 10.0) as client:
+            assert client.recv(10) == b"hello"  # what it imports is there
         with caplog.at_level(logging.WARNING), socket.socket() as client:
             client.settimeout(10.0)
             with no_files_left():
