@@ -234,8 +234,8 @@ class Robot(Struct, frozen=True):
     the goal of the name ``way``, where it did not arrive. ``last_place`` is the name of that place,
     for as long as it arrives nowhere else. ``is_lost``: a visit has left it away from home, failed
     or short of its goal, and it was asked to drive nowhere since. ``services`` are those that were
-    asked, by kind of request. ``unfinished`` are the requests with an effect whose end is not known, the newest of
-    each kind.
+    asked, by kind of request. ``unfinished`` are the requests with an effect whose end is not
+    known, the newest of each kind.
     ``troubles`` are the services, topics and the master that are not well, by name and respect;
     ``ill_since`` is when the first trouble of each began.
     """

@@ -19,7 +19,7 @@ from tornado.netutil import bind_sockets
 SHORTEST_IDLE = 2.0
 """Seconds for which an idle connection keeps its place."""
 
-SHORTAGES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 """The system's error numbers when it gives nothing for a connection."""
 
 AGAIN = 0.05
@@ -70,7 +70,7 @@ class _Listener(socket.socket):
         try:
             return super().accept()
         except OSError as error:
-            if error.errno not in SHORTAGES:
+            if error.errno not in NO_DESCRIPTOR:
                 raise
             time.sleep(AGAIN)
             raise BlockingIOError from error
