@@ -61,7 +61,7 @@ COMMANDS = {
     "src/behavior_controller/exportNodeModel": ("Print the palette of mission nodes for Groot2.",
                                                 "behavior_controller.cli", "export_node_model"),
     "src/behavior_controller/missionStatus": (
-        "Print the tree of the running mission.", "behavior_controller.monitoring.status_tool",
+        "Print the tree of the running mission.", "behavior_controller.viewer.status_tool",
         "main", True),
     "src/behavior_controller/" + RENDER: (
         "Draw a mission: py-trees-render behavior_controller.cli.create_tree.",

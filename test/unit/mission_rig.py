@@ -9,7 +9,8 @@ from behavior_controller.execution import events
 from behavior_controller.missions import runner
 from behavior_controller.missions.trial import Trial
 from behavior_controller.monitoring.record.codec import Decoder
-from behavior_controller.monitoring.record.recorder import Record
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.record.recorder import LineQueue, Record, RecordFiles
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
@@ -136,7 +137,7 @@ def recorded(folder, visitor, by_voice=True, failure_rate=0.0, seed=0, mission=N
         return NotImplemented
 
     rig = Rig(mission, answer=answer, asrEnabled=by_voice)
-    record = Record(str(folder), pytest.fail).open()
+    record = FileRecord(str(folder)).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
     rig.mission.topics = record.topics(rig.topics)
@@ -168,3 +169,52 @@ def service_of(request):
 def refusal(request):
     """Return the failure of a server that says no."""
     return Failure(Cause.REFUSED, "the server refused", service_of(request))
+
+
+class LiveBoard(Board):
+    """What a page shows of a rig, made of the lines of its record without a thread."""
+
+    def __init__(self, rig):
+        queue = LineQueue()
+        self.record = Record(queue)
+
+        def lines():
+            self.record.hand_over()
+            return queue.take()
+
+        super().__init__(lines)
+        rig.mission.events.subscribe(self.record)
+
+    def show(self, tree, heard={}):
+        """Show a tree from now on."""
+        self.record.show(tree, heard)
+
+
+def board_of(rig):
+    """Return a board that shows the rig's mission."""
+    board = LiveBoard(rig)
+    board.show(rig.tree, rig.mission.health.last_arrivals)
+    return board
+
+
+class FileRecord(Record):
+    """A record that is written below ``folder`` after ``open``."""
+
+    def __init__(self, folder, complain=pytest.fail):
+        super().__init__()
+        self._make_files = lambda: RecordFiles(folder, complain)
+        self.files = None
+
+    def open(self):
+        self.files = self._make_files()
+        self.add(self.files)
+        return super().open()
+
+    @property
+    def path(self):
+        return self.files.path
+
+    @property
+    def is_kept(self):
+        """Whether lines are still written."""
+        return self.files._thread.is_alive()

@@ -13,8 +13,7 @@ from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, QueryKnowledge,
     Say, SetAttention)
 from behavior_controller.monitoring.record import recorder as record_module
-from behavior_controller.monitoring.record.recorder import Record
-from mission_rig import ENTRANCE, HOME, Rig, service_of, written
+from mission_rig import FileRecord, ENTRANCE, HOME, Rig, service_of, written
 
 NAMES = ("Robot arm", "Sea chest", "Loom", "Weather balloon", "Printing press")
 EXHIBITS = tuple(
@@ -110,7 +109,7 @@ def recorded_day(folder, monkeypatch, runs, kinds=KINDS):
     monkeypatch.setattr(record_module.events, "unix_now",
                         lambda: BEGAN + rig.clock.now() - 1000.0)
     monkeypatch.setattr(record_module, "MOST_WAITING", 10 ** 9)
-    record = Record(str(folder), pytest.fail).open()
+    record = FileRecord(str(folder), pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
     rig.mission.topics = record.topics(rig.topics)

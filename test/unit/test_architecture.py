@@ -39,14 +39,14 @@ LAYERS = [
     ["bt.linter"],
     ["bt.engine"],
     ["bt.engine.blackboard", "bt.engine.ports", "bt.script", "bt.loader"],
-    ["bt.registry", "bt.linter.rules", "bt.status", "bt.possible_results", "bt.engine.thread_check",
+    ["bt.registry", "bt.linter.rules", "bt.status", "bt.possible_results",
      "bt.script.values", "robot.gateway", "execution.events", "execution.health", "config",
      "monitoring.sinks", "monitoring.parts"],
     ["robot", "extensions"],
     ["output_files"],
     ["errors", "exit_codes", "ros_arguments"],
     ["ros_packages"],
-    ["text", "foreign_code", "folders"],
+    ["text", "foreign_code", "folders", "thread_check"],
 ]
 ROS = {
     "actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch",

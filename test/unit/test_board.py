@@ -28,28 +28,22 @@ from behavior_controller.leaves import registry
 from behavior_controller.monitoring.story import Story, cause, how_it_ended
 from behavior_controller.text import Source
 from behavior_controller.monitoring import board as board_module
-from behavior_controller.monitoring import status_tool, view
+from behavior_controller.monitoring import view
+from behavior_controller.viewer import status_tool
 from behavior_controller.monitoring.view import PARTS
-from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.moment import robot_line
 from behavior_controller.monitoring.parts import Card, RobotLine, card_line, changes, patched
 from behavior_controller.monitoring.record import moments as moments_module, recorder
 from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.record.replay import read_record
 from behavior_controller.monitoring.record.timeline import Bar
-from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
+from mission_rig import LiveBoard, Rig, board_of, one_leaf, refusal, service_of, visitor_who
 from recorded_tours import recorded_day
 
 RUN = RunStarted("some/where/lab_tour.xml", [], {}, Sources((), Source("", ""), Source("", ""), ""))
 ENDED = "all passes are done; last pass: SUCCESS; attention and lifelike movement are off"
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone",
                           "it cannot drive")
-
-
-def board_of(rig):
-    board = Board(rig.mission.events, rig.mission.health, registry())
-    board.show(rig.tree)
-    return board
 
 
 def let_time_stand(monkeypatch, now):
@@ -490,7 +484,7 @@ def test_there_is_a_sign_of_life_every_second_though_nothing_happens():
 def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatch):
     monkeypatch.setattr(board_module, "HANGS", 0.2)
     rig = one_leaf("<Sleep msec='9000'/>")
-    board = Board(rig.mission.events, rig.mission.health, registry())
+    board = LiveBoard(rig)
     assert (board.part("alive")["age"], board.part("alive")["hangs"]) == (None, False)
     assert board.part("now")["card"]["what"] == "nothing runs" and board.part(
         "mission")["nodes"] == []

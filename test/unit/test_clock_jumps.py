@@ -12,12 +12,11 @@ from behavior_controller.execution import events
 from behavior_controller.execution.events import (
     Answered, Asked, HealthChanged, Noticed, PassStarted, StepStarted)
 from behavior_controller.execution.health import GONE
-from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as console_module
 from behavior_controller.ros.console import ROSOUT, Console
-from mission_rig import Rig, visitor_who, written
+from mission_rig import FileRecord, Rig, visitor_who, written
 from test_page import (  # noqa: F401
     browser, is_second_text, open_page, show, text, wait_until)
 
@@ -121,7 +120,7 @@ def test_the_page_shows_now_and_the_past_in_order(show, jump, by, moment):  # no
 
 @pytest.mark.parametrize("by", JUMPS)
 def test_the_times_of_a_record_do_not_jump(tmp_path, jump, by):
-    record = Record(str(tmp_path), pytest.fail).open()
+    record = FileRecord(str(tmp_path), pytest.fail).open()
     for number in range(4):
         record(Noticed("info", str(number)))
         jump(by if number % 2 else -by)

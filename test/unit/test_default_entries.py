@@ -14,7 +14,7 @@ from behavior_controller.bt.script.values import PortType, ValueFault
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.status import SUCCESS
 from behavior_controller.errors import MissionError
-from behavior_controller.monitoring.groot2.publisher import full_tree
+from behavior_controller.viewer.groot2.publisher import full_tree
 
 
 class Spot(NamedTuple):

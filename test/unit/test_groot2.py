@@ -28,8 +28,8 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.monitoring.groot2 import publisher as groot2, tcp_proxy
-from behavior_controller.monitoring.groot2.publisher import Groot2Publisher
+from behavior_controller.viewer.groot2 import publisher as groot2, tcp_proxy
+from behavior_controller.viewer.groot2.publisher import Groot2Publisher
 from free_ports import free_port
 from mission_rig import Rig, visitor_who
 

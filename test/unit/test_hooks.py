@@ -10,7 +10,7 @@ from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import TickError
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SKIPPED, SUCCESS
-from behavior_controller.monitoring.groot2.breakpoints import (
+from behavior_controller.viewer.groot2.breakpoints import (
     AFTER, BEFORE, BREAKPOINT, Hook, HookPlace, Hooks, REPLACE, Unlocking)
 
 

@@ -5,13 +5,13 @@ import threading
 import pytest
 from msgspec.structs import replace
 
-from behavior_controller.bt.engine import thread_check
-from behavior_controller.bt.engine.thread_check import WrongThread
+from behavior_controller import thread_check
+from behavior_controller.thread_check import WrongThread
 from behavior_controller.execution.events import HealthChanged
 from behavior_controller.robot.gateway import Call, Cause, Failure
 from behavior_controller.execution.health import GONE, Health
 from behavior_controller.robot.requests import Answer, Say
-from behavior_controller.monitoring.groot2.breakpoints import Hook, Hooks
+from behavior_controller.viewer.groot2.breakpoints import Hook, Hooks
 from mission_rig import one_leaf
 
 CHANGE = HealthChanged("service", "/say", "", False, "gone", "")

@@ -29,15 +29,14 @@ from behavior_controller.leaves import registry
 from behavior_controller.execution.state import LEFT_OUT, rank
 from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring.record import recorder
-from behavior_controller.monitoring import server
-from behavior_controller.monitoring import web_page as page_module
-from behavior_controller.monitoring.board import Board
+from behavior_controller.viewer import server
+from behavior_controller.viewer import web_page as page_module
 from behavior_controller.monitoring.view import PARTS, SENTENCES
 from behavior_controller.monitoring.story import condition, counted, how_it_ended, why
-from behavior_controller.monitoring.web_page import Page
+from behavior_controller.viewer.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
 from free_ports import free_port
-from mission_rig import Rig, one_leaf, refusal, visitor_who
+from mission_rig import LiveBoard, Rig, one_leaf, refusal, visitor_who
 from test_story import RUNS, Teller, rig_of
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
@@ -55,9 +54,9 @@ class Show:
         self.rig, self.warnings = rig, []
         self.port = free_port()
         self.page = Page(address, self.port,
-                         Board(rig.mission.events, rig.mission.health, registry()),
+                         LiveBoard(rig),
                          self.warnings.append)
-        self.page.show(rig.tree)
+        self.page.board.show(rig.tree)
         self.url = "http://127.0.0.1:{}/".format(self.port)
 
     def fetch(self, path="", method="GET", host=None):
@@ -669,7 +668,7 @@ def test_another_mission_takes_the_place_of_the_first(show, browser):
     open_page(browser, shown)
     other = one_leaf(
         "<Sequence><WelcomeSpeech name='&lt;img src=x onerror=alert(1)&gt;'/></Sequence>")
-    shown.page.show(other.tree)
+    shown.page.board.show(other.tree)
     wait_until(lambda: browser.execute_script("return items.length") == 2)
     # a name is a text, whatever it looks like
     assert text(
@@ -928,7 +927,7 @@ def test_the_end_of_the_mission_is_told_and_the_next_one_is_shown(show, browser)
     assert doubt(browser) == "The mission has ended: all passes are done; last pass: SUCCESS."
     rig = one_leaf("<Sequence><Sleep msec='9000'/><WelcomeSpeech/></Sequence>")
     following = Page("127.0.0.1", shown.port,
-                     Board(rig.mission.events, rig.mission.health, registry()), pytest.fail)
+                     LiveBoard(rig), pytest.fail)
     try:
         following.show(rig.tree)
         wait_until(
@@ -1232,7 +1231,7 @@ def test_a_browser_is_told_at_once_what_has_happened_so_far(show, monkeypatch):
     shown = show(one_leaf("<WelcomeSpeech/>"))
     assert shown.fetch("state")[0] == 200  # the server has begun
     rig = one_leaf("<Sequence name='another'><WelcomeSpeech/></Sequence>", lambda request: None)
-    shown.page.show(rig.tree)
+    shown.page.board.show(rig.tree)
     assert json.loads(shown.fetch("state")[1])["mission"]["nodes"][0]["name"] == "another"
     rig.tick()
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
@@ -1293,7 +1292,7 @@ def test_a_port_that_is_taken_is_one_line(show):
     shown = show(Rig())
     warnings = []
     page = Page("127.0.0.1", shown.port,
-                Board(shown.rig.mission.events, shown.rig.mission.health, registry()),
+                LiveBoard(shown.rig),
                 warnings.append)
     page.show(shown.rig.tree)
     assert not page.is_served

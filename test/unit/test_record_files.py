@@ -19,9 +19,8 @@ from behavior_controller.execution.events import (
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record import files, recorder as module
 from behavior_controller.monitoring.record.files import make_room, new_folder, runs
-from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.replay import main, read_record, replay
-from mission_rig import recorded, visitor_who
+from mission_rig import FileRecord, recorded, visitor_who
 
 HEADER = '{"format": "behaviorController record", "version": 10, "pid": 7, "time": 1.5}\n'
 EARLIER = "20260101-0000{:02}_1"
@@ -46,7 +45,7 @@ def test_the_oldest_records_make_room_for_a_new_one(tmp_path, there, kept):
     names = [EARLIER.format(number) for number in range(there)]
     for name in names:
         run(tmp_path, name)
-    record = Record(str(tmp_path), pytest.fail).open()
+    record = FileRecord(str(tmp_path), pytest.fail).open()
     record.close()
     new = os.path.basename(os.path.dirname(record.path))
     assert new.startswith("000001_") and below(tmp_path) == [new, *names[there - kept:there]]
@@ -58,7 +57,7 @@ def test_a_clock_that_was_set_back_costs_no_newer_record(tmp_path, monkeypatch):
     monkeypatch.setattr(files.time, "strftime", lambda form: f"202601{next(dates):02}-000000")
     made = []
     for _ in range(25):
-        record = Record(str(tmp_path), pytest.fail).open()
+        record = FileRecord(str(tmp_path), pytest.fail).open()
         record.close()
         made.append(record.path)
     assert runs(str(tmp_path)) == made[-20:] and len(below(tmp_path)) == 20
@@ -80,7 +79,7 @@ def test_a_record_that_a_process_writes_stays_however_old_it_is(tmp_path):
 def test_the_record_of_a_living_node_is_locked_and_that_of_a_killed_one_is_not(tmp_path):
     code = ("import sys, time\n"
             "from behavior_controller.monitoring.record.recorder import Record\n"
-            "record = Record(sys.argv[1], print).open()\n"
+            "record = FileRecord(sys.argv[1], print).open()\n"
             "print(record.path, flush=True)\n"
             "time.sleep(60)")
     node = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE,
@@ -115,7 +114,7 @@ def test_what_a_user_keeps_among_the_records_stays_and_does_not_count(tmp_path):
 
 
 def test_runs_at_once_have_a_folder_each(tmp_path):
-    records = [Record(str(tmp_path), pytest.fail).open() for _ in range(5)]
+    records = [FileRecord(str(tmp_path), pytest.fail).open() for _ in range(5)]
     assert [os.path.basename(path)[:7] for path in below(tmp_path)] == [
         f"00000{number}_" for number in range(1, 6)]
     for record in records:
@@ -124,7 +123,7 @@ def test_runs_at_once_have_a_folder_each(tmp_path):
 
 def test_a_record_in_a_relative_folder_is_named_so_that_all_find_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    record = Record("my records", pytest.fail).open()
+    record = FileRecord("my records", pytest.fail).open()
     record.close()
     assert [record.path] == runs(str(tmp_path / "my records"))
 
@@ -140,10 +139,10 @@ def test_the_next_run_in_the_same_folder_leaves_the_record_of_the_one_before(tmp
 def test_what_visitors_said_is_not_for_everybody(tmp_path):
     before = os.umask(0)
     try:
-        record = Record(str(tmp_path / "records"), pytest.fail).open()
+        record = FileRecord(str(tmp_path / "records"), pytest.fail).open()
         record.close()
         os.umask(0o077)
-        private = Record(str(tmp_path / "private"), pytest.fail).open()
+        private = FileRecord(str(tmp_path / "private"), pytest.fail).open()
         private.close()
     finally:
         os.umask(before)
@@ -336,7 +335,7 @@ def fill(disk):
 
 def test_a_full_disk_is_tried_again_and_nothing_is_lost(disk):
     told = Told()
-    record = Record(str(disk), told).open()
+    record = FileRecord(str(disk), told).open()
     record(Noticed("info", "before"))
     fill(disk)
     numbers = [f"{number:04} " + 100 * "x" for number in range(60)]
@@ -359,7 +358,7 @@ def test_what_does_not_fit_meanwhile_is_stated_in_the_record(disk, monkeypatch):
     monkeypatch.setattr(module, "MOST_WAITING", 50)
     told = Told()
     fill(disk)
-    record = Record(str(disk), told).open()  # a disk that is full at the start too
+    record = FileRecord(str(disk), told).open()  # a disk that is full at the start too
     for number in range(200):
         record(Noticed("info", str(number)))
     told.wait(1)
@@ -380,7 +379,7 @@ def test_what_does_not_fit_meanwhile_is_stated_in_the_record(disk, monkeypatch):
 def test_a_disk_that_stays_full_costs_the_mission_nothing(disk):
     fill(disk)
     told = Told()
-    record = Record(str(disk), told).open()
+    record = FileRecord(str(disk), told).open()
     began = time.monotonic()
     for number in range(1000):
         record(Noticed("info", str(number)))
@@ -410,7 +409,7 @@ def test_after_a_disk_was_gone_the_run_goes_on_without_a_gap(tmp_path, monkeypat
         return write(file, data, place)
 
     monkeypatch.setattr(files.os, "pwrite", fail)
-    record = Record(str(tmp_path), told).open()
+    record = FileRecord(str(tmp_path), told).open()
     for event in expected[:300]:
         record(event)
     told.wait(2)
@@ -430,7 +429,7 @@ def test_a_record_that_is_removed_while_it_is_written_goes_on(tmp_path, monkeypa
     expected, told = whole(tmp_path, 3), Told()
     visits = [place for place, event in enumerate(expected) if isinstance(event, PassStarted)]
     monkeypatch.setattr(files, "FILE_BYTES", file_bytes)
-    record = Record(str(tmp_path / "records"), told).open()
+    record = FileRecord(str(tmp_path / "records"), told).open()
     for event in expected[:visits[1] + 100]:
         record(event)
     ends = time.monotonic() + 10.0
@@ -469,7 +468,7 @@ def test_a_further_file_that_cannot_be_made_is_tried_again(tmp_path, small, monk
     monkeypatch.setattr(module, "RETRY", 0.05)
     monkeypatch.setattr(files, "FILE_BYTES", 50_000)
     monkeypatch.setattr(files, "_created", create)
-    record = Record(str(tmp_path), told).open()
+    record = FileRecord(str(tmp_path), told).open()
     for event in expected:
         record(event)
     told.wait(2)

@@ -21,10 +21,9 @@ from behavior_controller.robot.release_1_0 import SPEECH
 from behavior_controller.leaves import base
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.missions.runner import Runner, Running
-from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.replay import read_record, replay
 
-from mission_rig import one_leaf, refusal, write, written
+from mission_rig import FileRecord, one_leaf, refusal, write, written
 
 ENVIRONMENT = """robotLocationDescription 1 the door
 robotLocationPose 1 2.5 -1.25 90
@@ -382,7 +381,7 @@ def recorded(tmp_path, files, body="<LookUpHome/><Navigate/><WelcomeSpeech/><Pre
     """Record a pass and return the lines of the record."""
     clock = ManualClock(100.0)
     plan = loaded(body, clock)
-    record = Record(str(tmp_path / "run"), pytest.fail).open()
+    record = FileRecord(str(tmp_path / "run"), pytest.fail).open()
     events = Events()
     events.subscribe(record)
     record.show(plan.tree)

@@ -18,10 +18,9 @@ from behavior_controller.execution.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.requests import AttentionStatus, Faces, GoTo, Say, SetAttention
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.replay import (
     RecordedTopics, Replayed, find_record, main, read_record, replay)
-from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
+from mission_rig import FileRecord, ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
 from recorded_tours import recorded_day
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
@@ -92,7 +91,7 @@ def test_utterances_that_come_together_are_heard_as_they_were(tmp_path, utteranc
 def test_a_mission_that_follows_in_the_same_record_knows_the_messages_from_before(tmp_path):
     rig = Rig(
         "<root BTCPP_format='4'><BehaviorTree ID='M'><IsVisitorDiscovered/></BehaviorTree></root>")
-    record = Record(str(tmp_path), pytest.fail).open()
+    record = FileRecord(str(tmp_path), pytest.fail).open()
     rig.mission.events.subscribe(record)
     rig.mission.topics = record.topics(rig.topics)
     rig.topics.publish(FACES, Faces(("1",), (True,)))
@@ -397,7 +396,7 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
 
     rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", service_of(GoTo))
               if isinstance(request, GoTo) and states["gone"] == 0 else NotImplemented)
-    record = Record(str(tmp_path), pytest.fail).open()
+    record = FileRecord(str(tmp_path), pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
     rig.mission.topics = record.topics(rig.topics)

@@ -6,7 +6,7 @@ import time
 import pytest
 from tornado.tcpserver import TCPServer
 
-from behavior_controller.monitoring.server import LoopThread, opened
+from behavior_controller.viewer.server import LoopThread, opened
 from free_ports import free_port
 from shortages import no_files_left
 

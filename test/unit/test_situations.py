@@ -20,7 +20,7 @@ from behavior_controller.execution.state import (
     UNDER_WAY, Exchange, Robot, State, Step, Stop as Place, Visit)
 from behavior_controller.leaves.recovery import RETURN_LIMIT
 from behavior_controller.monitoring import board as board_module
-from behavior_controller.monitoring.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
+from behavior_controller.viewer.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
 from behavior_controller.monitoring.moment import card, next_node, robot_line
 from behavior_controller.monitoring.parts import Card, RobotLine, card_line
 from behavior_controller.monitoring.record.recorder import (

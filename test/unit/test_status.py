@@ -23,19 +23,12 @@ from behavior_controller.execution.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, Say
 from behavior_controller.leaves import registry
 from behavior_controller.config.settings import KEYS
-from behavior_controller.monitoring import status_tool
-from behavior_controller.monitoring.board import Board
+from behavior_controller.viewer import status_tool
 from behavior_controller.monitoring.view import PARTS
-from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
+from mission_rig import Rig, board_of, one_leaf, refusal, service_of, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
-
-
-def board_of(rig):
-    board = Board(rig.mission.events, rig.mission.health, registry())
-    board.show(rig.tree)
-    return board
 
 
 def state_of(board):

@@ -30,9 +30,8 @@ from behavior_controller.monitoring.story import (
     KINDS, Story, completed, condition, conditions, counted, degree, stop_name, how_it_ended,
     ordinal, safe_state, step_words, why as in_words, why_failed)
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.replay import read_record, replay
-from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
+from mission_rig import FileRecord, Rig, one_leaf, refusal, service_of, visitor_who
 
 
 HAS_GONE = Reason(LEFT)
@@ -54,7 +53,7 @@ class Teller:
         rig.mission.events.subscribe(self._take)
         self._record = None
         if folder is not None:
-            self._record = Record(str(folder), pytest.fail).open()
+            self._record = FileRecord(str(folder), pytest.fail).open()
             rig.mission.events.subscribe(self._record)
             self._record.show(rig.tree)
             rig.mission.topics = self._record.topics(rig.topics)

@@ -195,13 +195,14 @@ def load(path: str, overrides: Optional[Mapping[str, object]] = None,
     return _settings(collector.result(), collector.warnings)
 
 
-def record_directory(path: str, overrides: Mapping[str, object],
-                     arguments: Mapping[str, str]) -> str:
-    """Return that value of a configuration, which may have mistakes elsewhere. Raises
+def valid_values(path: str, overrides: Mapping[str, object],
+                 arguments: Mapping[str, str]) -> Dict[str, Plain]:
+    """Return the value of each key of a configuration; of one with a mistake the default. Raises
     ConfigurationError if it cannot be read."""
     source = read_source(path, "the configuration")
     found = collected(source, KEYS, overrides, arguments, UNUSED).values
-    return found.get("recordDirectory") or ""
+    return {**defaults().values, **{name: value for name, value in found.items()
+                                    if value is not None}}
 
 
 def recorded(values: Mapping[str, object], where: str) -> Settings:

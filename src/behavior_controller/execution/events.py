@@ -10,7 +10,6 @@ from typing import (TYPE_CHECKING, Any, Callable, Dict, List, Literal, Optional,
 
 from msgspec import Struct
 
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.robot.interfaces import INTERFACES
@@ -29,8 +28,8 @@ DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given 
 """The outcomes of a recovery in ``Recovered``."""
 
 Letter = Literal["-", "R", "S", "F"]
-LETTERS: Dict[Any, Letter] = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
-"""The statuses of nodes in ``Tick``."""
+LETTERS: Dict[str, Letter] = {"IDLE": "-", "RUNNING": "R", "SUCCESS": "S", "FAILURE": "F"}
+"""The statuses of nodes in ``Tick``, by their names."""
 
 
 class Happening(Struct, frozen=True, tag=True, tag_field="_type"):
@@ -60,13 +59,21 @@ class Sources(Struct, frozen=True):
     knowledge: Tuple[Source, ...] = ()
 
 
+class Starting(Happening, frozen=True):
+    """The node does a step of its start, or waits for ``what``."""
+
+    what: str
+
+
 class RunStarted(Happening, frozen=True):
-    """The node has checked everything and starts to tick."""
+    """The node has checked everything and starts to tick. ``offers`` are the names and kinds of
+    what the robot's interface has."""
 
     mission: str
     leaves: List[Tuple[str, str]]  # path and node type of each mission leaf, in document order
     settings: Dict[str, Union[bool, int, float, str]]
     sources: Sources
+    offers: Dict[str, str] = {}
 
 
 class StepStarted(OfNode, frozen=True):
@@ -238,6 +245,14 @@ class BreakpointChanged(Happening, frozen=True):
     is_held: bool
 
 
+class HookEnded(Happening, frozen=True):
+    """A hook of Groot2 has removed itself: its place, and the number of the change that set it."""
+
+    uid: int
+    position: int
+    number: int
+
+
 class Suspended(Happening, frozen=True):
     """The operator holds the run: nothing is begun until another of these comes with no ``words``,
     which say what the run waits for. ``is_due``: as soon as the robot has done what it does now.
@@ -264,12 +279,25 @@ class RunFinished(Happening, frozen=True):
 # ---------------------------------------------------------------- what only the record has of a run
 
 
+class PortText(Struct, frozen=True, array_like=True):
+    """A port of a node: what the mission file says, or the default if it is not ``given`` there;
+    and the name of the entry that it refers to, as in ``EntriesWritten``; empty: to none."""
+
+    name: str
+    text: str
+    entry: str = ""
+    given: bool = True
+
+
 class TreeNode(Struct, frozen=True):
     """One node of a tree.
 
     ``parent`` is its parent's number, counted from 1 in the tree's order; the root's is 0.
     ``pause`` is the seconds for which it pauses; 0: it does not, or they are not known.
-    ``has_condition``: a pre-condition decides whether it is ticked.
+    ``has_condition``: a pre-condition decides whether it is ticked. ``label`` and ``kind`` are what
+    it is called in a drawing of the tree; ``is_bare``: it only says how the mission is put
+    together. ``subtree`` is the path of the SubTree that it belongs to, and ``place`` where the
+    mission file has it.
     """
 
     path: str
@@ -278,13 +306,29 @@ class TreeNode(Struct, frozen=True):
     parent: int
     pause: float = 0.0
     has_condition: bool = False
+    label: str = ""
+    kind: str = ""
+    is_bare: bool = False
+    subtree: str = ""
+    place: str = ""
+    ports: List[PortText] = []
 
 
 class TreeShown(Happening, frozen=True):
-    """The nodes of the mission that runs from the next ``RunStarted`` on."""
+    """The nodes of the mission that runs from the next ``RunStarted`` on.
+
+    ``subtrees`` are the paths of its SubTrees in the order in which they were made, ``summaries``
+    says what each type of node is for, ``xml`` is the tree as Groot2 reads it, and ``times`` are
+    the entries whose values are times of the mission's clock. ``number`` counts the trees of the run.
+    """
 
     id: str
     nodes: List[TreeNode]
+    subtrees: List[str] = []
+    summaries: Dict[str, str] = {}
+    xml: str = ""
+    times: List[str] = []
+    number: int = 1
 
 
 class Tick(Happening, frozen=True):
@@ -344,10 +388,19 @@ class EntriesWritten(Happening, frozen=True):
     value as text.
 
     The name of a SubTree's entry has the SubTree's path before it. None: the entry has no value any
-    more.
+    more. ``values`` are those that differ from their text: numbers, lists and objects; None for
+    what is none of these.
     """
 
     entries: List[Tuple[str, Optional[str]]]
+    values: Dict[str, Any] = {}
+
+
+class SignOfLife(Happening, frozen=True):
+    """The tick thread goes on: emitted every ``PULSE`` seconds. ``heard`` is when the last message
+    of each topic came, as times of events."""
+
+    heard: Dict[str, float] = {}
 
 
 class Lost(Happening, frozen=True):
@@ -359,27 +412,42 @@ class Lost(Happening, frozen=True):
     reason: str = ""
 
 
-Event = Union[RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering, Retried,
+Event = Union[Starting, RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering, Retried,
               Recovered, HealthChanged, PassFinished, Paused, SafeStateReported, BreakpointChanged,
-              Suspended, Noticed, RunFinished, TreeShown, Tick, Asked, Answered, FeedbackReceived,
-              Message, StillHearing, EntriesWritten, Lost]
+              HookEnded, Suspended, Noticed, RunFinished, TreeShown, Tick, Asked, Answered, FeedbackReceived,
+              Message, StillHearing, EntriesWritten, SignOfLife, Lost]
 EVENTS: Tuple[Any, ...] = get_args(Event)
 """The kinds of events."""
 
 
-_UNIX_AT_ZERO = time.time() - time.monotonic()
+PULSE = 1.0
+"""Seconds between two signs of life of the tick thread."""
+
+_unix_at_zero = time.time() - time.monotonic()
 
 
 def unix_now() -> float:
     """Return the time for events, in Unix seconds: that of the computer's clock when the process
     started, and what has passed since then. It does not jump when that clock is set."""
-    return _UNIX_AT_ZERO + time.monotonic()
+    return _unix_at_zero + time.monotonic()
+
+
+def unix_at(monotonic: float) -> float:
+    """Return a time of ``time.monotonic()`` as a time of events."""
+    return _unix_at_zero + monotonic
+
+
+def use_clock_of(unix_at_zero: float) -> None:
+    """Have ``unix_now`` follow another process of this computer, for which it is this time when
+    ``time.monotonic()`` is 0."""
+    global _unix_at_zero
+    _unix_at_zero = unix_at_zero
 
 
 def clock_shift() -> int:
     """Return by how many seconds the computer's clock has jumped since the process started: to be
     added to the time of an event that is shown as the time of day."""
-    return round(time.time() - time.monotonic() - _UNIX_AT_ZERO)
+    return round(time.time() - time.monotonic() - _unix_at_zero)
 
 
 class Line(Struct, frozen=True):

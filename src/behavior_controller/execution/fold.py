@@ -10,9 +10,10 @@ from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
     BEGUN, DONE, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged,
-    EntriesWritten, Event, FeedbackReceived, HealthChanged, LeafFinished, Lost, Message, Noticed,
-    PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
-    SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
+    EntriesWritten, Event, FeedbackReceived, HealthChanged, HookEnded, LeafFinished, Lost, Message,
+    Noticed, PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished,
+    RunStarted, SafeStateReported, SignOfLife, Starting, StepStarted, StillHearing, StopChanged,
+    Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.state import (
     BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,
@@ -66,14 +67,22 @@ def _conclude(state: State, *facts: Fact) -> State:
 
 
 def _tree_shown(state: State, event: TreeShown) -> State:
-    return replace(state, nodes=tuple(event.nodes), letters=NOT_TICKED * len(event.nodes),
-                   running={}, held={}, results={}, entries={})
+    return replace(state, tree=event, letters=NOT_TICKED * len(event.nodes), running={}, held={},
+                   results={}, entries={}, values={})
+
+
+def _starting(state: State, event: Starting) -> State:
+    return replace(state, starting=event.what)
+
+
+def _sign_of_life(state: State, event: SignOfLife) -> State:
+    return replace(state, alive=state.at, heard=event.heard)
 
 
 def _run_started(state: State, event: RunStarted) -> State:
     """Begin anew but for the visits: the mission may be replaced while the node runs."""
     state = _abandon(_end_steps(state))
-    return replace(state, started=event, uids={}, recoveries=(), failures={}, recovered=None)
+    return replace(state, started=event, starting="", uids={}, recoveries=(), failures={}, recovered=None)
 
 
 def _run_finished(state: State, event: RunFinished) -> State:
@@ -573,9 +582,13 @@ def _ticked(state: State, event: Tick) -> State:
 
 
 def _entries_written(state: State, event: EntriesWritten) -> State:
-    changed = {**state.entries, **dict(event.entries)}
-    return replace(state, entries={name: text for name, text in changed.items()
-                                   if text is not None})
+    changed = dict(event.entries)
+    return replace(state, entries=_known({**state.entries, **changed}),
+                   values=_known({**state.values, **changed, **event.values}))
+
+
+def _known(entries: Dict[str, Optional[Item]]) -> Dict[str, Item]:
+    return {name: value for name, value in entries.items() if value is not None}
 
 
 def _noticed(state: State, event: Noticed) -> State:
@@ -592,6 +605,10 @@ def _still_hearing(state: State, event: StillHearing) -> State:
     return state
 
 
+def _hook_ended(state: State, event: HookEnded) -> State:
+    return state  # it is set or not; only what it does is part of the run
+
+
 def _lost(state: State, event: Lost) -> State:
     return replace(state, lost=state.lost + event.lines)
 
@@ -601,7 +618,8 @@ _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
         _tree_shown, _run_started, _pass_started, _step_started, _leaf_finished, _stop_changed,
         _recovering, _retried, _recovered, _paused, _safe_state_reported, _breakpoint_changed,
         _suspended, _health_changed, _pass_finished, _noticed, _run_finished, _ticked, _asked,
-        _answered, _feedback_received, _entries_written, _message, _still_hearing, _lost)}
+        _answered, _feedback_received, _entries_written, _message, _still_hearing, _lost,
+        _starting, _sign_of_life, _hook_ended)}
 """What interprets each kind of event."""
 
 _unknown = sorted(kind.__name__ for kind in set(EVENTS).difference(_HANDLERS))

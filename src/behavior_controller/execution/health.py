@@ -10,7 +10,7 @@ from typing import Callable, Deque, Dict, List, Mapping, NamedTuple, Tuple
 
 from msgspec.structs import replace
 
-from behavior_controller.bt.engine.thread_check import tick_thread_only
+from behavior_controller.thread_check import tick_thread_only
 from behavior_controller.execution.events import Events, HealthChanged
 
 GONE, SLOW, FAILING, SILENT, NEW = "gone", "slow", "failing", "silent", "new"

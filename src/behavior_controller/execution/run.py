@@ -7,7 +7,7 @@ from collections import deque
 from itertools import takewhile
 from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Tuple, Union, get_args
 
-from behavior_controller.execution.events import Line, Noticed, TreeNode, TreeShown
+from behavior_controller.execution.events import Line, Noticed, TreeShown
 from behavior_controller.execution.fold import fold
 from behavior_controller.execution.state import (
     Exchange, Fact, LeafFailure, NodeResult, RecoveryRound, State, Step, Stop, Visit)
@@ -63,13 +63,13 @@ class History:
                 list(takewhile(lambda line: line.time <= time, lines)))
 
 
-def with_nodes(lines: Iterable[Line]) -> Iterator[Tuple[Line, List[TreeNode]]]:
-    """Yield each line with the nodes of the tree that was shown last."""
-    nodes: List[TreeNode] = []
+def with_tree(lines: Iterable[Line]) -> Iterator[Tuple[Line, TreeShown]]:
+    """Yield each line with the tree that was shown last."""
+    tree = TreeShown("", [])
     for line in lines:
         if isinstance(line.event, TreeShown):
-            nodes = line.event.nodes
-        yield line, nodes
+            tree = line.event
+        yield line, tree
 
 
 def _packed(lines: List[Line]) -> Union[bytes, List[Line]]:

@@ -4,14 +4,14 @@
 came; ``monitoring.story`` has the sentences. Times are Unix seconds. ``None`` means that something
 has not happened.
 """
-from typing import Dict, Iterator, Optional, Tuple, Type, TypeVar, Union
+from typing import Any, Dict, Iterator, List, Optional, Tuple, Type, TypeVar, Union
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
     DONE, SKIPPED, SUBSTITUTED, HealthChanged, Noticed, Paused, Recovered, Recovering, RunFinished,
-    RunStarted, SafeStateReported, TreeNode)
+    RunStarted, SafeStateReported, TreeNode, TreeShown)
 from behavior_controller.execution.health import FAILING, GONE, NEW, SHORT, SILENT, SLOW
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
@@ -307,7 +307,10 @@ class State(Struct, frozen=True):
     """
 
     at: float = 0.0
-    nodes: Tuple[TreeNode, ...] = ()
+    tree: TreeShown = TreeShown("", [])
+    starting: str = ""  # the step of the start that is under way
+    alive: Optional[float] = None  # when the tick thread gave its last sign of life
+    heard: Dict[str, float] = {}  # when the last message of each topic came
     started: Optional[RunStarted] = None
     finished: Optional[RunFinished] = None
     visits: Tuple[Visit, ...] = ()  # the newest
@@ -326,6 +329,7 @@ class State(Struct, frozen=True):
     failures: Dict[str, Tuple[LeafFailure, ...]] = {}
     robot: Robot = Robot()
     entries: Dict[str, str] = {}  # of the blackboard, as texts, by name
+    values: Dict[str, Any] = {}  # of those that are numbers, texts, lists or objects
     # if the robot was asked for it, and for nothing since that ends it
     safe_state: Optional[SafeStateReported] = None
     lost: int = 0  # events that the record lacks
@@ -336,6 +340,11 @@ class State(Struct, frozen=True):
     results: Dict[int, Tuple[Optional[Failure], ...]] = {}
     recovered: Optional[RecoveryRound] = None  # decided, and its HandleFallBack has not ended
     facts: Tuple[Fact, ...] = ()
+
+    @property
+    def nodes(self) -> List[TreeNode]:
+        """The nodes of the tree."""
+        return self.tree.nodes
 
     @property
     def visit(self) -> Optional[Visit]:

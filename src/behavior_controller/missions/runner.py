@@ -173,7 +173,8 @@ class Runner:
         sources = Sources(self.tree.sources, mission.phrases.source, mission.policy.source,
                           mission.interface.name, knowledge.sources if knowledge else ())
         self.mission.events.emit(RunStarted(
-            self.mission_file, mission.leaves_of(self.tree), mission.settings.values, sources))
+            self.mission_file, mission.leaves_of(self.tree), mission.settings.values, sources,
+            {offer.name: offer.kind for offer in mission.interface.offers}))
 
     def _pass(self) -> None:
         """Run the mission once, with the data of earlier visitors cleared."""

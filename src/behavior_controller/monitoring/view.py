@@ -2,15 +2,15 @@
 """
 import collections
 import time
-from typing import Any, Deque, Dict, List, Tuple
+from typing import Any, Deque, Dict, List, NamedTuple, Tuple
 
 from msgspec.structs import asdict
 
 from behavior_controller.execution.events import Event, PassStarted, TreeShown, clock_shift
-from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
-from behavior_controller.leaves import data
+from behavior_controller.execution.state import Exchange, NodeResult, State, Step, Visit, step_over
 from behavior_controller.monitoring import parts, story
 from behavior_controller.monitoring.moment import card, robot_line
+from behavior_controller.robot.gateway import Failure
 
 SENTENCES = 100
 """Number of the newest sentences of the story that are kept."""
@@ -24,8 +24,13 @@ RESULTS = 5
 INSTANT = 0.01
 """Seconds; alike results of a node that each took less are joined."""
 
-TIMES = (data.QUESTION_ASKED_AT.name, data.ATTENTION_SET_AT.name)
-"""The entries with a time of the mission's clock."""
+
+class Calls(NamedTuple):
+    """How many calls of a service ended, how many failed, and the seconds of the last."""
+
+    calls: int = 0
+    failures: int = 0
+    seconds: float = 0.0
 
 
 class View(story.Story):
@@ -43,6 +48,8 @@ class View(story.Story):
         self._count = 0  # of all sentences
         self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
         self._results: Dict[int, Deque[Tuple[NodeResult, int]]] = {}  # and how often in a row
+        self.calls: Dict[str, Calls] = {}
+        """The calls of each service so far."""
 
     def take(self, at: float, event: Event) -> Tuple[story.Sentence, ...]:
         """Fold the next event, and return the sentences about it."""
@@ -61,7 +68,16 @@ class View(story.Story):
             self._steps.append(ended_step)
         for ended in self.state.concluded(NodeResult):
             self._end(ended)
+        for exchange in self.state.concluded(Exchange):
+            self._count_call(exchange)
         return sentences
+
+    def _count_call(self, exchange: Exchange) -> None:
+        if exchange.answered is not None:
+            before = self.calls.get(exchange.service, Calls())
+            self.calls[exchange.service] = Calls(
+                before.calls + 1, before.failures + isinstance(exchange.result, Failure),
+                exchange.answered - exchange.asked)
 
     def _end(self, ended: NodeResult) -> None:
         results = self._results.setdefault(ended.uid, collections.deque(maxlen=RESULTS))
@@ -124,7 +140,7 @@ class View(story.Story):
     def _value(self, name: str, text: str) -> str:
         """Return the value of an entry; a time of the mission's clock as the time of day."""
         visit = self.state.visit
-        if name not in TIMES or visit is None:
+        if name not in self.state.tree.times or visit is None:
             return text
         try:
             return clock(visit.began + float(text) - self.state.course.pass_began)

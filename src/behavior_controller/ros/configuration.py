@@ -42,13 +42,13 @@ def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Mission:
     return plan
 
 
-def record_directory() -> str:
-    """Return the value of that key, whatever is wrong with the others, and without its parameter if
+def valid_values() -> Dict[str, Any]:
+    """Return the value of each key, whatever is wrong with the others, and without its parameter if
     the master does not answer. Raises ConfigurationError if the file cannot be read."""
     parameters: Dict[str, Any] = {}
     with contextlib.suppress(NodesMissing):
         parameters = _private_parameters()
-    return settings.record_directory(folders.config(settings.FILE_NAME), parameters, _given())
+    return settings.valid_values(folders.config(settings.FILE_NAME), parameters, _given())
 
 
 def _given() -> Dict[str, str]:

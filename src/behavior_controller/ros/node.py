@@ -7,13 +7,11 @@ import collections
 import contextlib
 import logging
 import os
-import socket
 import sys
 import threading
-from typing import Any, Callable, Deque, Dict, List, NoReturn, Optional, Tuple, Union
+from typing import Any, Callable, Deque, Dict, List, NoReturn, Optional, Tuple
 
 import rosgraph
-import rosgraph.network
 import rospkg
 import rospy
 
@@ -25,9 +23,7 @@ from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, Fault, FaultsFound, NodesMissing)
 from behavior_controller.execution.events import Events, Noticed
 from behavior_controller.foreign_code import described
-from behavior_controller.robot.gateway import Topics
 from behavior_controller.execution.health import Health
-from behavior_controller.leaves import registry
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
@@ -36,7 +32,8 @@ from behavior_controller.ros.handshakes import (
     bound_handshakes, pause_without_files, refuse_web_pages)
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
-from behavior_controller.ros.configuration import read_plan, record_directory, report_faults
+from behavior_controller.ros.configuration import read_plan, report_faults, valid_values
+from behavior_controller.ros.outputs import NO_RECORD, Outputs
 from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
@@ -44,18 +41,11 @@ from behavior_controller.ros.signals import Signals, block_signals
 from behavior_controller.ros.subscriber import RosTopics
 from behavior_controller.missions.runner import Runner, Running
 from behavior_controller.execution.safe_state import LIMIT, SafeState
-from behavior_controller.config.settings import KEYS, OPERATOR, Settings, split_arguments, unread
+from behavior_controller.config.settings import KEYS, OPERATOR, split_arguments, unread
 from behavior_controller.missions.blocked_tick import Standstill
-from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.groot2.publisher import Groot2Publisher
-from behavior_controller.monitoring.web_page import Page
-from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.monitoring.record.unended import may_be_live
 
 NAME = "behaviorController"
-
-NO_RECORD = "none"
-"""The value of ``recordDirectory`` that turns recording off."""
 
 USAGE = """usage: rosrun cssr_system behaviorController [_key:=value ...] [/name:=/other_name ...]
 
@@ -102,7 +92,9 @@ WAITING, PAUSED = "waiting for the operator's start", "paused by the operator"
 
 FILES = "configuration and mission (their files, or the parameters of the ROS master)"
 
-ADDRESSES = "groot2Address, monitorAddress or recordDirectory"
+RECORDS = "recordDirectory"
+
+NOTHING = "nothing was started"
 
 LEAVES = "the set-up of the mission's leaves"
 
@@ -151,6 +143,9 @@ class _Node:
         self._console = console
         self._wake = WakeUp()
         self._run: Optional[_Run] = None
+        self._events = Events()
+        self._events.subscribe(console)
+        self._outputs = Outputs(self._events, console.tell)
         self._signals = Signals(console, self._wake.emit, self._stop_beside)
         self._is_stopped = self._signals.stop_requested.is_set
 
@@ -166,12 +161,14 @@ class _Node:
             code = self._signals.stop_code
             return exit_codes.UNAVAILABLE if code is None else code
         except FaultsFound as error:
-            report_faults(error, console.tell, "nothing was started")
+            report_faults(error, self._outputs.note, NOTHING)
+            self._outputs.fail(NOTHING, exit_codes.WRONG_INPUT)
             self._tell_former_run()
             return exit_codes.WRONG_INPUT
         except NodesMissing as missing:
             for line in str(missing).split("\n"):
-                console.tell("error", line)
+                self._outputs.note("error", line)
+            self._outputs.fail(NOTHING, exit_codes.UNAVAILABLE)
             self._tell_former_run()
             return exit_codes.UNAVAILABLE
         except BaseException as error:  # the last resort: an operator never sees a traceback
@@ -182,7 +179,7 @@ class _Node:
         """Say what the robot may still do since the run before, if that was killed: this one does
         not take over. What cannot be found out is not said."""
         def find_out() -> str:
-            place = record_directory() or _default_records()
+            place = valid_values()["recordDirectory"] or _default_records()
             return may_be_live(place) if place != NO_RECORD else ""
 
         with contextlib.suppress(Exception):
@@ -216,10 +213,13 @@ class _Node:
         rospy.core.add_preshutdown_hook(self._ros_ends)
         self._apart(lambda: adopt(NAME, words), master, silent_master)
         self._open_log()
+        with contextlib.suppress(FaultsFound):  # which are reported when all is read
+            self._apart(lambda: self._outputs.open_viewer(valid_values()), FILES)
         plan, folder = self._prepare()
-        StartUpCheck(plan, console.tell, self._wake, self._is_stopped).run()
+        StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped).run()
         topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn)
-        self._run = run = _Run(plan, topics, folder, console, self._signals)
+        self._run = run = _Run(plan, topics, self._outputs, console, self._events,
+                               self._signals)
         self._apart(run.runner.prepare, LEAVES)
         refuse_web_pages(console.warn)
         pause_without_files()
@@ -230,11 +230,11 @@ class _Node:
             console.warn(f"the former node of the name {rospy.get_name()} (at {former}) does not "
                          "end: end its process, or two nodes control the robot")
         self._apart(topics.subscribe, master, silent_master)
-        self._apart(run.open_watchers, ADDRESSES)
+        self._apart(lambda: run.open_outputs(folder), RECORDS)
         return run.carry_out()
 
     def _prepare(self) -> Tuple[Mission, str]:
-        """Return the mission, and the folder of the records; its addresses can be resolved."""
+        """Return the mission, and the folder of the records."""
         clock = Clock()
         plan = self._apart(lambda: read_plan(clock, self._wake, self._console.tell), FILES)
         if plan.settings.ros_interface:
@@ -242,7 +242,7 @@ class _Node:
         for doubt in extensions.doubts:
             self._console.warn(str(doubt))
         self._console.is_verbose = plan.settings.verbose_mode
-        return plan, self._apart(lambda: _open_places(plan.settings), ADDRESSES)
+        return plan, plan.settings.record_directory or _default_records()
 
     def _open_log(self) -> None:
         """Write to rospy's log file from now on, or report why not."""
@@ -295,7 +295,7 @@ class _Node:
         """End recording and monitoring, within a time limit, and the process at once: threads that
         still wait for a hung peer must not hold it."""
         self._console.drain(LAST_LINES)
-        closers = self._run.closers() if self._run is not None else []
+        closers = self._outputs.closers() + (self._run.closers() if self._run is not None else [])
         limit = min(CLOSING, self._signals.time_left - LAST_LINES - RESERVE)
         with contextlib.suppress(RuntimeError):  # no threads left: the process ends anyway
             run_together(closers + [_part_from_ros], limit)
@@ -317,15 +317,6 @@ def _report_thread(console: Console, error: BaseException) -> None:
         _LOG_FILE.info("a thread of the package %s", package, exc_info=error)
 
 
-def _open_places(chosen: Settings) -> str:
-    """Return the folder of the records, and ask for the addresses that the node will serve: a name
-    server may hang."""
-    for address in (chosen.groot2_address, chosen.monitor_address):
-        with contextlib.suppress(OSError, UnicodeError):  # reported when it is opened
-            socket.getaddrinfo(address, None)
-    return chosen.record_directory or _default_records()
-
-
 def _default_records() -> str:
     return os.path.join(rospkg.get_log_dir(), folders.RECORDS)
 
@@ -336,30 +327,21 @@ def _default_records() -> str:
 class _Run:
     """The running mission, and the reloaded one that follows it."""
 
-    def __init__(self, plan: Mission, topics: RosTopics, folder: str, console: Console,
-                 signals: Signals):
-        """``folder`` is that of the records, or ``NO_RECORD``."""
+    def __init__(self, plan: Mission, topics: RosTopics, outputs: Outputs, console: Console,
+                 events: Events, signals: Signals):
         self._plan = plan
         # filled by the thread that reads
         self._following: Deque[Mission] = collections.deque(maxlen=1)
         self._reading: Optional[threading.Thread] = None
         self._clock, self._wake = plan.tree.clock, plan.tree.wake
-        self._topics: Topics = topics
+        self._topics = outputs.topics(topics)
+        self._outputs = outputs
         self._console = console
         self._signals = signals
-        self._events = Events()
-        self._events.subscribe(console)
+        self._events = events
         self._health = Health(self._wake.emit)
         self._robot = RosGateway(plan.settings.interface, plan.settings.deadline, self._clock,
                                  self._wake.emit, self._health)
-        self._watchers: List[Union[Groot2Publisher, Page, Record, ros_interface.RosInterface]] = []
-        self._record: Optional[Record] = None
-        if folder != NO_RECORD:
-            self._record = Record(folder, console.warn)
-            self._events.subscribe(self._record)
-            self._watchers.append(self._record)
-            self._topics = self._record.topics(topics)
-        self._page = ""  # where it is to be found, if it is served
         self._standstill: Optional[Standstill] = None  # while the mission runs
         # what the operator holds the run for; empty: nothing
         self._held = WAITING if plan.settings.start_by == OPERATOR else ""
@@ -387,41 +369,17 @@ class _Run:
             return exit_codes.BROKEN
         finally:
             self._standstill = None
-            self._tell_places("page of this run, closed now", "record of this run")
-
-    def _tell_places(self, page: str, record: str) -> None:
-        """Say where page and record are, if there are any, after these words."""
-        if self._page:
-            self._console.tell("info", f"{page}: {self._page}")
-        if self._record is not None and self._record.path:
-            self._console.tell("info", f"{record}: {self._record.path}")
+            self._outputs.tell_places()
 
     def closers(self) -> List[Callable[[], None]]:
-        """Return the functions that end the monitoring of the robot and of the mission; each may
-        take long."""
-        return [self._monitor.close] + [watcher.close for watcher in self._watchers]
+        """Return the functions that end the monitoring of the robot; each may take long."""
+        return [self._monitor.close]
 
-    def open_watchers(self) -> None:
-        """Open the monitoring, once for the whole run, and report where page and record are."""
-        chosen, warn = self._plan.settings, self._console.warn
-        if self._record is not None:
-            self._record.open()
-        if chosen.groot2_port:
-            self._watchers.append(
-                Groot2Publisher(chosen.groot2_address, chosen.groot2_port, registry().all(), warn,
-                                self._events.emit))
-        if chosen.monitor_port:
-            page = Page(chosen.monitor_address, chosen.monitor_port, self._board(), warn)
-            self._watchers.append(page)
-            if page.is_served:
-                self._page = _url(chosen.monitor_address, chosen.monitor_port)
-        self._tell_places("page", "record")
-        if chosen.ros_interface:
-            self._watchers.append(ros_interface.RosInterface(
-                self._board(), lambda: self._plan.offers, self._commands()))
-
-    def _board(self) -> Board:
-        return Board(self._events, self._health, registry(), self._plan.settings.interface)
+    def open_outputs(self, folder: str) -> None:
+        """Open what is kept of the run, once: ``folder`` is that of the records."""
+        self._outputs.open_files(folder)
+        if self._plan.settings.ros_interface:
+            self._outputs.open_interface(lambda: self._plan.offers, self._commands())
 
     def _commands(self) -> Dict[str, ros_interface.Command]:
         """Return what the operator's services do, each on a thread of rospy."""
@@ -457,8 +415,7 @@ class _Run:
         self._plan = plan
         self._robot.deadline = plan.settings.deadline
         self._console.is_verbose = plan.settings.verbose_mode
-        for watcher in self._watchers:
-            watcher.show(plan.tree)
+        self._outputs.show(plan.tree, self._health.last_arrivals)
         robot = plan.settings.interface
         self._monitor.include(plan.offers)
         self._robot.prepare(plan.offers)
@@ -537,10 +494,3 @@ class _Run:
         self._robot.cut()  # no goal stays under way
         self.leave_safe(SAFE_STATE_BESIDE)
         return True
-
-
-def _url(address: str, port: int) -> str:
-    """Return the address of the page, with the host's name if it is served at all of its addresses.
-    """
-    host = rosgraph.network.get_host_name() if address in ("0.0.0.0", "::") else address
-    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"

@@ -13,9 +13,9 @@ import roslib.message
 import rospy
 from std_msgs.msg import String
 
-from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.record.recorder import LineQueue
 from behavior_controller.monitoring.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
 from behavior_controller.ros.timeouts import start_thread
@@ -50,15 +50,16 @@ def types() -> Tuple[Any, ...]:
     return (trigger, *messages)
 
 
-class RosInterface:
-    """Publishes ``board``, which nothing else shows, and serves until ``close``."""
+class RosInterface(LineQueue):
+    """Publishes the run, whose lines it is given, and serves until ``close``."""
 
-    def __init__(self, board: Board, offers: Callable[[], Iterable[Offer]],
+    def __init__(self, offers: Callable[[], Iterable[Offer]],
                  commands: Mapping[str, Command]):
         """Registers at the master, which may hang. ``offers`` returns what the mission uses."""
+        super().__init__()
         self._trigger, self._array, self._status, self._value = types()
         self._offers = offers
-        self._board = board
+        self._board = Board(self.take)
         self._shown: Optional[bytes] = None  # as published last
         self._diagnosed: Tuple[float, Any] = (0.0, None)
         self._rest = threading.Lock()
@@ -69,10 +70,6 @@ class RosInterface:
             rospy.Service("~" + name, self._trigger, partial(self._carry_out, command))
         # the state shows last: then the services can be called
         self._thread = start_thread("ROS interface", self._work)
-
-    def show(self, tree: Tree) -> None:
-        """Publish what ``tree`` does from now on. On the tick thread."""
-        self._board.show(tree)
 
     def close(self) -> None:
         """Publish how the run ended; the topics and services end with the node."""

@@ -12,7 +12,7 @@ import time
 from typing import Any, Callable, Deque, List, Optional, Tuple
 
 from behavior_controller.bt.engine.failure import failure_of, owner_of
-from behavior_controller.bt.engine.thread_check import tick_thread_only
+from behavior_controller.thread_check import tick_thread_only
 
 
 class Timer:

@@ -7,7 +7,7 @@ from py_trees.common import Status
 from behavior_controller.bt.engine.failure import broken, failure_of
 from behavior_controller.bt.engine.node import Node, Observer, Result, Services
 from behavior_controller.bt.engine.blackboard import Blackboard
-from behavior_controller.bt.engine.thread_check import tick_thread_only
+from behavior_controller.thread_check import tick_thread_only
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 from behavior_controller.text import Source

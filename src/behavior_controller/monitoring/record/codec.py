@@ -12,11 +12,12 @@ from msgspec.structs import replace
 
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.execution.events import (
-    Event, Line, Lost, Message, PassFinished, RunStarted, Tick, TreeNode, TreeShown)
+    Event, Line, Lost, Message, PassFinished, RunStarted, Tick, TreeNode, TreeShown,
+    unix_at)
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 
 FORMAT = "behaviorController record"
-VERSION = 10
+VERSION = 11
 
 LATEST = 1e11
 """The latest time, in Unix seconds, that a record may have: a date in the year 5138."""
@@ -26,6 +27,7 @@ class Header(msgspec.Struct, frozen=True):
     """The first line: the file's format and version, and the process that writes it since ``time``
     (Unix seconds).
 
+    ``unix_at_zero`` is the time of events at which ``time.monotonic`` of its computer is 0.
     Of a further file of a long run: how many ``lines`` of events and ``visits`` the files before it
     had, and how many lines after this one repeat events from there.
     """
@@ -37,6 +39,7 @@ class Header(msgspec.Struct, frozen=True):
     lines: int = 0
     visits: int = 0
     repeated: int = 0
+    unix_at_zero: float = 0.0
 
 
 _encoder = msgspec.json.Encoder(enc_hook=str)  # a foreign message may hold anything
@@ -45,7 +48,8 @@ _lines, _headers = msgspec.json.Decoder(Line), msgspec.json.Decoder(Header)
 
 def header(pid: int, time: float, lines: int = 0, visits: int = 0, repeated: int = 0) -> bytes:
     """Return the first line with its end."""
-    return _encoder.encode(Header(FORMAT, VERSION, pid, time, lines, visits, repeated)) + b"\n"
+    return _encoder.encode(Header(FORMAT, VERSION, pid, time, lines, visits, repeated,
+                                  unix_at(0.0))) + b"\n"
 
 
 def encode(time: float, event: Event) -> bytes:
@@ -69,7 +73,7 @@ class Decoder:
         self.has_mission: bool = former is not None and former.has_mission
         self._file = file
         self._read = 0  # lines
-        self._head = Header(FORMAT, VERSION, 0, 0.0)
+        self.head = Header(FORMAT, VERSION, 0, 0.0)
         # process and beginning
         self._run: Optional[Tuple[int, float]] = former._run if former is not None else None
         self._is_foreign = False  # the file is of another run
@@ -110,7 +114,7 @@ class Decoder:
     def _joined(self, line: Line) -> List[Line]:
         """Return a line that follows on those of the file before it; where some are missing, what
         is repeated of them, and last that they are missing."""
-        head, number = self._head, self._read - 1
+        head, number = self.head, self._read - 1
         if number > head.repeated:
             place = head.lines + number - head.repeated
             if place <= self._lines:
@@ -147,7 +151,7 @@ class Decoder:
         if head.version != VERSION:
             raise self._fault(f"the record has the version {head.version}; this release reads "
                               f"version {VERSION}", "replay it with the release that wrote it")
-        self._head = head
+        self.head = head
         self._is_foreign = self._run not in (None, (head.pid, head.time))
         self._run = self._run or (head.pid, head.time)
 

@@ -12,32 +12,24 @@ from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Opt
 from msgspec.structs import replace
 from tornado.template import Template
 
-from behavior_controller import leaves
-from behavior_controller.bt.engine.node import label
-from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.registry import Registry
-from behavior_controller.bt.status import NAMES
-from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution import events
-from behavior_controller.execution.run import with_nodes
+from behavior_controller.execution.run import with_tree
 from behavior_controller.execution.state import UNDER_WAY, NodeResult, Step, Visit, step_over
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import Cause
-from behavior_controller.missions.load import build_tree
 from behavior_controller.monitoring import story
 from behavior_controller.monitoring.moment import robot_line
-from behavior_controller.monitoring.board import is_bare, port_texts
 from behavior_controller.monitoring.record.timeline import Bar, Lanes
 from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.report_frame import encodable, file_text, framed
 from behavior_controller.monitoring.view import View, clock
+from behavior_controller.text import clean
 
 COMMAND = "replayMission"
 
 SECTIONS = {"then": "Moment", "story": "Story", "timeline": "Timeline", "tree": "Tree",
             "files": "Mission file", "settings": "Configuration"}
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
-LETTER_OF = {NAMES[status]: letter for status, letter in events.LETTERS.items()}
 NO, RETRY, DONE = "n", "r", "d"
 """Kinds of bars in addition to the statuses: a condition that does not hold, a retry that failed, a
 step."""
@@ -55,41 +47,36 @@ MOST_MISSING = 5
 """The most places at the head of the page where the record lacks something."""
 
 
-class Written(NamedTuple):
-    """How the file writes a node: the number of a document of the record, its name, the line in it,
-    and the ports.
-
-    A port is its name, its text, and whether that text stands in the file; otherwise it is the
-    default.
-    """
+class Place(NamedTuple):
+    """Where a mission file has a node: the number of a document of the record, its name, and the
+    line in it."""
 
     document: int
     file: str
     line: int
-    ports: List[Tuple[str, str, bool]]
 
 
 class Drawn:
     """What the report shows of one mission of a record, processed line by line."""
 
-    def __init__(self, began: float, started: events.RunStarted, nodes: List[events.TreeNode]):
+    def __init__(self, began: float, started: events.RunStarted, tree: events.TreeShown):
         self.began = self.ended = began
         self.started = started
-        self.nodes = nodes
+        self.tree, self.nodes = tree, tree.nodes
         self.visits: Dict[int, Visit] = {}
         # by visit; 0 is what was before the first
         self.sentences: Dict[int, List[story.Sentence]] = collections.defaultdict(list)
-        self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # results of each node
+        self.counts: List[Counter[str]] = [Counter() for _ in tree.nodes]  # results of each node
         # kinds of results of each mission leaf
-        self.finished: List[Counter[str]] = [Counter() for _ in nodes]
+        self.finished: List[Counter[str]] = [Counter() for _ in tree.nodes]
         self.steps: List[Bar] = []
         self.lanes = Lanes()  # results of mission leaves, from their events
         self.changes = Lanes()  # results of other nodes, from their changes of status
         self.moments = Moments()
         self.missing: List[str] = []  # of the record
         self.view = View()
-        self.view.take(began, events.TreeShown("", nodes))
-        self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
+        self.view.take(began, tree)
+        self._uids = {node.path: uid for uid, node in enumerate(tree.nodes, 1)}
 
     def take(self, time: float, event: events.Event) -> None:
         """Process the next line."""
@@ -123,7 +110,7 @@ class Drawn:
             self.lanes.add(self._uids.get(event.path, 0), bar)
         elif isinstance(event, events.LeafFinished) and 0 < event.uid <= len(self.nodes):
             is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
-            kind = NO if is_no else LETTER_OF.get(event.status, "-")
+            kind = NO if is_no else events.LETTERS.get(event.status, "-")
             self.finished[event.uid - 1][kind] += 1
             why = story.cause(event.failure) if event.failure else ""
             bar = self._bar(time - max(0.0, event.seconds), time, kind, why)
@@ -148,7 +135,6 @@ def to_html(lines: Iterable[events.Line], verdict: str = "", generator: str = CO
     ``verdict`` is a text that stands before the story, ``generator`` the command that makes it.
     """
     earlier, run = _last(lines)
-    written, doubt = _written(run)
     visits = [(visit, _grouped(run.sentences[number]))
               for number, visit in {0: None, **run.visits}.items()]
     documents = [(encodable(file), re.split("\r\n?|\n", encodable(text)))
@@ -158,47 +144,28 @@ def to_html(lines: Iterable[events.Line], verdict: str = "", generator: str = CO
     content = Template(file_text("report_files", "report.html")).generate(
         clock=clock, seconds=_seconds, sign=_sign, story=story, letter_of=_letter, verdict=verdict,
         choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
-        rows=_rows(run, written), doubt=encodable(doubt), settings=settings, documents=documents,
+        rows=_rows(run), settings=settings, documents=documents,
         moment=_between(live, '<div id="card">', "</section>"),
         robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
     sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
     return framed(generator, "Mission " + mission_name(run.started.mission),
                   list(_heads(run, earlier)), sections, content.decode(), _script(),
-                  _data(run, written))
+                  _data(run))
 
 
 def _last(lines: Iterable[events.Line]) -> Tuple[List[events.RunStarted], Drawn]:
     """Return the missions before the last one, and the last one's run."""
     runs: List[events.RunStarted] = []
     run: Optional[Drawn] = None
-    for line, nodes in with_nodes(lines):
+    for line, tree in with_tree(lines):
         event = line.event
         if isinstance(event, events.RunStarted):
-            run = Drawn(line.time, event, nodes)
+            run = Drawn(line.time, event, tree)
             runs.append(event)
         if run is not None:
             run.take(line.time, event)
     assert run is not None  # ``decode`` has seen to it
     return runs[:-1], run.finish()
-
-
-def _written(run: Drawn) -> Tuple[Dict[str, Written], str]:
-    """Return how the file writes the nodes, by path, and why that is not known, if it is not."""
-    sources = run.started.sources.documents
-    try:
-        tree = build_tree([parse(text, file) for file, text in sources])
-    except BehaviorControllerError as error:
-        return {}, ("No lines and ports of the nodes are known: this release cannot read the "
-                    f"mission ({error}).")
-    numbers = {source.file: number for number, source in enumerate(sources)}
-    written = {}
-    for node in tree.nodes:
-        element, file = node.element, node.element.document.file
-        ports = [(name, text, name in element.attributes)
-                 for name, text in port_texts(node).items()]
-        written[node.full_path] = Written(
-            numbers[file], encodable(os.path.basename(file)), element.place()[0], ports)
-    return written, ""
 
 
 def _script() -> str:
@@ -230,7 +197,7 @@ def _sign(letter: str, word: str) -> str:
 
 
 def _letter(visit: Visit) -> str:
-    return LETTER_OF.get(visit.outcome, "R" if visit.ended is None else "-")
+    return events.LETTERS.get(visit.outcome, "R" if visit.ended is None else "-")
 
 
 def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
@@ -275,10 +242,10 @@ def _lanes(lanes: Iterable[Tuple[int, List[Bar]]]) -> List[List[Any]]:
                      bar.count, bar.note] for bar in bars)] for key, bars in lanes]
 
 
-def _data(run: Drawn, written: Dict[str, Written]) -> str:
+def _data(run: Drawn) -> str:
     """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of
     the run."""
-    types, visits = {node.type for node in run.nodes}, []
+    visits = []
     for visit in run.visits.values():
         ended = run.ended if visit.ended is None else visit.ended
         times = (visit.began, visit.arrived or visit.began, ended)
@@ -288,9 +255,9 @@ def _data(run: Drawn, written: Dict[str, Written]) -> str:
         "began": round(1000 * run.began), "offset": 1000 * localtime(run.began).tm_gmtoff,
         "length": round(1000 * (run.ended - run.began)), "visits": visits,
         "lanes": _lanes([(0, run.steps), *run.lanes]), "changes": _lanes(run.changes),
-        "nodes": [[node.type, written[node.path].ports if node.path in written else []]
+        "nodes": [[node.type, [(port.name, port.text, port.given) for port in node.ports]]
                   for node in run.nodes],
-        "types": {spec.id: spec.summary for spec in leaves.registry().all() if spec.id in types},
+        "types": run.tree.summaries,
         "moments": run.moments.packed(), "words": dict(LEGEND, **{"R": UNDER_WAY, DONE: ""}),
         "signs": SIGNS}
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
@@ -299,35 +266,42 @@ def _data(run: Drawn, written: Dict[str, Written]) -> str:
 # --------------------------------------------------------------------------------------------- tree
 
 
-def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[SimpleNamespace, str]]:
+def _rows(run: Drawn) -> Iterator[Union[SimpleNamespace, str]]:
     """Yield the nodes of the tree in order, and between them the tags that nest their lists."""
-    registry = leaves.registry()
+    numbers = {clean(source.file): number
+               for number, source in enumerate(run.started.sources.documents)}
     levels = [0]  # of each node
     before = 0  # the level of the row before
     for uid, node in enumerate(run.nodes, 1):
         level = min(levels[node.parent] + 1, before + 1, DEEPEST)
         if uid > 1:
             yield "<ul>" if level > before else "</li>" + "</ul></li>" * (before - level)
-        yield _row(run, uid, written, registry)
+        yield _row(run, uid, _place(node, numbers))
         levels.append(level)
         before = level
     yield "</li>" + "</ul></li>" * (before - 1)
 
 
-def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) -> SimpleNamespace:
+def _row(run: Drawn, uid: int, place: Optional[Place]) -> SimpleNamespace:
     """Return what the template shows of a node: its results, and its place in the file."""
     node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
-    name, kind = label(
-        SimpleNamespace(uid=uid, full_path=node.path, registration_id=node.type, name=node.name))
     # a condition that does not hold has not failed
     failed = finished["F"] if finished[NO] else count["F"]
     results = (("S", "success", count["S"]), ("F", "failure", failed),
                (NO, LEGEND[NO], count["F"] - failed))
     return SimpleNamespace(
-        uid=uid, path=encodable(node.path), name=encodable(name), kind=encodable(kind),
-        is_bare=bool(node.parent) and is_bare(registry.find(node.type), node.name),
-        has_run=bool(count) or uid in run.view.state.running, place=written.get(node.path),
+        uid=uid, path=encodable(node.path), name=encodable(node.label),
+        kind=encodable(node.kind), is_bare=node.is_bare,
+        has_run=bool(count) or uid in run.view.state.running, place=place,
         results=[result for result in results if result[2] > 0])
+
+
+def _place(node: events.TreeNode, numbers: Dict[str, int]) -> Optional[Place]:
+    """Return where the file has a node; None if its document is not among those ``numbers``."""
+    file, line = (node.place.rsplit(":", 2) + ["", ""])[:2]
+    if file not in numbers or not line.isdecimal():
+        return None
+    return Place(numbers[file], encodable(os.path.basename(file)), int(line))
 
 
 # ------------------------------------------------------------------------------------ on a terminal

@@ -3,353 +3,165 @@ enough to replay.
 
 A line for each event, each traversal of the tree with the statuses and the entries that it changed,
 each request, each answer in the traversal that saw it, and each message in the traversal that
-looked at it. The tick thread only queues what happened; a separate thread formats the lines a
-little later, so that this delays nothing that the robot waits for.
+looked at it. The tick thread only queues what happened. A thread makes a line of each event, once,
+and hands it to the files of the record and to the viewer: each has a queue and a thread of its own.
 """
 import collections
-import itertools
-import os
+import contextlib
 import threading
-import time
-from typing import Any, Callable, Deque, Dict, Iterator, List, Optional, Tuple
+from functools import partial
+from typing import (
+    Any, Callable, Deque, Dict, Iterator, List, Mapping, NamedTuple, Optional, Protocol, Tuple)
 
 from msgspec.structs import replace
 
-from behavior_controller.bt.engine.node import PRE_CONDITIONS
-from behavior_controller.bt.engine.tree import Change, Tree
-from behavior_controller.bt.engine.blackboard import Entry as EntryOfTree
+from behavior_controller import leaves
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.execution import events
-from behavior_controller.robot.gateway import Sample, Topics
-from behavior_controller.robot.declarations import Topic
-from behavior_controller.robot.requests import Location, Point
-from behavior_controller.text import clean
+from behavior_controller.leaves import data
 from behavior_controller.monitoring.record import files
-from behavior_controller.monitoring.record.codec import encode, header
-
-LONGEST_VALUE = 120
-"""The most characters of the value of an entry."""
+from behavior_controller.monitoring.record.codec import encode
+from behavior_controller.monitoring.record.feed import Feed
+from behavior_controller.monitoring.record.outset import Outset
+from behavior_controller.monitoring.record.tree_shown import shown
+from behavior_controller.robot.declarations import Topic
+from behavior_controller.robot.gateway import Sample, Topics
 
 LONGEST_LINE = 10_000_000
 """The most bytes of a line, such as one with a large message."""
 
 MOST_WAITING = 100_000
-"""The most events that wait for another thread, such as that of a slow disk."""
+"""The most lines that wait for a slow disk."""
 
 AT_ONCE = 2000
-"""The most lines that are formatted in a row: after a trouble of the disk many wait."""
+"""The most lines that are written in a row: after a trouble of the disk many wait."""
 
 OPENING = 0.5
 """The most seconds that ``open`` waits for the file."""
 
 REST = 0.05
-"""Seconds between two rounds of formatting lines."""
+"""Seconds between two rounds of formatting lines, and of writing them."""
 
 RETRY = 2.0
 """Seconds between two attempts to write to a disk that is full or gone."""
 
+CLOSING = 1.0
+"""The most seconds to write what waits at the end."""
+
 TOO_SLOW = "the disk is too slow"
 
-
-def shown(tree: Tree) -> events.TreeShown:
-    """Return the event for a tree that is going to run."""
-    return events.TreeShown(tree.id, list(map(_shown_node, tree.nodes)))
+TIMES = (data.QUESTION_ASKED_AT.name, data.ATTENTION_SET_AT.name)
+"""The entries with a time of the mission's clock."""
 
 
-def _shown_node(node: Any) -> events.TreeNode:
-    pause = node.attributes.get(node.spec.pause, "")
-    return events.TreeNode(
-        node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
-        int(pause) / 1000.0 if pause.isdecimal() else 0.0,
-        any(node.attributes.get(name) for name in PRE_CONDITIONS))
+class EncodedLine(NamedTuple):
+    """An event, when it happened, and its line of the record."""
+
+    time: float
+    event: events.Event
+    text: bytes
 
 
-def traversed(at: float, is_first: Optional[bool], changes: List[Change]) -> events.Tick:
-    """Return the event for a traversal ``at`` that time of the clock, as a follower of its tree is
-    told of it."""
-    return events.Tick(at, is_first, [(node.uid, events.LETTERS[new]) for node, _, new in changes])
+class Output(Protocol):
+    """Takes the lines of a run."""
+
+    def put(self, line: EncodedLine) -> None:
+        """Take the next line, at once."""
+
+    def close(self) -> None:
+        """Finish: no line follows. Takes a bounded time."""
 
 
-def entry_text(value: Any) -> str:
-    """Return the value of an entry as one line for people, short enough for a table."""
-    if isinstance(value, list):
-        text = ", ".join(getattr(item, "name", str(item)) for item in value)
-    elif isinstance(value, Location):
-        text = "x {:g} m, y {:g} m, {:g}°".format(*value)
-    elif isinstance(value, Point):
-        text = "x {:g} m, y {:g} m, z {:g} m".format(*value)
-    else:
-        is_whole = isinstance(value, float) and value.is_integer()
-        text = f"{value:.0f}" if is_whole else str(value)
-    return clean(text, LONGEST_VALUE)
-
-
-def written(*entries: Tuple[str, Any]) -> events.EntriesWritten:
-    """Return the event for entries with these values."""
-    return events.EntriesWritten([(name, None if value is None else entry_text(value))
-                           for name, value in entries])
-
-
-class Entries:
-    """Which entries of a tree's blackboards were written since the last call of ``news``."""
-
-    def __init__(self, tree: Tree) -> None:
-        self._tree = tree
-        self._writes = 0
-        self._known: Dict[str, Tuple[EntryOfTree, int]] = {}
-
-    def news(self) -> List[Tuple[str, Any]]:
-        """Return name and value of each entry that was written; None for one that was removed. On
-        the tick thread."""
-        if self._writes == self._tree.blackboard.writes:
-            return []
-        self._writes = self._tree.blackboard.writes
-        before, self._known = self._known, {}
-        changed: List[Tuple[str, Any]] = []
-        for path, board in self._tree.blackboards.items():
-            for key, entry in board.local.items():
-                name = f"{path}/{key}" if path else key
-                self._known[name] = entry, entry.sequence
-                if before.pop(name, None) != self._known[name]:
-                    changed.append((name, entry.value))
-        return changed + [(name, None) for name in before]
-
-
-class Feed:
-    """What happens on the tick thread, as another thread takes it: as events, which it makes of
-    what was queued, so that this takes no time from the robot. No thread is woken.
-
-    ``lost`` is the number of those that did not fit since the last one that did.
-    """
-
-    def __init__(self) -> None:
-        self.lost = 0
-        self._most = MOST_WAITING
-        self._waiting: Deque[Tuple[float, Callable[..., events.Event], Tuple[Any, ...]]] = (
-            collections.deque())
-
-    def __call__(self, event: events.Event) -> None:
-        """Queue an event."""
-        self.put(lambda: event)
-
-    def put(self, make: Callable[..., events.Event], *values: Any) -> None:
-        """Queue the event that ``make`` makes of ``values``."""
-        if len(self._waiting) >= self._most:
-            self.lost += 1
-            return
-        self.note_loss()
-        self._waiting.append((events.unix_now(), make, values))
-
-    def note_loss(self) -> None:
-        """Queue a ``Lost`` where events are missing."""
-        if self.lost:
-            self._waiting.append((events.unix_now(), events.Lost, (self.lost,)))
-            self.lost = 0
-
-    def follow(self, tree: Tree, is_wanted: Callable[[Optional[bool], List[Change]], bool]) -> None:
-        """Queue from now on what was written to the entries of ``tree``, and each of its traversals
-        that ``is_wanted``."""
-        entries = Entries(tree)
-
-        def note(is_first: Optional[bool], changes: List[Change]) -> None:
-            news = entries.news()
-            if news:
-                self.put(written, *news)
-            if is_wanted(is_first, changes):
-                self.put(traversed, tree.clock.now(), is_first, changes)
-
-        tree.follow(note)
-
-    def stop(self) -> None:
-        """Forget what waits, and queue nothing more."""
-        self._most = 0
-        self._waiting.clear()
-
-    def lines(self) -> Iterator[events.Line]:
-        """Yield what waits, each with its time."""
-        while self._waiting:
-            at, make, values = self._waiting.popleft()
-            yield events.Line(at, make(*values))
-
-
-LASTING: Dict[type, Callable[[Any], Any]] = {
-    events.TreeShown: lambda event: None, events.RunStarted: lambda event: None,
-    events.PassStarted: lambda event: None, events.Suspended: lambda event: None,
-    events.SafeStateReported: lambda event: None, events.Message: lambda event: event.topic,
-    events.HealthChanged: lambda event: (event.name, event.respect),
-    events.Asked: lambda event: type(event.request)}
-"""The events that hold until another one of the same kind with the same key."""
-
-
-class Outset:
-    """What has to be known of a run where a further file of it begins, so that this file is read
-    without those before it."""
-
-    def __init__(self) -> None:
-        self._began = events.unix_now()
-        self._visits = 0
-        self._lasting: Dict[Any, List[events.Event]] = {}  # an ``Asked`` with its answer
-        self._entries: Dict[str, Optional[str]] = {}  # of the blackboard, as texts
-
-    def take(self, event: events.Event) -> None:
-        """Note the next event."""
-        kind, key_of = type(event), LASTING.get(type(event))
-        if key_of is not None:
-            key = kind, key_of(event)
-            if kind not in (events.TreeShown, events.RunStarted):  # which stay first
-                self._lasting.pop(key, None)
-            if kind is events.TreeShown:
-                self._entries.clear()
-            if not (isinstance(event, events.HealthChanged) and event.is_well):
-                self._lasting[key] = [event]
-        elif isinstance(event, events.EntriesWritten):
-            self._entries.update(event.entries)
-        elif isinstance(event, events.Answered):
-            for about in reversed(list(self._lasting.values())):
-                if isinstance(about[0], events.Asked) and about[0].call == event.call:
-                    about[1:] = [event]
-                    break
-        elif isinstance(event, events.PassFinished):
-            self._visits = event.number
-            self._lasting.pop((events.PassStarted, None), None)
-
-    def head(self, lines: int, at: float) -> bytes:
-        """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
-        the files before it."""
-        known = list(itertools.chain(*self._lasting.values()))
-        entries = [entry for entry in self._entries.items() if entry[1] is not None]
-        known += [events.EntriesWritten(entries)] if entries else []
-        texts = [encode(at, replace(event, read=1) if isinstance(event, events.Message) else event)
-                 for event in known]
-        return b"".join([header(os.getpid(), self._began, lines, self._visits, len(texts)), *texts])
+def encoded(time: float, event: events.Event) -> EncodedLine:
+    """Return the line of an event; of one that cannot be written, the line that says so."""
+    text = b""
+    with contextlib.suppress(Exception):  # another package's message may hold anything
+        text = encode(time, event)
+    if not 0 < len(text) <= LONGEST_LINE:
+        event = events.Lost(1, f"a line of the kind {type(event).__name__} cannot be written")
+        text = encode(time, event)
+    return EncodedLine(time, event, text)
 
 
 class Record(Feed, Topics):
-    """Writes the files of a run in a folder of its own below ``place``. A sink of events, and the
-    robot's topics as the mission reads them.
+    """Makes the lines of a run, and hands them to its ``outputs``. A sink of events, and the
+    robot's topics as the mission reads them."""
 
-    The files are opened, written and closed on a separate thread: a disk may be slow, or hang. A
-    failure is reported once, and writing is tried again every ``RETRY`` seconds; the run goes on.
-    """
-
-    def __init__(self, place: str, complain: Callable[[str], None]):
+    def __init__(self, *outputs: Output):
         super().__init__()
-        self.path = ""
-        """The first file, as soon as it is there."""
-        self._place = place
-        self._complain = complain
-        self._outset = Outset()
-        self._files: Optional[files.RunFiles] = None
-        self._unwritten: List[events.Line] = []  # the line at which writing has failed
-        self._trouble = ""  # why writing fails, or has failed while lines that wait came
-        self._fails = False
+        self._outputs = list(outputs)
         self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="record", daemon=True)
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Tuple[Sample, ...]] = {}
-        self._is_open = threading.Event()  # or has failed
-        self._thread: Optional[threading.Thread] = threading.Thread(
-            target=self._write, name="record", daemon=True)
+        self._trees = 0  # that were shown
+
+    def add(self, output: Output) -> None:
+        """Hand the lines that follow to a further output, too."""
+        self._outputs.append(output)
 
     def open(self) -> "Record":
-        """Write from now on, also what has happened before; return itself.
-
-        Until then the disk is as it was. Waits ``OPENING`` for the disk, for ``path`` to be known.
-        """
-        if self._thread is not None:
+        """Make lines from now on, also of what has happened before; return itself."""
+        if not self._thread.is_alive():
             self._thread.start()
-            self._is_open.wait(OPENING)
         return self
 
-    @property
-    def is_kept(self) -> bool:
-        """Whether lines are taken: until all are written after ``close``."""
-        return self._thread is not None
+    def finish(self) -> None:
+        """Hand over the waiting lines; none follows. Takes ``CLOSING`` seconds at most."""
+        self.note_loss()
+        self._is_over.set()
+        if self._thread.is_alive():
+            self._thread.join(CLOSING)
+        self.stop()
 
     def close(self) -> None:
-        """Write the waiting lines, for a second at most."""
-        thread = self._thread
-        if thread is not None and thread.is_alive():
-            self.note_loss()
-            self._is_over.set()
-            thread.join(1.0)
+        """Hand over the waiting lines, and close the outputs."""
+        self.finish()
+        for output in self._outputs:
+            output.close()
 
-    # -------------------------------------------------------------------------------------- writing
+    def closers(self) -> List[Callable[[], None]]:
+        """Return the functions that close the outputs, to be called on threads of their own."""
+        def close(output: Output) -> None:
+            self.finish()
+            output.close()
 
-    def _write(self) -> None:
-        """Format and write lines until the end, on a separate thread, as a disk may be slow."""
+        return [partial(close, output) for output in self._outputs]
+
+    def hand_over(self) -> None:
+        """Make a line of each event that waits, and hand it to the outputs. On one thread only: the
+        record's own after ``open``."""
+        for line in self.lines():
+            made = encoded(line.time, line.event)
+            for output in self._outputs:
+                output.put(made)
+
+    def _work(self) -> None:
         is_last = False
-        while True:
-            try:
-                self._write_round(is_last)
-            except (OSError, ValueError) as error:
-                self._trouble = getattr(error, "strerror", None) or str(error)
-                if is_last and self.path:
-                    self._complain(f"the record {self.path} lacks the end of the run: "
-                                   f"{self._trouble}")
-                elif not self._fails:
-                    self._complain(f"no record is written to {self.path or self._place}: "
-                                   f"{self._trouble}; it is tried again, the mission goes on")
-                self._fails = True
-            self._is_open.set()
-            if is_last:
-                break
-            is_last = self._is_over.wait(RETRY if self._fails else REST)
-        self._thread = None
-        self.stop()
-        if self._files is not None:
-            self._files.close()
-
-    def _write_round(self, is_last: bool) -> None:
-        """Write what waits. Raises OSError or ValueError; the next round goes on there."""
-        if self._files is None:
-            self._files = files.RunFiles(self._place, self._outset.head(0, 0.0))
-            self.path = self._files.path
-            files.make_room(self._place)
-        if self._files.is_lost:
-            self._files.begin_next(self._outset.head(self._files.lines, events.unix_now()))
-        self._files.flush()
-        new = itertools.islice(self.lines(), None if is_last else AT_ONCE)
-        for line in itertools.chain(self._unwritten, new):
-            self._unwritten = [line]
-            self._add(self._files, line)
-            self._unwritten = []
-        self._files.flush()
-        if self._fails:
-            self._complain(f"the record {self.path} is written again")
-        self._fails = False
-        if not (self.lost or self._waiting):
-            self._trouble = ""
-
-    def _add(self, out: files.RunFiles, line: events.Line) -> None:
-        """Add a line, to a further file if the newest one is full: between two passes if possible.
-        """
-        event, text = line.event, b""
-        if isinstance(event, events.Lost):
-            event = replace(event, reason=event.reason or self._trouble or TOO_SLOW)
-            self._complain(f"the record {self.path} lacks {event.lines} lines: {event.reason}; "
-                           "the mission goes on")
-        try:
-            text = encode(line.time, event)
-        except Exception:  # another package's message may hold anything
-            pass
-        if not 0 < len(text) <= LONGEST_LINE:
-            event = events.Lost(1, f"a line of the kind {type(event).__name__} cannot be written")
-            text = encode(line.time, event)
-        room = files.FILE_BYTES // (2 if isinstance(event, events.PassStarted) else 1)
-        if out.size and out.size + len(text) > room:
-            out.flush()
-            out.begin_next(self._outset.head(out.lines, line.time))
-        self._outset.take(event)
-        out.add(text)
+        while not is_last:
+            is_last = self._is_over.wait(REST)
+            self.hand_over()
 
     # --------------------------------------------------------------------------------- what happens
 
-    def show(self, tree: Tree) -> None:
-        """Record ``tree`` from now on, with each message that it reads."""
+    def show(self, tree: Tree, heard: Mapping[str, float] = {}) -> None:
+        """Record ``tree`` from now on, with each message that it reads, and signs of life.
+
+        ``heard`` has the time of each topic's last message, in seconds of ``time.monotonic``.
+        """
         self._seen.clear()
+        self._trees += 1
+        if self._trees == 1:
+            self._give_sign_of_life(tree.clock, heard)
         tree.follow(lambda is_first, changes: self._reads.clear())
-        # what is halted or reset between two traversals follows from what is recorded
-        self.follow(tree, lambda is_first, changes: is_first is not None)
-        self.put(shown, tree)
+        self.follow(tree)
+        self.put(shown, tree, leaves.registry().all(), TIMES, self._trees)
+
+    def _give_sign_of_life(self, clock: Clock, heard: Mapping[str, float]) -> None:
+        self.put(lambda heard: events.SignOfLife(
+            {topic: events.unix_at(at) for topic, at in heard.items()}), dict(heard))
+        clock.call_after(events.PULSE, lambda: self._give_sign_of_life(clock, heard))
 
     # --------------------------------------------------------------------------- the robot's topics
 
@@ -387,3 +199,124 @@ class Record(Feed, Topics):
 
     def ignore(self, topic: Topic, reason: str, missed: Callable[[Any], bool]) -> None:
         self._inner.ignore(topic, reason, missed)
+
+
+class LineQueue:
+    """Keeps the lines of a run until they are taken."""
+
+    def __init__(self) -> None:
+        self._waiting: Deque[events.Line] = collections.deque(maxlen=MOST_WAITING)
+
+    def put(self, line: EncodedLine) -> None:
+        """Keep a line."""
+        self._waiting.append(events.Line(line.time, line.event))
+
+    def close(self) -> None:
+        """Do nothing: what waits can still be taken."""
+
+    def take(self) -> Iterator[events.Line]:
+        """Yield what waits."""
+        while self._waiting:
+            yield self._waiting.popleft()
+
+
+class RecordFiles:
+    """Writes the lines of a run to files in a folder of its own below ``place``.
+
+    The files are opened, written and closed on a separate thread: a disk may be slow, or hang. A
+    failure is reported once, and writing is tried again every ``RETRY`` seconds; the run goes on.
+    """
+
+    def __init__(self, place: str, complain: Callable[[str], None]):
+        """Write from now on. Waits ``OPENING`` for the disk, for ``path`` to be known."""
+        self.path = ""
+        """The first file, as soon as it is there."""
+        self._place = place
+        self._complain = complain
+        self._waiting: Deque[EncodedLine] = collections.deque()  # the first one is being written
+        self._lost = 0  # lines that did not fit since the last one that did
+        self._outset = Outset()
+        self._files: Optional[files.RunFiles] = None
+        self._trouble = ""  # why writing fails, or has failed while lines that wait came
+        self._fails = False
+        self._is_over = threading.Event()
+        self._is_open = threading.Event()  # or has failed
+        self._thread = threading.Thread(target=self._work, name="record files", daemon=True)
+        self._thread.start()
+        self._is_open.wait(OPENING)
+
+    def put(self, line: EncodedLine) -> None:
+        """Queue a line."""
+        if len(self._waiting) >= MOST_WAITING:
+            self._lost += 1
+            return
+        if self._lost:
+            self._waiting.append(encoded(line.time, events.Lost(self._lost)))
+            self._lost = 0
+        self._waiting.append(line)
+
+    def close(self) -> None:
+        """Write the waiting lines, for ``CLOSING`` seconds at most."""
+        if self._lost:
+            self._waiting.append(encoded(events.unix_now(), events.Lost(self._lost)))
+        self._is_over.set()
+        self._thread.join(CLOSING)
+
+    def _work(self) -> None:
+        is_last = False
+        while True:
+            try:
+                self._write_round(is_last)
+            except (OSError, ValueError) as error:
+                self._note_failure(getattr(error, "strerror", None) or str(error), is_last)
+            self._is_open.set()
+            if is_last:
+                break
+            is_last = self._is_over.wait(RETRY if self._fails else REST)
+        self._waiting.clear()
+        if self._files is not None:
+            self._files.close()
+
+    def _note_failure(self, trouble: str, is_last: bool) -> None:
+        self._trouble = trouble
+        if is_last and self.path:
+            self._complain(f"the record {self.path} lacks the end of the run: {trouble}")
+        elif not self._fails:
+            self._complain(f"no record is written to {self.path or self._place}: {trouble}; it is "
+                           "tried again, the mission goes on")
+        self._fails = True
+
+    def _write_round(self, is_last: bool) -> None:
+        """Write what waits. Raises OSError or ValueError; the next round goes on there."""
+        if self._files is None:
+            self._files = files.RunFiles(self._place, self._outset.head(0, 0.0))
+            self.path = self._files.path
+            files.make_room(self._place)
+        if self._files.is_lost:
+            self._files.begin_next(self._outset.head(self._files.lines, events.unix_now()))
+        self._files.flush()
+        for _ in range(len(self._waiting) if is_last else min(AT_ONCE, len(self._waiting))):
+            self._add(self._files, self._waiting[0])
+            self._waiting.popleft()
+        self._files.flush()
+        if self._fails:
+            self._complain(f"the record {self.path} is written again")
+        self._fails = False
+        if not (self._lost or self._waiting):
+            self._trouble = ""
+
+    def _add(self, out: files.RunFiles, line: EncodedLine) -> None:
+        """Add a line, to a further file if the newest one is full: between two passes if possible.
+        """
+        event = line.event
+        if isinstance(event, events.Lost):
+            event = replace(event, reason=event.reason or self._trouble or TOO_SLOW)
+            line = encoded(line.time, event)
+            self._complain(f"the record {self.path} lacks {event.lines} lines: {event.reason}; "
+                           "the mission goes on")
+        room = files.FILE_BYTES // (2 if isinstance(event, events.PassStarted) else 1)
+        if out.size and out.size + len(line.text) > room:
+            out.flush()
+            out.begin_next(self._outset.head(out.lines, line.time))
+        self._outset.take(event)
+        out.add(line.text)

@@ -16,7 +16,7 @@ from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
 from behavior_controller.execution import events
-from behavior_controller.execution.run import with_nodes
+from behavior_controller.execution.run import with_tree
 from behavior_controller.output_files import is_standard_output, page_of
 from behavior_controller.robot.gateway import Call, Failure, FakeGateway, Sample, Topics
 from behavior_controller.execution.health import Health
@@ -31,7 +31,7 @@ from behavior_controller.monitoring.record.codec import Decoder
 from behavior_controller.monitoring.record.files import FILE_NAME, parts, runs
 from behavior_controller.monitoring.record.html_report import COMMAND, story_lines, to_html
 
-NAME_OF: Dict[str, str] = {letter: NAMES[status] for status, letter in events.LETTERS.items()}
+NAME_OF: Dict[str, str] = {letter: name for name, letter in events.LETTERS.items()}
 
 LATEST = "latest"
 """The argument that means the newest run of the default folder."""
@@ -119,10 +119,10 @@ def replay(lines: List[events.Line], mission: Optional[str] = None) -> Replayed:
     """
     replaying: Optional[_Replay] = None
     passes, changes, number, missing = 0, 0, 1, []
-    for line, nodes in with_nodes(lines):
+    for line, tree in with_tree(lines):
         event = line.event
         if isinstance(event, events.RunStarted):
-            replaying = _Replay(event, nodes, mission)
+            replaying = _Replay(event, tree.nodes, mission)
         elif replaying is not None:
             if isinstance(event, events.PassStarted):
                 number = event.number
@@ -230,7 +230,7 @@ class _Replay(FakeGateway):
         self._results: Dict[int, Union[Answer, Failure]] = {}  # of the calls that it makes
         self._difference = ""  # between the requests that are made and the recorded ones
         self._tree.subscribe(lambda node, old, new: self._statuses.append(
-            (node.full_path, events.LETTERS[new])))
+            (node.full_path, events.LETTERS[NAMES[new]])))
         self._mission = restored.context(self, self._topics, events.Events(), self._health)
         self._tree.setup(mission=self._mission)
 

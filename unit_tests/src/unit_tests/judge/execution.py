@@ -113,7 +113,7 @@ class Execution(TaskContext):
         # why recoveries failed that had nothing to recover from, by uid: their ends do not say it
         self._unneeded: Dict[int, Failure] = {}
         self.tree.subscribe(
-            lambda node, old, new: self.traversal.changes.append((node.uid, LETTERS[new])))
+            lambda node, old, new: self.traversal.changes.append((node.uid, LETTERS[NAMES[new]])))
         places = [(node.full_path, node.registration_id) for node in self.tree.nodes]
         leaves = [place for place, node in zip(places, self.tree.nodes) if isinstance(node, Duty)]
         if leaves != list(map(tuple, started.leaves)) or [places] != [

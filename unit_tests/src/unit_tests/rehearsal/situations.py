@@ -6,6 +6,7 @@ from typing import Any, Dict, Iterator, List, Tuple
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.status import NAMES
 from behavior_controller.execution.events import LETTERS
 from behavior_controller.leaves import data
 
@@ -54,7 +55,7 @@ class Situations:
         known = vars(self._robot.world.visitor)
         visitor = [known[name] for name in sorted(known.keys() - _OF_ALL_VISITORS)]
         visitor.append(round(max(known["_listens_until"] - now, 0.0), 1))
-        letters = "".join(LETTERS[node.status] for node in tree.nodes)
+        letters = "".join(LETTERS[NAMES[node.status]] for node in tree.nodes)
         state = letters, list(self._kept()), entries, waiting, visitor, self._robot.away()
         return hashlib.blake2b(repr(state).encode(), digest_size=8).digest()
 

@@ -18,7 +18,7 @@ import zmq
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.tcpserver import TCPServer
 
-from behavior_controller.monitoring.server import Connections
+from behavior_controller.viewer.server import Connections
 
 MOST_CONNECTIONS = 16
 

@@ -19,13 +19,13 @@ from tornado.httputil import HTTPServerRequest, split_host_and_port
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
-from behavior_controller.bt.engine.tree import Tree
+from behavior_controller import monitoring
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.parts import changes
-from behavior_controller.monitoring.server import Connections, LoopThread, opened
+from behavior_controller.viewer.server import Connections, LoopThread, opened
 from behavior_controller.monitoring.view import PARTS
 
-FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
+FILES = os.path.join(os.path.dirname(os.path.abspath(monitoring.__file__)), "page_files")
 PUSH_INTERVAL = 0.05
 """Seconds between two pushes: changes in between are sent together, and the tick thread wakes no
 other thread."""
@@ -52,10 +52,6 @@ class Page:
         self._sockets = opened(address, [port], "no page in the browser", "monitorPort", warn)
         self._thread = LoopThread("page", self._sockets, self._begin)
         self.is_served = self._thread.is_serving
-
-    def show(self, tree: Tree) -> None:
-        """Show ``tree`` from now on, also to browsers already connected."""
-        self.board.show(tree)
 
     def close(self) -> None:
         """Send every browser the end of the mission, and stop serving."""

@@ -11,28 +11,25 @@ import os
 import struct
 import time
 import uuid
-from functools import partial
-from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple, Union
-from xml.etree import ElementTree
+from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
 
 import msgspec
 import zmq
 import zmq.asyncio
 
-from behavior_controller.bt.linter.structure import CONDITIONS
-from behavior_controller.bt.linter.palette import tree_nodes_model
-from behavior_controller.bt.engine.node import Node
-from behavior_controller.bt.engine.tree import Change, Tree
-from behavior_controller.bt.engine.blackboard import Blackboard
-from behavior_controller.bt.registry import NodeSpec
-from behavior_controller.bt.status import IDLE, NUMBERS
-from behavior_controller.execution.events import BreakpointChanged
-from behavior_controller.monitoring.groot2.tcp_proxy import Front
-from behavior_controller.monitoring.groot2.breakpoints import (
-    ALLOWED, Hook, Hooks, HookPlace, Unlocking)
-from behavior_controller.monitoring.server import LoopThread, opened
+from behavior_controller.execution.events import (
+    LETTERS, BreakpointChanged, HookEnded, Letter, Line, Tick, TreeShown, unix_now)
+from behavior_controller.execution.fold import fold
+from behavior_controller.execution.from_viewer import ALLOWED, Hook, HookChange, HookPlace, Unlocking
+from behavior_controller.execution.state import State
+from behavior_controller.viewer.groot2.hook_list import HookList
+from behavior_controller.viewer.groot2.tcp_proxy import Front
+from behavior_controller.viewer.server import LoopThread, opened
 
 PROTOCOL = 2
+NUMBERS: Dict[Letter, int] = {letter: number for number, letter in enumerate(LETTERS.values())}
+"""The statuses as BehaviorTree.CPP numbers them."""
+
 WAS = 10
 """Added to the code of the status that a node had before IDLE, for a monitor that polls too late to
 see it."""
@@ -60,9 +57,6 @@ ZERO_COPY_RECV = 10
 """An option of libzmq without a name in pyzmq; if it is off, a small part does not keep 8 KB of its
 connection's input."""
 
-MOST_LINES = 20
-"""The most lines about hooks that the operator gets in a second."""
-
 
 class Refused(ValueError):
     """A request that cannot be carried out; the text goes back to the client."""
@@ -72,40 +66,45 @@ class Groot2Publisher:
     """Serves one tree after another at ``address``, ``port`` (requests) and ``port + 1``
     (breakpoints reached)."""
 
-    def __init__(self, address: str, port: int, specs: Sequence[NodeSpec],
-                 warn: Callable[[str], None], held: Callable[[BreakpointChanged], None]):
+    def __init__(self, address: str, port: int, warn: Callable[[str], None],
+                 send: Optional[Callable[[HookChange], None]] = None):
         """Open the sockets; if a port is taken, ``warn`` gets one line and nothing is served.
 
-        ``specs`` are all registered node types. ``warn`` also gets lines about hooks, on the
-        publisher's thread.
+        ``send`` gets each change of a hook, on the publisher's thread; without it the tree is that
+        of a record, and hooks are refused.
         """
-        self._specs = specs
         self._warn = warn
-        self._second_began, self._lines = 0.0, 0  # and the lines about hooks since
-        self._held = held
+        self._send = send
+        self._state = State()
         self._shown: Optional[_Shown] = None
         self._is_closed = False
         # of the requests, and of the breakpoints reached
         self._sockets = opened(
             address, [port, port + 1], "Groot2 cannot connect", "groot2Port", warn)
         self._thread = LoopThread("groot2", self._sockets, self._begin, self._end)
+        self.is_served = self._thread.is_serving
 
-    def show(self, tree: Tree) -> None:
-        """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
-        before = self._shown
-        # a hook reports on the tick thread
-        hooks = Hooks(tree, partial(self._thread.call, self._publish),
-                      partial(self._thread.call, self._tell), self._held)
-        self._shown = _Shown(tree, self._specs, hooks)
-        if before is not None:
-            before.hooks.remove_all(": another mission follows")
+    def take(self, line: Line) -> None:
+        """Take the next event. Any thread may call this."""
+        self._thread.call(self._fold, line)
 
     def close(self) -> None:
-        """Close the sockets and let every breakpoint go on."""
+        """Close the sockets."""
         self._is_closed = True
         self._thread.close()
 
     # -------------------------------------------------------------------- on the publisher's thread
+
+    def _fold(self, line: Line) -> None:
+        event = line.event
+        self._state = fold(self._state, line.time, event)
+        if isinstance(event, TreeShown):
+            number = self._shown.hooks.next_number if self._shown is not None else 1
+            self._shown = _Shown(self._state, HookList(event, self._send or _refuse, number))
+        elif self._shown is not None:
+            self._shown.take(self._state, line)
+        if isinstance(event, BreakpointChanged) and event.is_held:
+            self._publish(event.uid)
 
     def _begin(self) -> None:
         self._context = zmq.asyncio.Context()
@@ -135,18 +134,6 @@ class Groot2Publisher:
         if not self._is_closed:
             self._warn("Groot2 is cut off by an internal error; its breakpoints and replacements "
                        "are removed")
-
-    def _tell(self, text: str) -> None:
-        """Send the operator a line about hooks, which a client may change a thousand times a
-        second; of those that are too many only that there are more."""
-        now = time.monotonic()
-        if now - self._second_began >= 1.0:
-            self._second_began, self._lines = now, 0
-        self._lines += 1
-        if self._lines <= MOST_LINES:
-            self._warn(text)
-        elif self._lines == MOST_LINES + 1:
-            self._warn("Groot2: more changes of breakpoints and replacements within this second")
 
     def _publish(self, uid: int) -> None:
         """Announce to the client that a breakpoint was reached."""
@@ -199,52 +186,66 @@ class Groot2Publisher:
         return [header] if payload is None else [header, payload]
 
 
+def _refuse(change: HookChange) -> None:
+    raise Refused("this is a record: its nodes cannot be changed")
+
+
 class _Shown:
     """One tree as Groot2 sees it: the status of each node, transitions, blackboards, hooks."""
 
-    def __init__(self, tree: Tree, specs: Sequence[NodeSpec], hooks: Hooks):
-        self.tree = tree
+    def __init__(self, state: State, hooks: HookList):
         self.uuid = uuid.uuid4().bytes
         self.hooks = hooks
         self.client = b""  # whose request is carried out
+        self._state = state
         # as in the library: grouped by subtree instance, in the order in which these were made
-        instances = [id(board) for board in tree.blackboards.values()]
-        self._nodes = sorted(tree.nodes, key=lambda node: instances.index(id(node.blackboard)))
-        self._specs = specs
-        self._xml = b""
+        tree = state.tree
+        self._uids = sorted(range(1, len(tree.nodes) + 1),
+                            key=lambda uid: tree.subtrees.index(tree.nodes[uid - 1].subtree))
         self._transitions: Deque[Tuple[int, int, int]] = collections.deque(maxlen=MOST_TRANSITIONS)
         self._recording_since: Optional[float] = None
-        tree.follow(self._follow)
 
-    def _follow(self, is_first: Optional[bool], changes: List[Change]) -> None:
-        """Note the transitions. Called on the tick thread."""
-        if self._recording_since is not None:
-            moment = int(1e6 * (time.monotonic() - self._recording_since))
-            self._transitions.extend((moment, node.uid, NUMBERS[new]) for node, _, new in changes)
+    def take(self, state: State, line: Line) -> None:
+        """Note the next event, and what is so after it."""
+        self._state, event = state, line.event
+        if isinstance(event, HookEnded):
+            self.hooks.end(event)
+        elif isinstance(event, Tick) and self._recording_since is not None:
+            moment = max(0, int(1e6 * (line.time - self._recording_since)))
+            self._transitions.extend((moment, uid, NUMBERS[new]) for uid, new in event.changes)
 
     # ------------------------------------------------------------------------------------- requests
 
     def full_tree(self, frames: List[bytes]) -> bytes:
         """``T``: the unfolded tree and the model of all node types, as XML."""
-        if not self._xml:
-            self._xml = full_tree(self.tree, self._specs)
-        return self._xml
+        return _DECLARATION + self._state.tree.xml.encode("utf-8", "xmlcharrefreplace")
 
     def status(self, frames: List[bytes]) -> bytes:
         """``S``: uid and status of each node, grouped by subtree instance."""
-        return b"".join(struct.pack("<HB", node.uid, _code(node)) for node in self._nodes)
+        letters = self._state.letters
+        return b"".join(struct.pack("<HB", uid, _code(letters[uid - 1])) for uid in self._uids)
 
     def blackboard(self, frames: List[bytes]) -> bytes:
         """``B``: the entries of the named subtree instances, and the root's if another one is
         named."""
-        boards = dict(self.tree.blackboards)
-        boards[self.tree.id] = boards.pop("")
+        tree = self._state.tree
+        known = {path or tree.id: path for path in tree.subtrees}
         names = _second(frames).decode().split(";")
-        wanted = {name: boards[name] for name in names if name in boards}
-        if any(board.parent is not None for board in wanted.values()):
-            wanted["ROOT"] = boards[self.tree.id]
-        shown = {name: _entries(board) or None for name, board in sorted(wanted.items())}
+        wanted = {name: known[name] for name in names if name in known}
+        if any(wanted.values()):
+            wanted["ROOT"] = ""
+        shown = {name: self._entries(path) or None for name, path in sorted(wanted.items())}
         return msgspec.msgpack.encode(shown or None)
+
+    def _entries(self, subtree: str) -> Dict[str, Any]:
+        """Return the entries of one blackboard that have a value that can be shown, in order as the
+        library has them."""
+        prefix = subtree and subtree + "/"
+        inner = tuple(path + "/" for path in self._state.tree.subtrees
+                      if path and path != subtree and path.startswith(prefix))
+        return {name[len(prefix):]: _short(value)
+                for name, value in sorted(self._state.values.items())
+                if name.startswith(prefix) and not name.startswith(inner)}
 
     def insert_hooks(self, frames: List[bytes]) -> None:
         """``I``: one hook or an array of them; if one is wrong, none is set."""
@@ -271,7 +272,7 @@ class _Shown:
         microseconds."""
         if _second(frames) == b"start":
             self._transitions.clear()
-            self._recording_since = time.monotonic()
+            self._recording_since = unix_now()
             return str(int(1e6 * time.time())).encode()
         self._recording_since = None
         return None
@@ -304,61 +305,22 @@ def _read(frames: List[bytes], kind: Any) -> Any:
         raise Refused(f"{error}; allowed: {ALLOWED}")
 
 
-# ----------------------------------------------------------------------------------------- the tree
+_DECLARATION = b"<?xml version='1.0' encoding='utf-8'?>\n"
 
 
-def _code(node: Node) -> int:
+def _code(letter: str) -> int:
     """Return the code of a node's status, or of what it was before it went back to IDLE."""
-    return NUMBERS[node.status] or (WAS + NUMBERS[node.was] if node.was is not IDLE else 0)
+    for status, number in NUMBERS.items():
+        if letter in (status, status.lower()):
+            return number + WAS * (letter != status)
+    return 0
 
 
-def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> bytes:
-    """Return the tree as Groot2 reads it: a ``<BehaviorTree>`` for each subtree instance, then the
-    model."""
-    document = ElementTree.Element("root", BTCPP_format="4")
-    paths = {id(board): path for path, board in tree.blackboards.items()}
-    elements: List[ElementTree.Element] = []
-    for node in tree.nodes:
-        parent, path = node.parent, paths[id(node.blackboard)]
-        if parent is None or parent.registration_id == "SubTree":
-            name = tree.id if parent is None else parent.attributes["ID"]
-            above = ElementTree.SubElement(document, "BehaviorTree", ID=name, _fullpath=path)
-        else:
-            above = elements[parent.uid - 1]
-        elements.append(ElementTree.SubElement(above, node.registration_id, _shown(node, paths)))
-    document.append(ElementTree.fromstring(tree_nodes_model(specs)))
-    return ElementTree.tostring(document, "utf-8")
-
-
-def _shown(node: Node, paths: Dict[int, str]) -> Dict[str, str]:
-    """Return the attributes of a node's element."""
-    shown, names = {"name": node.name}, {port.name for port in node.spec.ports}
-    if node.registration_id == "SubTree":
-        shown = {"ID": node.attributes["ID"], "_fullpath": paths[id(node.children[0].blackboard)]}
-        names = {key for key in node.attributes if key not in ("ID", "name") and key[:1] != "_"}
-    given = {key: text for key, text in node.attributes.items()
-             if key in names or key in CONDITIONS}
-    return {**shown, "_uid": str(node.uid), **given}
-
-
-# ----------------------------------------------------------------------------------- the blackboard
-
-def _entries(board: Blackboard) -> Dict[str, Any]:
-    """Return the entries of one blackboard that have a value that can be shown, in order as the
-    library has them."""
-    values = {key: _plain(entry.value) for key, entry in sorted(dict(board.local).items())}
-    return {key: value for key, value in values.items() if value is not None}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as numbers, texts, lists and objects, or None if it is none of these."""
+def _short(value: Any) -> Any:
+    """Return a value with its reals as the library writes them: in four bytes where that loses
+    nothing."""
     if isinstance(value, float) and ctypes.c_float(value).value == value:
-        # as the library writes reals: in four bytes where that loses nothing
         return msgspec.Raw(struct.pack(">Bf", 0xca, value))
-    if isinstance(value, (bool, int, float, str)):
-        return value
-    if hasattr(value, "_asdict"):  # the mission's own records: places, points
-        return {key: _plain(item) for key, item in sorted(value._asdict().items())}
-    if isinstance(value, (list, tuple)):
-        return list(map(_plain, value))
-    return None
+    if isinstance(value, dict):
+        return {key: _short(item) for key, item in value.items()}
+    return list(map(_short, value)) if isinstance(value, list) else value

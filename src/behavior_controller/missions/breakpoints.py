@@ -1,0 +1,232 @@
+"""Groot2's hooks on the nodes of the running tree.
+
+The rules are BehaviorTree.CPP's (``Monitor::Hook`` of its Groot2 publisher), with one difference: a
+breakpoint of the library stops the ticking thread, ours stops the node, and everything else (stop,
+deadlines, topics) goes on. Every hook that is set, acts, or is removed is reported to the operator:
+a robot that stops at a hook must not look broken.
+
+A viewer lists the hooks, and sends each change as a line. The changes are posted to the tick
+thread, which alone sets hooks on nodes.
+"""
+import time
+from typing import Any, Callable, Dict, Optional, Tuple
+
+from behavior_controller.bt.engine.node import Node, NodeHook, Result
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
+from behavior_controller.execution.events import BreakpointChanged, Event, HookEnded
+from behavior_controller.execution.from_viewer import (
+    AFTER, BEFORE, BREAKPOINT, RELEASE, REPLACE, SET, Hook, HookChange)
+
+_RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
+
+MOST_LINES = 20
+"""The most lines about hooks that the operator gets in a second."""
+
+
+class Breakpoints:
+    """The hooks of one tree after the other."""
+
+    def __init__(self, emit: Callable[[Event], None], warn: Callable[[str], None]):
+        """``emit`` gets an event when a breakpoint holds its node, when it lets it go on, and when
+        a hook has removed itself; ``warn`` a line for the operator. Both are called on the tick
+        thread, and must not block it."""
+        self.emit = emit
+        self._warn = warn
+        self._tree: Optional[Tree] = None
+        self._count = 0  # of trees
+        self._nodes: Dict[int, _NodeHooks] = {}  # by uid
+        self._second_began, self._lines = 0.0, 0  # and the lines since
+
+    def show(self, tree: Tree) -> None:
+        """Let ``tree`` have the hooks from now on. On the tick thread."""
+        self._remove_all(": another mission follows")
+        self._tree = tree
+        self._count += 1
+        self._nodes = {node.uid: _NodeHooks(node, self) for node in tree.nodes}
+
+    def change(self, change: HookChange) -> None:
+        """Post a change to the tick thread and wake it. On any thread."""
+        self._post(lambda: self._change(change))
+
+    def remove_all(self, reason: str) -> None:
+        """Remove every hook, and let every node go on; the operator gets the ``reason``. On any
+        thread."""
+        self._post(lambda: self._remove_all(reason))
+
+    def _post(self, change: Callable[[], None]) -> None:
+        tree = self._tree
+        if tree is not None:
+            tree.clock.post(change)
+            tree.wake.emit()
+
+    # --------------------------------------------------------------------------- on the tick thread
+
+    def _change(self, change: HookChange) -> None:
+        hook, node = change.hook, self._nodes.get(change.hook.uid)
+        if node is None or change.tree != self._count:
+            return  # it was sent before the viewer knew of this tree
+        if change.what == SET:
+            node.insert(hook, change.number)
+        elif change.what == RELEASE:
+            node.release(hook, change.number, change.text)
+        else:
+            node.remove(hook, change.text)
+
+    def _remove_all(self, reason: str) -> None:
+        for node in self._nodes.values():
+            node.remove_all(reason)
+
+    def tell(self, text: str) -> None:
+        """Send the operator a line about hooks, which a client may change a thousand times a
+        second; of those that are too many only that there are more."""
+        now = time.monotonic()
+        if now - self._second_began >= 1.0:
+            self._second_began, self._lines = now, 0
+        self._lines += 1
+        if self._lines <= MOST_LINES:
+            self._warn(text)
+        elif self._lines == MOST_LINES + 1:
+            self._warn("Groot2: more changes of breakpoints and replacements within this second")
+
+
+class _SetHook:
+    """A hook that is set on a node, and its state."""
+
+    def __init__(self, hook: Hook):
+        self.hook = hook
+        self.is_unlocked = False  # a breakpoint that was reached
+        self.is_reported = False  # the operator knows that it decides results
+        self.number = 0  # of its last change
+
+
+class _NodeHooks(NodeHook):
+    """The hooks of one node, attached to it while there are any."""
+
+    def __init__(self, node: Node, owner: Breakpoints):
+        self._node = node
+        self._owner = owner
+        self._set: Dict[int, _SetHook] = {}  # by position
+        # while the node waits: the breakpoint, its status before, and its result if it was ticked
+        self._held: Optional[Tuple[_SetHook, Any, Optional[Result]]] = None
+
+    @property
+    def is_holding(self) -> bool:  # type: ignore[override]
+        """Whether the node waits at a breakpoint."""
+        return self._held is not None
+
+    def _report_hold(self, is_held: bool) -> None:
+        self._owner.emit(BreakpointChanged(self._node.uid, self._node.full_path, is_held))
+
+    def insert(self, hook: Hook, number: int) -> None:
+        """Set ``hook``, or change the one at its place, by the change with this number."""
+        self._node.hook = self
+        place = self._set.setdefault(hook.position, _SetHook(hook))
+        place.is_reported = False
+        place.hook, place.number = hook, number
+        if not hook.enabled:
+            self._unlock(place)
+        result = "" if hook.mode == BREAKPOINT else " to " + hook.desired_status
+        self._tell(hook, f"is set{result}" + ("" if hook.enabled else ", but disabled"))
+
+    def release(self, hook: Hook, number: int, text: str) -> None:
+        """Replace the hook at the same place by ``hook`` and let a breakpoint go on; the operator
+        gets ``text``."""
+        place = self._set.get(hook.position)
+        if place is None:
+            self._report_end(hook, number)  # it has removed itself already
+            return
+        place.hook, place.number = hook, number
+        self._unlock(place)
+        self._tell(hook, text)
+
+    def _unlock(self, place: _SetHook) -> None:
+        place.is_unlocked = self._held is not None and self._held[0] is place
+
+    def _report_end(self, hook: Hook, number: int) -> None:
+        self._owner.emit(HookEnded(hook.uid, hook.position, number))
+
+    def remove_all(self, reason: str) -> None:
+        """Remove each hook, and let the node go on."""
+        for place in list(self._set.values()):
+            self.remove(place.hook, reason)
+
+    def remove(self, hook: Hook, reason: str) -> None:
+        """Remove the hook at the same place, and let the node go on."""
+        if self._set.pop(hook.position, None) is not None:
+            self._tell(hook, "is removed" + reason)
+            self._leave()
+
+    def _leave(self) -> None:
+        """Detach from the node if no hook is left."""
+        if not self._set and self._held is None:
+            self._node.hook = None
+
+    def _tell(self, hook: Hook, text: str) -> None:
+        kind = "breakpoint" if hook.mode == BREAKPOINT else "replacement"
+        where = "before" if hook.position == BEFORE else "after"
+        self._owner.tell(f"Groot2: {kind} {where} {self._node.full_path} {text}")
+
+    def before(self, node: Node) -> Optional[Result]:
+        """Return the result that replaces the node's tick, if any; its own result if it waits after
+        its tick."""
+        held, self._held = self._held, None
+        if held is not None:
+            place, status, result = held
+            if place in self._set.values() and not place.is_unlocked:
+                self._held = held
+                return RUNNING
+            self._report_hold(False)
+            # it has not run yet, or has its result already: RUNNING was ours
+            node.status = status
+            if result is not None:
+                return result
+        return self._ask(node, BEFORE, None)
+
+    def after(self, node: Node, result: Result) -> Result:
+        """Return the node's result, or the one that a hook decides instead."""
+        if result is SUCCESS or result is FAILURE:
+            decided = self._ask(node, AFTER, result)
+            result = result if decided is None else decided
+        self._leave()
+        return result
+
+    def _ask(self, node: Node, position: int, result: Optional[Result]) -> Optional[Result]:
+        """Return the result that a hook decides, if any; RUNNING for a breakpoint that waits."""
+        place = self._set.get(position)
+        if place is None or not (place.hook.enabled or place.is_unlocked):
+            return None
+        if place.hook.mode == BREAKPOINT and not place.is_unlocked:
+            self._held = place, node.status, result
+            self._report_hold(True)
+            return RUNNING
+        place.is_unlocked = False
+        return self._decide(place, result)
+
+    def _decide(self, place: _SetHook, result: Optional[Result]) -> Optional[Result]:
+        """Return the hook's result, if any; a hook that acts once is then removed."""
+        hook = place.hook
+        decided = _RESULTS.get(hook.desired_status) if hook.enabled else None
+        if decided is not None and not place.is_reported:
+            place.is_reported = hook.mode == REPLACE  # once: it may decide at every tick
+            own = "and the node is not run"
+            if result is not None:
+                own = f"instead of the node's {NAMES[result]}"
+            self._tell(hook, f"decides {hook.desired_status} {own}")
+        if hook.once:
+            del self._set[hook.position]
+            self._report_end(hook, place.number)
+            self._tell(hook, "is removed")
+        return decided
+
+    def halt(self, node: Node) -> bool:
+        """Reset the hooks; return whether ``node`` has work to halt: at a breakpoint before it, it
+        has none."""
+        held, self._held = self._held, None
+        for place in self._set.values():
+            place.is_unlocked = False
+        self._leave()
+        if held is None:
+            return True
+        self._report_hold(False)
+        return held[1:] != (IDLE, None)

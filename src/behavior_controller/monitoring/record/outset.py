@@ -1,0 +1,73 @@
+"""What has to be known of a run where a further file of it begins, or a viewer is started late."""
+import itertools
+import os
+from typing import Any, Callable, Dict, List
+
+from msgspec.structs import replace
+
+from behavior_controller.execution import events
+from behavior_controller.monitoring.record.codec import encode, header
+
+LASTING: Dict[type, Callable[[Any], Any]] = {
+    events.TreeShown: lambda event: None, events.RunStarted: lambda event: None,
+    events.PassStarted: lambda event: None, events.Suspended: lambda event: None,
+    events.SafeStateReported: lambda event: None, events.Message: lambda event: event.topic,
+    events.HealthChanged: lambda event: (event.name, event.respect),
+    events.Asked: lambda event: type(event.request)}
+"""The events that hold until another one of the same kind with the same key."""
+
+
+class Outset:
+    """What has to be known of a run where a further file of it begins, so that this file is read
+    without those before it."""
+
+    def __init__(self) -> None:
+        self._began = events.unix_now()
+        self._visits = 0
+        self._lasting: Dict[Any, List[events.Event]] = {}  # an ``Asked`` with its answer
+        self._written = events.EntriesWritten([])  # what the entries of the blackboard are
+        self._letters: Dict[int, events.Letter] = {}  # of the nodes that were ticked in this pass
+
+    def take(self, event: events.Event) -> None:
+        """Note the next event."""
+        kind, key_of = type(event), LASTING.get(type(event))
+        if key_of is not None:
+            key = kind, key_of(event)
+            if kind not in (events.TreeShown, events.RunStarted):  # which stay first
+                self._lasting.pop(key, None)
+            if kind is events.TreeShown:
+                self._written = events.EntriesWritten([])
+            if kind in (events.TreeShown, events.PassStarted):
+                self._letters.clear()
+            if not (isinstance(event, events.HealthChanged) and event.is_well):
+                self._lasting[key] = [event]
+        elif isinstance(event, events.EntriesWritten):
+            self._note_entries(event)
+        elif isinstance(event, events.Tick):
+            self._letters.update(event.changes)
+        elif isinstance(event, events.Answered):
+            for about in reversed(list(self._lasting.values())):
+                if isinstance(about[0], events.Asked) and about[0].call == event.call:
+                    about[1:] = [event]
+                    break
+        elif isinstance(event, events.PassFinished):
+            self._visits = event.number
+            self._lasting.pop((events.PassStarted, None), None)
+
+    def _note_entries(self, news: events.EntriesWritten) -> None:
+        texts = {**dict(self._written.entries), **dict(news.entries)}
+        values = {name: value for name, value in self._written.values.items()
+                  if name not in dict(news.entries)}
+        self._written = events.EntriesWritten(
+            [entry for entry in texts.items() if entry[1] is not None], {**values, **news.values})
+
+    def head(self, lines: int, at: float) -> bytes:
+        """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
+        the files before it."""
+        known = list(itertools.chain(*self._lasting.values()))
+        known += [self._written] if self._written.entries else []
+        # None: what follows does not have to be repeated from here
+        known += [events.Tick(0.0, None, list(self._letters.items()))] if self._letters else []
+        texts = [encode(at, replace(event, read=1) if isinstance(event, events.Message) else event)
+                 for event in known]
+        return b"".join([header(os.getpid(), self._began, lines, self._visits, len(texts)), *texts])

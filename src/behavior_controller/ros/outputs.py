@@ -1,0 +1,105 @@
+"""What is kept and shown of a run: the files of its record, the viewer, and the ROS interface."""
+import contextlib
+import socket
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional
+
+import rosgraph.network
+
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.execution.events import Events, Noticed, RunFinished, Starting
+from behavior_controller.missions.breakpoints import Breakpoints
+from behavior_controller.monitoring.record.recorder import Record, RecordFiles
+from behavior_controller.robot.declarations import Offer
+from behavior_controller.robot.gateway import Topics
+from behavior_controller.ros import ros_interface
+from behavior_controller.viewer.process import ViewerProcess
+
+NO_RECORD = "none"
+"""The value of ``recordDirectory`` that turns recording off."""
+
+
+class Outputs:
+    """Takes the events of the run from its start on."""
+
+    def __init__(self, events: Events, tell: Callable[[str, str], None]):
+        """``tell`` gets a severity and a line for the operator."""
+        self._tell = tell
+        self.record = Record()
+        events.subscribe(self.record)
+        self._breakpoints = Breakpoints(events.emit, self._warn)
+        self._files: Optional[RecordFiles] = None
+        self._viewer: Optional[ViewerProcess] = None
+        self._page = ""  # where it is to be found
+
+    def _warn(self, text: str) -> None:
+        self._tell("warning", text)
+
+    def open_viewer(self, values: Mapping[str, Any]) -> None:
+        """Start the viewer, for this configuration; a name server may hang."""
+        page, groot2 = values["monitorPort"], values["groot2Port"]
+        if not page and not groot2:
+            return
+        for address in (values["monitorAddress"], values["groot2Address"]):
+            with contextlib.suppress(OSError, UnicodeError):  # reported by the viewer
+                socket.getaddrinfo(address, None)
+        self._page = _url(values["monitorAddress"], page)
+        self._viewer = ViewerProcess(
+            ["--port", str(page), "--address", values["monitorAddress"],
+             "--groot2-port", str(groot2), "--groot2-address", values["groot2Address"]],
+            self._breakpoints.change,
+            lambda: self._breakpoints.remove_all(": the viewer has ended"), self._warn,
+            lambda: self._tell("info", f"page: {self._page}"))
+        self.record.add(self._viewer)
+        self.record.open()
+
+    def note(self, severity: str, text: str) -> None:
+        """Tell the operator a line of the start, and show it."""
+        self._tell(severity, text)
+        self.record(Starting(text) if severity == "info" else Noticed(severity, text))
+
+    def fail(self, outcome: str, code: int) -> None:
+        """Show that the start has failed."""
+        self.record(RunFinished(outcome, code))
+
+    def open_files(self, folder: str) -> None:
+        """Write the record into a folder of its own below this one from now on."""
+        if folder != NO_RECORD:
+            self._files = RecordFiles(folder, self._warn)
+            self.record.add(self._files)
+        self.record.open()
+        self._tell_record("record")
+
+    def open_interface(self, offers: Callable[[], Iterable[Offer]],
+                       commands: Dict[str, ros_interface.Command]) -> None:
+        """Publish the run, and serve the operator's commands."""
+        self.record.add(ros_interface.RosInterface(offers, commands))
+
+    def topics(self, inner: Topics) -> Topics:
+        """Return topics like ``inner``, of which the messages that are read are recorded."""
+        return self.record.topics(inner)
+
+    def show(self, tree: Tree, heard: Mapping[str, float]) -> None:
+        """Record ``tree`` from now on; ``heard`` has the time of each topic's last message."""
+        self.record.show(tree, heard)
+        self._breakpoints.show(tree)
+
+    def tell_places(self) -> None:
+        """Say at the end where page and record were."""
+        if self._viewer is not None and self._viewer.has_page:
+            self._tell("info", f"page of this run, closed now: {self._page}")
+        self._tell_record("record of this run")
+
+    def _tell_record(self, words: str) -> None:
+        if self._files is not None and self._files.path:
+            self._tell("info", f"{words}: {self._files.path}")
+
+    def closers(self) -> List[Callable[[], None]]:
+        """Return the functions that end all of it; each may take long."""
+        return self.record.closers()
+
+
+def _url(address: str, port: int) -> str:
+    """Return the address of the page, with the host's name if it is served at all of its addresses.
+    """
+    host = rosgraph.network.get_host_name() if address in ("0.0.0.0", "::") else address
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"

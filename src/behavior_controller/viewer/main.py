@@ -1,0 +1,148 @@
+"""``missionViewer``: shows a run on a page in the browser and in Groot2, while it goes on or later."""
+import argparse
+import collections
+import contextlib
+import os
+import signal
+import sys
+import threading
+import time
+from typing import Callable, Deque, Iterator, List, Optional
+
+from behavior_controller import exit_codes, ros_arguments
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.execution.events import Line, RunFinished, use_clock_of
+from behavior_controller.execution.from_viewer import (
+    FromViewer, HookChange, ViewerAlive, ViewerTold, encode)
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.record.codec import Decoder
+from behavior_controller.monitoring.record.tail import follow
+from behavior_controller.viewer.groot2.publisher import Groot2Publisher
+from behavior_controller.viewer.web_page import Page
+
+PULSE = 1.0
+"""Seconds between two signs of life for the controller."""
+
+END_LIMIT = 1.5
+"""Seconds for the end to be shown, after that of a controller that is the parent."""
+
+EXIT_CODES = """0: the run was shown until Ctrl-C, or, of a controller's child, until its end;
+1: no port could be opened; 2: wrong arguments, or the record cannot be read"""
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    """Return the exit code, see ``EXIT_CODES``."""
+    parser = ros_arguments.CommandParser(
+        "missionViewer", "Shows a run on a page in the browser and in Groot2.", EXIT_CODES)
+    parser.add_argument("record", nargs="?", default="latest",
+                        help="mission.jsonl of a run, its folder, a folder of runs (the newest), "
+                             "latest (the default), or -: lines from standard input")
+    parser.add_argument("--address", default="127.0.0.1", help="of the page (default %(default)s)")
+    parser.add_argument("--port", type=_port, default=8080,
+                        help="of the page; 0: no page (default %(default)s)")
+    parser.add_argument("--groot2-address", default="127.0.0.1",
+                        help="of Groot2's protocol (default %(default)s)")
+    parser.add_argument("--groot2-port", type=_port, default=1667,
+                        help="of Groot2's protocol, and the one after it; 0: none (default "
+                             "%(default)s)")
+    parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
+    chosen = ros_arguments.parse(parser, arguments)
+    if chosen.child:
+        return _show_parent(chosen)
+    return _show_record(chosen)
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port: 0 to 65535")
+    return int(text)
+
+
+class Viewer:
+    """Page and Groot2 for one run."""
+
+    def __init__(self, chosen: argparse.Namespace, warn: Callable[[str], None], is_live: bool,
+                 send: Optional[Callable[[HookChange], None]] = None):
+        """``send`` gets changes of hooks; without it they are refused."""
+        self._lines: Deque[Line] = collections.deque()
+        self.board = Board(self._taken, is_live)
+        self._page: Optional[Page] = None
+        self._groot2: Optional[Groot2Publisher] = None
+        if chosen.port:
+            self._page = Page(chosen.address, chosen.port, self.board, warn)
+        if chosen.groot2_port:
+            self._groot2 = Groot2Publisher(chosen.groot2_address, chosen.groot2_port, warn, send)
+        self.has_page = self._page is not None and self._page.is_served
+        self.is_serving = self.has_page or self._groot2 is not None and self._groot2.is_served
+
+    def take(self, line: Line) -> None:
+        """Show the next event."""
+        if self.has_page:
+            self._lines.append(line)
+        if self._groot2 is not None:
+            self._groot2.take(line)
+
+    def _taken(self) -> Iterator[Line]:
+        while self._lines:
+            yield self._lines.popleft()
+
+    def close(self) -> None:
+        """Show the end, and stop serving."""
+        for watcher in (self._page, self._groot2):
+            if watcher is not None:
+                watcher.close()
+
+
+# ------------------------------------------------------------------------------------ as a child
+
+
+def _show_parent(chosen: argparse.Namespace) -> int:
+    """Show the run whose lines come from standard input, until that ends; what the controller has
+    to know goes to standard output."""
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())  # the controller blocks them in its threads
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    lock = threading.Lock()
+
+    def send(sent: FromViewer) -> None:
+        with lock, contextlib.suppress(OSError):  # the controller has ended
+            os.write(1, encode(sent))
+
+    viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), True, send)
+    threading.Thread(target=_live, args=(send, viewer), daemon=True).start()
+    decoder = Decoder("the controller")
+    for text in sys.stdin.buffer:
+        for line in decoder.read(text):
+            viewer.take(line)
+        if decoder.head.unix_at_zero:
+            use_clock_of(decoder.head.unix_at_zero)
+    threading.Timer(END_LIMIT, os._exit, (exit_codes.UNAVAILABLE,)).start()
+    viewer.close()
+    os._exit(exit_codes.SUCCESS)
+
+
+def _live(send: Callable[[FromViewer], None], viewer: Viewer) -> None:
+    while True:
+        send(ViewerAlive(viewer.has_page))
+        time.sleep(PULSE)
+
+
+# ------------------------------------------------------------------------------------ of a record
+
+
+def _show_record(chosen: argparse.Namespace) -> int:
+    """Show a record until Ctrl-C, and what is added to it meanwhile."""
+    def warn(text: str) -> None:
+        print("missionViewer:", text, file=sys.stderr)
+
+    viewer = Viewer(chosen, warn, True)
+    if not viewer.is_serving:
+        return exit_codes.UNAVAILABLE
+    try:
+        for line in follow(chosen.record):
+            viewer.take(line)
+    except BehaviorControllerError as error:
+        print(error, file=sys.stderr)
+        return exit_codes.WRONG_INPUT
+    threading.Event().wait()
+    return exit_codes.SUCCESS
