@@ -14,6 +14,7 @@ import time
 from typing import Callable, Deque, List, Optional
 
 from behavior_controller.execution import from_viewer
+from behavior_controller.execution.events import unix_now
 from behavior_controller.execution.from_viewer import HookChange, ViewerAlive, ViewerTold
 from behavior_controller.monitoring.record.outset import Outset
 from behavior_controller.monitoring.record.recorder import EncodedLine
@@ -124,7 +125,7 @@ class ViewerProcess:
             self._warn(f"the viewer (page, Groot2) cannot be started: {error}; it is tried again")
             return
         with contextlib.suppress(OSError):
-            self._write(self._outset.head(self._lines, 0.0))
+            self._write(self._outset.head(self._lines, unix_now()))
 
     def _new_child(self) -> "subprocess.Popen[bytes]":
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
@@ -143,7 +144,7 @@ class ViewerProcess:
         while self._waiting:
             line = self._waiting.popleft()
             self._lines += 1
-            self._outset.take(line.event)
+            self._outset.take(line.time, line.event)
             self._write(line.text)
 
     def _write(self, data: bytes) -> None:

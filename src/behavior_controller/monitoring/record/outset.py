@@ -24,40 +24,42 @@ class Outset:
     def __init__(self) -> None:
         self._began = events.unix_now()
         self._visits = 0
-        self._lasting: Dict[Any, List[events.Event]] = {}  # an ``Asked`` with its answer
+        self._lasting: Dict[Any, List[events.Line]] = {}  # an ``Asked`` with its answer
         self._written = events.EntriesWritten([])  # what the entries of the blackboard are
         self._letters: Dict[int, events.Letter] = {}  # of the nodes that were ticked in this pass
 
-    def take(self, event: events.Event) -> None:
+    def take(self, time: float, event: events.Event) -> None:
         """Note the next event."""
         kind, key_of = type(event), LASTING.get(type(event))
+        if kind is events.TreeShown:
+            self._written = events.EntriesWritten([])
+        if kind in (events.TreeShown, events.PassStarted):
+            self._letters.clear()
         if key_of is not None:
             key = kind, key_of(event)
             if kind not in (events.TreeShown, events.RunStarted):  # which stay first
                 self._lasting.pop(key, None)
-            if kind is events.TreeShown:
-                self._written = events.EntriesWritten([])
-            if kind in (events.TreeShown, events.PassStarted):
-                self._letters.clear()
             if not (isinstance(event, events.HealthChanged) and event.is_well):
-                self._lasting[key] = [event]
+                self._lasting[key] = [events.Line(time, event)]
         elif isinstance(event, events.EntriesWritten):
             self._note_entries(event)
         elif isinstance(event, events.Tick):
             self._letters.update(event.changes)
         elif isinstance(event, events.Answered):
             for about in reversed(list(self._lasting.values())):
-                if isinstance(about[0], events.Asked) and about[0].call == event.call:
-                    about[1:] = [event]
+                asked = about[0].event
+                if isinstance(asked, events.Asked) and asked.call == event.call:
+                    about[1:] = [events.Line(time, event)]
                     break
         elif isinstance(event, events.PassFinished):
             self._visits = event.number
             self._lasting.pop((events.PassStarted, None), None)
 
     def _note_entries(self, news: events.EntriesWritten) -> None:
-        texts = {**dict(self._written.entries), **dict(news.entries)}
+        changed = dict(news.entries)
+        texts = {**dict(self._written.entries), **changed}
         values = {name: value for name, value in self._written.values.items()
-                  if name not in dict(news.entries)}
+                  if name not in changed}
         self._written = events.EntriesWritten(
             [entry for entry in texts.items() if entry[1] is not None], {**values, **news.values})
 
@@ -65,9 +67,11 @@ class Outset:
         """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
         the files before it."""
         known = list(itertools.chain(*self._lasting.values()))
-        known += [self._written] if self._written.entries else []
-        # None: what follows does not have to be repeated from here
-        known += [events.Tick(0.0, None, list(self._letters.items()))] if self._letters else []
-        texts = [encode(at, replace(event, read=1) if isinstance(event, events.Message) else event)
-                 for event in known]
+        if self._written.entries:
+            known.append(events.Line(at, self._written))
+        if self._letters:  # None: a replay does not have to take the same way to them
+            known.append(events.Line(at, events.Tick(0.0, None, list(self._letters.items()))))
+        texts = [encode(line.time, replace(line.event, read=1)
+                        if isinstance(line.event, events.Message) else line.event)
+                 for line in known]
         return b"".join([header(os.getpid(), self._began, lines, self._visits, len(texts)), *texts])

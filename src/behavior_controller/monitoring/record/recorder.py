@@ -318,5 +318,5 @@ class RecordFiles:
         if out.size and out.size + len(line.text) > room:
             out.flush()
             out.begin_next(self._outset.head(out.lines, line.time))
-        self._outset.take(event)
+        self._outset.take(line.time, event)
         out.add(line.text)

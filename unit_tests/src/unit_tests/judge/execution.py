@@ -292,6 +292,8 @@ class Execution(TaskContext):
     # ----------------------------------------------------------------------------------- traversals
 
     def _traverse(self, tick: Tick) -> None:
+        if tick.first is None:  # it follows from what the traversals do
+            return
         self._check_clock(tick)
         self.clock.set_to(tick.at)
         self.topics.begin()
