@@ -23,10 +23,10 @@ import house  # noqa: E402
 # From the top: a module imports from its own layer and from those below. The longest name that fits
 # decides.
 LAYERS = [
-    ["behaviorController", "exportNodeModel", "missionStatus", "py-trees-render",
-     "replayMission", "validateMission"],
+    ["behaviorController", "exportNodeModel", "missionStatus", "missionViewer", "py-trees-render",
+     "replayMission", "validateMission", "viewer.__main__"],
     ["ros", "cli", "command"],
-    ["missions.blocked_tick"],
+    ["missions.blocked_tick", "viewer"],
     ["monitoring", "missions.runner", "missions.validation"],
     ["missions"],
     ["leaves"],
@@ -40,7 +40,8 @@ LAYERS = [
     ["bt.engine"],
     ["bt.engine.blackboard", "bt.engine.ports", "bt.script", "bt.loader"],
     ["bt.registry", "bt.linter.rules", "bt.status", "bt.possible_results",
-     "bt.script.values", "robot.gateway", "execution.events", "execution.health", "config",
+     "bt.script.values", "robot.gateway", "execution.events", "execution.from_viewer", "execution.health",
+     "config",
      "monitoring.sinks", "monitoring.parts"],
     ["robot", "extensions"],
     ["output_files"],
@@ -159,7 +160,8 @@ def test_no_two_public_classes_have_one_name():
 def test_the_engine_knows_neither_ros_nor_this_robot(name):
     known = {other for other in imports(name) if outer(other) == PRODUCT}
     below = tuple(PRODUCT + inner
-                  for inner in (".bt", ".errors", ".foreign_code", ".ros_packages", ".text"))
+                  for inner in (".bt", ".errors", ".foreign_code", ".ros_packages", ".text",
+                                ".thread_check"))
     assert {other for other in known if not other.startswith(below)} == set()
 
 
@@ -169,9 +171,9 @@ def test_only_the_ros_folder_imports_ros(name):
                                                   for other in imports(name)} & ROS == set()
 
 
-def test_only_the_document_imports_lxml():
-    assert [name for name in MODULES
-            if "lxml" in map(outer, imports(name))] == [PRODUCT + ".bt.loader.document"]
+def test_mission_files_are_read_and_trees_written_as_xml_in_one_place_each():
+    assert [name for name in MODULES if "lxml" in map(outer, imports(name))] == [
+        PRODUCT + ".bt.loader.document", PRODUCT + ".monitoring.record.tree_shown"]
 
 
 def strings(tree):

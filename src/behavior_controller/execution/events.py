@@ -319,7 +319,8 @@ class TreeShown(Happening, frozen=True):
 
     ``subtrees`` are the paths of its SubTrees in the order in which they were made, ``summaries``
     says what each type of node is for, ``xml`` is the tree as Groot2 reads it, and ``times`` are
-    the entries whose values are times of the mission's clock. ``number`` counts the trees of the run.
+    the entries whose values are times of the mission's clock. ``number`` counts the trees of the
+    run.
     """
 
     id: str
@@ -412,10 +413,11 @@ class Lost(Happening, frozen=True):
     reason: str = ""
 
 
-Event = Union[Starting, RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering, Retried,
-              Recovered, HealthChanged, PassFinished, Paused, SafeStateReported, BreakpointChanged,
-              HookEnded, Suspended, Noticed, RunFinished, TreeShown, Tick, Asked, Answered, FeedbackReceived,
-              Message, StillHearing, EntriesWritten, SignOfLife, Lost]
+Event = Union[
+    Starting, RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering,
+    Retried, Recovered, HealthChanged, PassFinished, Paused, SafeStateReported,
+    BreakpointChanged, HookEnded, Suspended, Noticed, RunFinished, TreeShown, Tick, Asked,
+    Answered, FeedbackReceived, Message, StillHearing, EntriesWritten, SignOfLife, Lost]
 EVENTS: Tuple[Any, ...] = get_args(Event)
 """The kinds of events."""
 

@@ -72,7 +72,7 @@ def _tree_shown(state: State, event: TreeShown) -> State:
 
 
 def _starting(state: State, event: Starting) -> State:
-    return replace(state, starting=event.what)
+    return replace(state, starting=clean(event.what))
 
 
 def _sign_of_life(state: State, event: SignOfLife) -> State:
@@ -82,7 +82,8 @@ def _sign_of_life(state: State, event: SignOfLife) -> State:
 def _run_started(state: State, event: RunStarted) -> State:
     """Begin anew but for the visits: the mission may be replaced while the node runs."""
     state = _abandon(_end_steps(state))
-    return replace(state, started=event, starting="", uids={}, recoveries=(), failures={}, recovered=None)
+    return replace(state, started=event, starting="", uids={}, recoveries=(), failures={},
+                   recovered=None)
 
 
 def _run_finished(state: State, event: RunFinished) -> State:

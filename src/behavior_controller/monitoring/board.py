@@ -140,7 +140,8 @@ class Board(View):
                 "ports": list(map(self._port, node.ports)), "results": self.results(uid)}
 
     def _port(self, port: PortText) -> Dict[str, str]:
-        """Return a port of a node: its name, its text, and the value of the entry that this means."""
+        """Return a port of a node: its name and text, and the value of the entry that it refers to.
+        """
         # without a value nothing has written it
         value = port.entry and self.state.entries.get(port.entry, "–")
         return {"name": port.name, "text": clean(port.text, LONGEST_PORT), "value": value}

@@ -92,7 +92,8 @@ def _of_tree(state: State, where: str) -> Card:
         until = since + node.pause if since is not None and node.pause else None
         return Card("asleep", "asleep", where, since, until, next=following, uid=uid)
     if state.visit is None:
-        return Card("idle", "nothing runs")
+        words = "starting: " + state.starting if state.starting else "nothing runs"
+        return Card("idle", words)
     is_over = state.visit.ended is not None
     return Card("idle", "between two visits" if is_over else "between two steps", where)
 

@@ -99,7 +99,8 @@ class View(story.Story):
         fold an event."""
         now = self.state
         names = [name for name, fields in PARTS.items()
-                 if any(getattr(now, field) != getattr(before, field) for field in fields)]
+                 if any(_has_changed(getattr(before, field), getattr(now, field))
+                        for field in fields)]
         # without a step, the card shows the statuses
         return names + (["now"] if "statuses" in names and now.step is None else [])
 
@@ -155,8 +156,8 @@ class View(story.Story):
 PARTS: Dict[str, Tuple[str, ...]] = {
     "mission": ("started", "nodes"),
     "statuses": ("letters", "recoveries"),
-    "now": ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",
-            "visits", "safe_state", "nodes", "failures"),
+    "now": ("starting", "started", "finished", "held", "suspended", "due", "steps", "exchanges",
+            "robot", "visits", "safe_state", "nodes", "failures"),
     "story": ("visits",),
     "visits": ("outcomes", "incomplete", "finished"),
     "timeline": ("steps", "visit_count"),
@@ -173,6 +174,10 @@ MOMENT = ("statuses", "now", "story", "visits", "timeline", "blackboard")
 def clock(at: float) -> str:
     """Return the time of day of an event, as sentences show it."""
     return time.strftime("%H:%M:%S", time.localtime(at + clock_shift()))
+
+
+def _has_changed(before: Any, now: Any) -> bool:
+    return before is not now and before != now  # most are the same object
 
 
 def _are_alike(one: NodeResult, other: NodeResult) -> bool:

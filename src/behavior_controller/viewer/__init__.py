@@ -1,2 +1,1 @@
-"""A program of its own that shows a run: reads its lines, and serves the page and Groot2's protocol.
-"""
+"""The program that shows a run: it reads its lines, and serves the page and Groot2's protocol"""

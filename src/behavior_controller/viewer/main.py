@@ -1,4 +1,4 @@
-"""``missionViewer``: shows a run on a page in the browser and in Groot2, while it goes on or later."""
+"""``missionViewer``: shows a run on a page in the browser and in Groot2, now or later."""
 import argparse
 import collections
 import contextlib

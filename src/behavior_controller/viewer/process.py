@@ -1,5 +1,5 @@
-"""The viewer that the controller starts as a child: fed with the lines of the run, and started again
-if it ends or hangs.
+"""The viewer that the controller starts as a child: fed with the lines of the run, and started
+again if it ends or hangs.
 
 The robot's program waits for nothing of it: lines are queued, and written by a thread of their own.
 """
@@ -79,7 +79,7 @@ class ViewerProcess:
         if child is not None and time.monotonic() - self._lived > HANGS / 4:
             child.kill()
 
-    # --------------------------------------------------------------------------------- on its thread
+    # -------------------------------------------------------------------------------- on its thread
 
     def _work(self) -> None:
         while True:
@@ -160,11 +160,12 @@ class ViewerProcess:
                 child.kill()
                 return
 
-    # ------------------------------------------------------------------------- what the viewer sends
+    # ------------------------------------------------------------------------ what the viewer sends
 
     def _listen(self, child: "subprocess.Popen[bytes]") -> None:
-        assert child.stdout is not None
-        for line in iter(lambda: child.stdout.readline(MOST_BYTES), b""):
+        output = child.stdout
+        assert output is not None
+        for line in iter(lambda: output.readline(MOST_BYTES), b""):
             with contextlib.suppress(ValueError):  # a torn line of a viewer that was killed
                 self._take(from_viewer.decode(line))
         self.has_page = False

@@ -47,7 +47,7 @@ MOST_MISSING = 5
 """The most places at the head of the page where the record lacks something."""
 
 
-class Place(NamedTuple):
+class FilePlace(NamedTuple):
     """Where a mission file has a node: the number of a document of the record, its name, and the
     line in it."""
 
@@ -282,7 +282,7 @@ def _rows(run: Drawn) -> Iterator[Union[SimpleNamespace, str]]:
     yield "</li>" + "</ul></li>" * (before - 1)
 
 
-def _row(run: Drawn, uid: int, place: Optional[Place]) -> SimpleNamespace:
+def _row(run: Drawn, uid: int, place: Optional[FilePlace]) -> SimpleNamespace:
     """Return what the template shows of a node: its results, and its place in the file."""
     node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
     # a condition that does not hold has not failed
@@ -296,12 +296,12 @@ def _row(run: Drawn, uid: int, place: Optional[Place]) -> SimpleNamespace:
         results=[result for result in results if result[2] > 0])
 
 
-def _place(node: events.TreeNode, numbers: Dict[str, int]) -> Optional[Place]:
+def _place(node: events.TreeNode, numbers: Dict[str, int]) -> Optional[FilePlace]:
     """Return where the file has a node; None if its document is not among those ``numbers``."""
     file, line = (node.place.rsplit(":", 2) + ["", ""])[:2]
     if file not in numbers or not line.isdecimal():
         return None
-    return Place(numbers[file], encodable(os.path.basename(file)), int(line))
+    return FilePlace(numbers[file], encodable(os.path.basename(file)), int(line))
 
 
 # ------------------------------------------------------------------------------------ on a terminal

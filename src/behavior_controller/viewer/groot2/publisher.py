@@ -20,7 +20,8 @@ import zmq.asyncio
 from behavior_controller.execution.events import (
     LETTERS, BreakpointChanged, HookEnded, Letter, Line, Tick, TreeShown, unix_now)
 from behavior_controller.execution.fold import fold
-from behavior_controller.execution.from_viewer import ALLOWED, Hook, HookChange, HookPlace, Unlocking
+from behavior_controller.execution.from_viewer import (
+    ALLOWED, Hook, HookChange, HookPlace, Unlocking)
 from behavior_controller.execution.state import State
 from behavior_controller.viewer.groot2.hook_list import HookList
 from behavior_controller.viewer.groot2.tcp_proxy import Front
