@@ -26,6 +26,8 @@ setup(
         "behavior_controller.ros",
         "behavior_controller.viewer",
         "behavior_controller.viewer.groot2",
+        "behavior_controller.simulation",
+        "behavior_controller.simulation.rehearsal",
     ],
     package_data={"behavior_controller.monitoring": ["page_files/*", "report_files/*"]},
     package_dir={"": "src"},

@@ -32,9 +32,10 @@ from behavior_controller.config.config_file import Key, REQUIRED, to_text  # noq
 from behavior_controller.leaves import data  # noqa: E402
 from behavior_controller.config.node_facts import MissionSpec, whole_mission  # noqa: E402
 
-from unit_tests.rehearsal import findings  # noqa: E402
+from behavior_controller.simulation import configuration  # noqa: E402
+from behavior_controller.simulation.rehearsal import findings  # noqa: E402
 from unit_tests.robot import options  # noqa: E402
-from unit_tests.robot.behaviour import NODES  # noqa: E402
+from behavior_controller.simulation.behaviour import NODES  # noqa: E402
 
 Part = Callable[[str], str]
 """Returns a derived part; it is given the part as it is now."""
@@ -71,8 +72,9 @@ COMMANDS = {
         "behavior_controller.monitoring.record.replay"),
     "src/behavior_controller/validateMission": (
         "Check robot missions without running them.", "behavior_controller.cli", "validate"),
-    "unit_tests/nodes/rehearseMission": ("Play a mission in virtual time, with each visitor and "
-                                         "each fault.", "unit_tests.rehearsal.cli", "main", True),
+    "src/behavior_controller/rehearseMission": (
+        "Play a mission in virtual time, with each visitor and each fault.",
+        "behavior_controller.simulation.cli", "main", True),
     "unit_tests/nodes/runTest": ("Test a mission with the simulated robot; the last line is the "
                                  "verdict.", "unit_tests.run.run_test")}
 """Path -> what the command does, and the arguments of ``command.run``."""
@@ -116,8 +118,8 @@ def completion() -> str:
         command = os.path.basename(path)
         if command not in ("runTest", RENDER):
             words[package, command] = _options(module, *function[:1])
-    words["unit_tests", "rehearseMission"] += [f"{key}:=" for key in keys]
-    node_words = NODE_OPTIONS + [f"_{key.name}:=" for key in options.KEYS]
+    words["cssr_system", "rehearseMission"] += [f"{key}:=" for key in keys]
+    node_words = NODE_OPTIONS + [f"_{key.name}:=" for key in configuration.KEYS]
     words.update((("unit_tests", node), node_words) for node in NODES)
     for package in ("cssr_system", "unit_tests"):
         words[package, ""] = sorted(name for owner, name in words if owner == package)
@@ -247,16 +249,17 @@ def controller_launch() -> str:
 
 def whole_test_launch() -> str:
     """Return the arguments of behaviorControllerTest.launch."""
-    keys = list({key.name: key for key in settings.KEYS + options.KEYS}.values())
-    short = [launch_argument(word, "", "short for " + key) for word, key in options.SHORT.items()]
-    words = {key: f"$(arg {word})" for word, key in options.SHORT.items()}
+    keys = list({key.name: key for key in settings.KEYS + configuration.KEYS}.values())
+    short = [launch_argument(word, "", "short for " + key)
+             for word, key in configuration.SHORT.items()]
+    words = {key: f"$(arg {word})" for word, key in configuration.SHORT.items()}
     return "\n".join(short + launch_arguments(keys, words) + real_nodes() + [
         listed(keys + real_keys())])
 
 
 def robot_launch() -> str:
     """Return the arguments of simulatedRobot.launch, and their names for the nodes."""
-    keys = [key for key in options.KEYS + settings.KEYS if key.name in options.ROBOT]
+    keys = [key for key in configuration.KEYS + settings.KEYS if key.name in options.ROBOT]
     keys = list({key.name: key for key in reversed(keys)}.values())[::-1]
     return "\n".join(launch_arguments(keys) + real_nodes() + [
         listed(keys + real_keys(), "robot_names")])
@@ -295,9 +298,9 @@ PARTS: Dict[str, Dict[str, Part]] = {
     "docs/reference.md": {
         "keys": _fixed(lambda: keys_table("key", settings.KEYS)),
         "services and topics": _fixed(offers), "nodes": _fixed(nodes), "entries": _fixed(entries),
-        "keys of a test": _fixed(lambda: keys_table("key", options.KEYS))},
+        "keys of a test": _fixed(lambda: keys_table("key", configuration.KEYS))},
     "config/" + settings.FILE_NAME: {"keys": key_lines(settings.KEYS)},
-    "unit_tests/config/" + options.FILE_NAME: {"keys": key_lines(options.KEYS)},
+    "unit_tests/config/" + options.FILE_NAME: {"keys": key_lines(configuration.KEYS)},
     "launch/behaviorController.launch": {"arguments": _fixed(controller_launch)},
     "unit_tests/launch/" + options.LAUNCH_FILE: {"arguments": _fixed(whole_test_launch)},
     "unit_tests/launch/simulatedRobot.launch": {

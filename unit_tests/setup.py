@@ -5,6 +5,5 @@ from catkin_pkg.python_setup import generate_distutils_setup
 
 setup(**generate_distutils_setup(
     packages=[
-        "unit_tests", "unit_tests.judge", "unit_tests.rehearsal", "unit_tests.robot",
-        "unit_tests.run"
+        "unit_tests", "unit_tests.judge", "unit_tests.robot", "unit_tests.run"
     ], package_dir={"": "src"}))

@@ -31,12 +31,13 @@ from behavior_controller.robot.interfaces import DEFAULT
 from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.types import TYPES
 from behavior_controller.config.settings import defaults
-from unit_tests.robot import behaviour, ros_messages
-from unit_tests.robot.faults import REFUSED, WRONG
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.behaviour import SERVICES, TOPICS
-from unit_tests.robot.visitor import ENGAGES
-from unit_tests.robot.world import world as read_world
+from behavior_controller.simulation import behaviour
+from unit_tests.robot import ros_messages
+from behavior_controller.simulation.faults import REFUSED, WRONG
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.behaviour import SERVICES, TOPICS
+from behavior_controller.simulation.visitor import ENGAGES
+from behavior_controller.simulation.world import world as read_world
 
 EXHIBITS = 2
 """The first exhibits of the simulated building: a tour of them all would take long."""

@@ -16,7 +16,7 @@ import rosgraph
 from behavior_controller.execution.events import RunStarted, Sources
 from behavior_controller.monitoring.story import Story
 from behavior_controller.text import Source
-from unit_tests.robot.world import building_file
+from behavior_controller.simulation.world import building_file
 
 from free_ports import free_port
 

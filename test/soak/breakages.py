@@ -44,7 +44,7 @@ from behavior_controller.leaves.recovery import HandleFallBack
 from behavior_controller.missions.runner import Persistence, Runner
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway
 from behavior_controller.robot.requests import Answer, Request
-from unit_tests.rehearsal.play import Stage
+from behavior_controller.simulation.rehearsal.play import Stage
 
 ON_PURPOSE = "broken on purpose"
 """The text of each exception that a breakage raises."""

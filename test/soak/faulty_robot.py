@@ -21,7 +21,7 @@ import rospy
 
 from behavior_controller.robot.d543 import INTERFACE
 from behavior_controller.ros.types import TYPES
-from unit_tests.robot.faults import REFUSED
+from behavior_controller.simulation.faults import REFUSED
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [HERE, os.path.join(os.path.dirname(HERE), "rostest")]

@@ -45,11 +45,11 @@ from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.text import Source, count  # noqa: E402
 from unit_tests.judge.facts import LATE, Facts  # noqa: E402
 from unit_tests.judge.verdict import judge  # noqa: E402
-from unit_tests.robot.behaviour import OPTIONAL  # noqa: E402
-from unit_tests.robot.faults import KINDS, REFUSED  # noqa: E402
-from unit_tests.rehearsal.play import CALM, Played, Stage  # noqa: E402
-from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES  # noqa: E402
-from unit_tests.robot.options import NONE, REAL, Configuration  # noqa: E402
+from behavior_controller.simulation.behaviour import OPTIONAL  # noqa: E402
+from behavior_controller.simulation.faults import KINDS, REFUSED  # noqa: E402
+from behavior_controller.simulation.rehearsal.play import CALM, Played, Stage  # noqa: E402
+from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES  # noqa: E402
+from behavior_controller.simulation.configuration import NONE, REAL, Configuration  # noqa: E402
 
 RELEASE = {"robotInterface": "release-1.0", "scenarioSpecification": "release_1_0_tour"}
 STAGES: Dict[str, Dict[str, Any]] = {

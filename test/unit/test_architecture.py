@@ -24,8 +24,9 @@ import house  # noqa: E402
 # decides.
 LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "missionViewer", "py-trees-render",
-     "replayMission", "validateMission", "viewer.__main__"],
+     "rehearseMission", "replayMission", "validateMission", "viewer.__main__"],
     ["ros", "cli", "command"],
+    ["simulation"],
     ["missions.blocked_tick", "viewer"],
     ["monitoring", "missions.runner", "missions.validation"],
     ["missions"],

@@ -20,8 +20,9 @@ def offered(*words):
 
 @pytest.mark.parametrize("words, expected", [
     (("cssr_system", ""),
-     "behaviorController exportNodeModel missionStatus replayMission validateMission"),
-    (("unit_tests", "r"), "rehearseMission robotLocalization robotNavigation runTest"),
+     "behaviorController exportNodeModel missionStatus rehearseMission replayMission "
+     "validateMission"),
+    (("unit_tests", "r"), "robotLocalization robotNavigation runTest"),
     (("cssr_system", "validateMission", "--w"), "--watch"),
     (("cssr_system", "behaviorController", "_asr"), "_asrEnabled:="),
     (("unit_tests", "runTest", "use_real_f"), "use_real_faceDetection:="),

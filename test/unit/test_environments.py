@@ -13,7 +13,7 @@ from mission_rig import recorded, visitor_who  # noqa: E402
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 COMMANDS = os.path.join(ROOT, "src", "behavior_controller")
 NODES = os.path.join(ROOT, "unit_tests", "nodes")
-BUSY = os.path.join(ROOT, "unit_tests", "test", "unit", "planted", "busy_loop.xml")
+BUSY = os.path.join(ROOT, "test", "unit", "planted", "busy_loop.xml")
 CALLS = {  # with their exit codes, where there is no master and no mission runs
     ("validateMission", "lab_tour"): 0, ("exportNodeModel", ): 0,
     ("missionStatus", "--port", "9"): 1, ("replayMission", "RECORD", "--story"): 0,

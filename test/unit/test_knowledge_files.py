@@ -509,7 +509,7 @@ def test_the_delivered_files_can_be_used_without_a_warning():
 
 
 def test_the_delivered_tour_shows_the_exhibits_of_the_simulated_lab():
-    with open(os.path.join(ROOT, "unit_tests", "data", "exhibits.json"), encoding="utf-8") as file:
+    with open(folders.data("exhibits.json"), encoding="utf-8") as file:
         lab = json.load(file)
     start, *shown, end = knowledge_files.load().tour
     assert shown == [

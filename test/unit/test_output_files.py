@@ -12,7 +12,7 @@ from behavior_controller.monitoring.record import replay
 from behavior_controller.output_files import OutputKind
 from mission_rig import recorded, visitor_who
 from unit_tests import folders
-from unit_tests.rehearsal import cli as rehearsal
+from behavior_controller.simulation import cli as rehearsal
 from unit_tests.robot import options
 
 KIND = OutputKind("a list of ours", "# ours\n")

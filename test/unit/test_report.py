@@ -26,9 +26,9 @@ from behavior_controller.monitoring.record.replay import main, read_record
 from behavior_controller.monitoring.record.html_report import DEEPEST, Drawn, to_html
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.moment import card, robot_line
-from unit_tests.rehearsal.findings import BY_NAME
-from unit_tests.rehearsal.html_report import to_html as rehearsal_html
-from unit_tests.rehearsal.summary import FindingSummary, Share, VisitorRow
+from behavior_controller.simulation.rehearsal.findings import BY_NAME
+from behavior_controller.simulation.rehearsal.html_report import to_html as rehearsal_html
+from behavior_controller.simulation.rehearsal.summary import FindingSummary, Share, VisitorRow
 from browser import (
     IS_WHOLE, MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen)
 from mission_rig import decode

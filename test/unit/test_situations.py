@@ -33,7 +33,7 @@ from browser import IS_WHOLE, SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
 from test_story import refusing, walks_off
-from unit_tests.rehearsal.play import CALM, Stage
+from behavior_controller.simulation.rehearsal.play import CALM, Stage
 
 def use_time_of(rig, monkeypatch):
     """Have the board take the times of events from the clock of a rig."""

@@ -5,8 +5,7 @@ order.
 """
 
 from behavior_controller.config import phrases
-
-from unit_tests.robot.world import building_file, load_building
+from behavior_controller.simulation.world import building_file, load_building
 
 KNOWLEDGE = load_building(building_file())
 SPEECHES = phrases.load("English").speeches

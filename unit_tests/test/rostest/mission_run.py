@@ -4,9 +4,10 @@ import unittest
 from typing import Dict
 
 from behavior_controller.config import settings
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.world import world
 
 from unit_tests.robot import options
-from unit_tests.robot.world import world
 from unit_tests.run import test_node
 from unit_tests.judge.verdict import judge
 
@@ -39,8 +40,8 @@ class MissionRun(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        test = options.defaults(visitorBehaviour=cls.behaviour, missionRuns=cls.runs,
-                                callTimes=options.NONE, testTimeout=cls.limit)
+        test = configuration.defaults(visitorBehaviour=cls.behaviour, missionRuns=cls.runs,
+                                      callTimes=configuration.NONE, testTimeout=cls.limit)
         around = world(cls.behaviour, settings.defaults(**cls.chosen))
         facts = test_node.wait_for_end(options.of_process().folder, test, around)
         cls.model, cls.journal, cls.exit_code = facts[:3]

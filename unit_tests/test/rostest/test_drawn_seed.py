@@ -10,8 +10,9 @@ import rostest
 from cssr_system.srv import knowledgeBaseService, textService
 
 from behavior_controller.config.settings import split_arguments
+from behavior_controller.simulation.faults import Faults
+
 from unit_tests.robot.options import DRAWN
-from unit_tests.robot.faults import Faults
 
 CALLS = 30
 LIMIT = 20.0  # seconds for a node to start

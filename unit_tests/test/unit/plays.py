@@ -5,10 +5,10 @@ import functools
 from behavior_controller.config import settings
 from behavior_controller.execution.events import Line
 from behavior_controller.execution.run import Run
+from behavior_controller.simulation.faults import parse_planned_fault
+from behavior_controller.simulation.rehearsal.play import CALM, Stage
 
 from unit_tests.judge.facts import Facts
-from unit_tests.robot.faults import parse_planned_fault
-from unit_tests.rehearsal.play import CALM, Stage
 
 NODES = ("animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention",
          "robotNavigation", "tabletEvent", "textToSpeech")

@@ -6,10 +6,13 @@ import pytest
 from behavior_controller import folders
 from behavior_controller.config import config_file, settings
 from behavior_controller.errors import ConfigurationError
+from behavior_controller.simulation import configuration
 
 from unit_tests.robot import options
 from unit_tests.robot.options import Arguments
 from unit_tests.run.controller import command_line
+
+parse = functools.partial(configuration.parse, names=options.NAMES)
 
 
 def faults(call, given):
@@ -27,7 +30,7 @@ def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeyp
     usage = options.usage("a remark").splitlines()
     # the test's own meaning counts where both have the key
     for key in {each.name: each
-                for each in settings.KEYS + options.KEYS + options.OWN}.values():
+                for each in settings.KEYS + configuration.KEYS + options.OWN}.values():
         place, = [number for number, line in enumerate(usage) if line.split()[:1] == [key.name]]
         told = usage[place + 1].strip()
         assert told.startswith("{} ({}; ".format(key.plain_meaning, key.read.allowed))
@@ -53,8 +56,8 @@ def test_the_help_fits_the_terminal(monkeypatch):
 
 def test_what_is_not_for_users_is_refused():
     for name in options.INTERNAL:
-        assert "unknown" in faults(options.parse, [name + ":=x"])[0]
-        assert options.parse([name + ":=x"], [name]) == {name: "x"}
+        assert "unknown" in faults(parse, [name + ":=x"])[0]
+        assert configuration.parse([name + ":=x"], [name]) == {name: "x"}
 
 
 LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", "silent", "crash",
@@ -64,20 +67,20 @@ LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", 
 
 
 @pytest.mark.parametrize("key", {
-    each.name: each for each in settings.KEYS + options.KEYS + options.OWN
+    each.name: each for each in settings.KEYS + configuration.KEYS + options.OWN
 }.values(), ids=lambda key: key.name)
 def test_every_key_can_be_given_and_arrives(key):
     text, value = next(found for found in map(functools.partial(read_by, key), LEGAL)
                        if found is not None)
     robot = {"robotInterface": "release-1.0"} if key.name in ("recogniseBy", "absentServices",
                                                               "tabletSuccessIs") else {}
-    given = dict(robot, **options.parse(["{}:={}".format(key.name, text)]))
+    given = dict(robot, **parse(["{}:={}".format(key.name, text)]))
     check(given)
     if key.name in options.TEST:
         assert config_file.values_of(options.load_test(given))[key.name] == value
-    elif key.name in options.CONTROLLER:
-        assert options.load_controller(given).values[key.name] == value
-    if key.name in options.CONTROLLER:  # as the controller's own process reads it
+    elif key.name in configuration.CONTROLLER:
+        assert configuration.load_controller(given).values[key.name] == value
+    if key.name in configuration.CONTROLLER:  # as the controller's own process reads it
         words = command_line(["behaviorController"] +
                              ["_{}:={}".format(*pair) for pair in given.items()],
                              options.load_test(given), "/folder")
@@ -96,14 +99,14 @@ def read_by(key, text):
 
 
 def test_short_names_are_those_of_keys():
-    assert options.parse(["mission:=museum", "scenario:=silent", "seed:=3", "verbose:=true"]) == {
+    assert parse(["mission:=museum", "scenario:=silent", "seed:=3", "verbose:=true"]) == {
         "scenarioSpecification": "museum", "visitorBehaviour": "silent", "randomSeed": "3",
         "verboseMode": "true"
     }
 
 
 def test_every_word_that_is_not_understood_is_named():
-    assert faults(options.parse, [
+    assert faults(parse, [
         "failurRate:=0.9", "mision:=museum", "_failureRate:=1", "failureRate=1", "randomSeed:=",
         "colour:=red", "seed:=1"
     ]) == [

@@ -5,15 +5,16 @@ import pytest
 
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.config.config_file import REQUIRED, values_of
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.faults import PlannedFault
 
 from unit_tests import folders
 from unit_tests.robot import options
-from unit_tests.robot.faults import PlannedFault
 
 
 def test_the_file_that_comes_with_the_package_shows_the_defaults():
     found = options.load_test({})
-    defaults = {key.name: key.default for key in options.KEYS}
+    defaults = {key.name: key.default for key in configuration.KEYS}
     assert found.failure_rate == 0.1  # document, table 5
     assert found.arrival_rate == 60
     assert (found.visitor_behaviour, found.mission_runs, found.random_seed) == ("engages", 1, None)
@@ -75,7 +76,7 @@ def test_what_is_not_allowed_is_said_with_what_is(given, message):
 
 
 def test_without_the_file_a_message_comes_at_once_and_nothing_is_printed():
-    made = options.defaults(missionRuns=2)
+    made = configuration.defaults(missionRuns=2)
     assert (made.mission_runs, made.arrival_rate, made.verbose_mode) == (2, math.inf, False)
 
 
@@ -98,4 +99,4 @@ def test_all_faults_come_at_once():
     ({"missionRuns": 4, "testTimeout": 1200.0}, True), ({"callTimes": "none"}, False),
     ({"callTimes": "real", "missionRuns": 100}, True)])
 def test_calls_take_time_where_the_test_has_it(given, expected):
-    assert options.defaults(**given).takes_time is expected
+    assert configuration.defaults(**given).takes_time is expected

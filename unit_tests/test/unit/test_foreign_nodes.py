@@ -17,10 +17,10 @@ from behavior_controller.execution.events import (
 from behavior_controller.leaves.base import InstantAction, WorkingLeaf, leaf_spec
 from behavior_controller.robot.declarations import Publication
 from behavior_controller.robot.requests import Say
+from behavior_controller.simulation.behaviour import SERVICES
+from behavior_controller.simulation.rehearsal.play import Stage
 
 from unit_tests.judge.verdict import judge
-from unit_tests.rehearsal.play import Stage
-from unit_tests.robot.behaviour import SERVICES
 
 from plays import changed, facts
 

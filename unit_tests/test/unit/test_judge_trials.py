@@ -9,7 +9,7 @@ import pytest
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
 sys.path.append(os.path.join(ROOT, "test", "soak"))
 import judge_trials  # noqa: E402
-from unit_tests.rehearsal.play import CALM  # noqa: E402
+from behavior_controller.simulation.rehearsal.play import CALM  # noqa: E402
 
 MORE = pytest.mark.long
 VOICE = "lab tour by voice"

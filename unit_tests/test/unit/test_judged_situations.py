@@ -19,13 +19,13 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
     SetRecognition, SetRecognitionLanguage)
 from behavior_controller.text import Source
+from behavior_controller.simulation import virtual_robot
+from behavior_controller.simulation.rehearsal.play import Stage
+from behavior_controller.simulation.virtual_robot import VirtualTopics
 
 from unit_tests.judge import reference
 from unit_tests.judge.failures import failure_rows
 from unit_tests.judge.verdict import Case, judge
-from unit_tests.rehearsal.play import Stage
-from unit_tests.robot import virtual_robot
-from unit_tests.robot.virtual_robot import VirtualTopics
 
 from plays import changed, facts, of_test_with
 

@@ -12,13 +12,14 @@ from behavior_controller import folders
 from behavior_controller.config import settings
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.config.settings import split_arguments
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.behaviour import NODES
 
 from unit_tests import folders as test_folders
 from unit_tests.robot import options
-from unit_tests.robot.behaviour import NODES
 
 CONTROLLER = {key.name for key in settings.KEYS}
-TEST = {key.name for key in options.KEYS}
+TEST = {key.name for key in configuration.KEYS}
 LAUNCH = os.path.join(test_folders.share(), "launch")
 WHOLE_TEST = os.path.join(LAUNCH, "behaviorControllerTest.launch")
 ROBOT = os.path.join(LAUNCH, "simulatedRobot.launch")
@@ -90,9 +91,10 @@ def test_zero_and_false_are_values():
 
 def test_short_names_stand_for_their_keys():
     report = given_to(WHOLE_TEST, *("{}:=x".format(short)
-                                    for short in options.SHORT))["behaviorControllerTest"]
+                                    for short in configuration.SHORT))["behaviorControllerTest"]
     assert {key: report[key]
-            for key in options.SHORT.values()} == dict.fromkeys(options.SHORT.values(), "x")
+            for key in configuration.SHORT.values()
+            } == dict.fromkeys(configuration.SHORT.values(), "x")
 
 
 def test_a_real_node_is_not_started_and_the_report_knows():

@@ -15,7 +15,7 @@ from unit_tests.run import run_test  # noqa: E402
 from unit_tests.run.test_node import NOT_RUN  # noqa: E402
 
 NODES = os.path.join(folders.share(), "nodes")
-PROGRAMS = ["faceDetection", "rehearseMission", "report", "runTest", "startController"]
+PROGRAMS = ["faceDetection", "report", "runTest", "startController"]
 
 
 def test_help_is_no_test(monkeypatch, capsys):

@@ -17,10 +17,11 @@ from behavior_controller.execution.events import HealthChanged, Noticed
 from behavior_controller.monitoring.record import files
 from behavior_controller.monitoring.record.recorder import Record
 from behavior_controller.robot.interfaces import INTERFACES
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.behaviour import NODES, nodes
+from behavior_controller.simulation.world import load_building
 
 from unit_tests.robot import options
-from unit_tests.robot.behaviour import NODES, nodes
-from unit_tests.robot.world import load_building
 from unit_tests.run import controller
 from unit_tests.run.test_node import RecordTail
 
@@ -55,7 +56,7 @@ def test_where_ros_writes(monkeypatch):
 
 
 def test_the_seed_is_the_users_then_the_launch_files_then_drawn(given):
-    assert 0 <= read().test.random_seed < options.SEEDS
+    assert 0 <= read().test.random_seed < configuration.SEEDS
     given("drawn:=5")
     assert read().test.random_seed == 5
     given("drawn:=5", "randomSeed:=0")

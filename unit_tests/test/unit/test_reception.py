@@ -10,10 +10,10 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.config import phrases
 from behavior_controller.monitoring.story import Story
 from behavior_controller.robot.requests import Exhibit, GoTo, Location, PerformGesture, Point, Say
+from behavior_controller.simulation.rehearsal.play import CALM, Stage
+from behavior_controller.simulation.visitor import BEHAVIOURS, Visitor
 
 from unit_tests.judge.verdict import judge
-from unit_tests.rehearsal.play import CALM, Stage
-from unit_tests.robot.visitor import BEHAVIOURS, Visitor
 
 from plays import facts, stage
 

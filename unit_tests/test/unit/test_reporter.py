@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("rosgraph", reason="needs ROS, which this interpreter does not have")
 
 from unit_tests import folders  # noqa: E402
-from unit_tests.robot import options  # noqa: E402
+from behavior_controller.simulation import configuration  # noqa: E402
 from unit_tests.run import controller, test_node  # noqa: E402
 
 
@@ -99,6 +99,6 @@ def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(
 
     monkeypatch.setattr(test_node, "show_progress", stand_still)
     monkeypatch.setattr(test_node, "PROGRESS_INTERVAL", 0.0)
-    outcome = test_node.wait_for_end(str(tmp_path), options.defaults(testTimeout=60.0), None)
+    outcome = test_node.wait_for_end(str(tmp_path), configuration.defaults(testTimeout=60.0), None)
     assert outcome.exit_code == 0 and not outcome.cut_off
     assert outcome.stall > 0.3

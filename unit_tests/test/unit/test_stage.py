@@ -13,15 +13,15 @@ from behavior_controller.execution.events import (HealthChanged, LeafFinished, N
                                                   PassFinished, PassStarted, Paused, Recovered,
                                                   RunFinished, RunStarted, Tick, TreeShown)
 from behavior_controller.robot.requests import Say
+from behavior_controller.simulation import virtual_robot
+from behavior_controller.simulation.arrivals import Arrivals
+from behavior_controller.simulation.behaviour import LETTERS_A_SECOND
+from behavior_controller.simulation.configuration import REAL
+from behavior_controller.simulation.faults import Faults, KINDS, PlannedFault
+from behavior_controller.simulation.rehearsal.play import CALM, START, Stage
 
-from unit_tests.robot import virtual_robot
-from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import LETTERS_A_SECOND
 from unit_tests.judge.facts import Facts
-from unit_tests.robot.faults import Faults, KINDS, PlannedFault
-from unit_tests.rehearsal.play import CALM, START, Stage
 from unit_tests.judge.verdict import judge
-from unit_tests.robot.options import REAL
 
 LAB_TOUR = Stage(settings.defaults())
 M = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'

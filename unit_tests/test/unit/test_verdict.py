@@ -16,10 +16,10 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, Say, SetAnimation, SetAttention)
 from behavior_controller.text import Source
+from behavior_controller.simulation.rehearsal.play import CALM, TIMED_OUT
 
 from unit_tests.judge.junit import to_xml
 from unit_tests.judge.verdict import QUESTIONS, judge
-from unit_tests.rehearsal.play import CALM, TIMED_OUT
 
 from plays import calls, changed, facts, of_test_with, stage
 

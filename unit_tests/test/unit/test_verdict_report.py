@@ -12,6 +12,7 @@ from behavior_controller.execution.events import (
     Asked, LeafFinished, RunStarted, TreeShown)
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.requests import Say
+from behavior_controller.simulation.rehearsal.play import Stage
 
 from unit_tests import folders
 from unit_tests.judge import report
@@ -20,7 +21,6 @@ from unit_tests.judge.junit import to_xml
 from unit_tests.judge.report import (
     Report, decision_lines, failure_lines, summary_lines, title)
 from unit_tests.judge.verdict import Case
-from unit_tests.rehearsal.play import Stage
 from unit_tests.robot import options
 
 from plays import changed, facts, of_test_with

@@ -5,10 +5,10 @@ import math
 import pytest
 
 from behavior_controller.missions import load as missions
+from behavior_controller.simulation.rehearsal import arrival_waits
+from behavior_controller.simulation.rehearsal.arrival_waits import Wait
 
-from unit_tests.rehearsal import arrival_waits
 from unit_tests.robot import options
-from unit_tests.rehearsal.arrival_waits import Wait
 
 GAZE = Wait("IsMutualGazeDiscovered", 2, 15.0)
 SPEECH = Wait("IsYesNoUttered", 1, 10.0)

@@ -11,11 +11,11 @@ from behavior_controller.execution.events import HealthChanged, Line, Noticed
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.gateway import Cause, Failure, Sample
 from behavior_controller.robot.requests import Answer, Say, SetAnimation, SetAttention
+from behavior_controller.simulation.journal import JournalEntry
 
 from unit_tests.judge.comparison import Query
 from unit_tests.judge.signs import JournalMessages, Signs, SignSearch, objections
 from unit_tests.judge.witness import Witness
-from unit_tests.robot.journal import JournalEntry
 
 from plays import facts, stage
 

@@ -32,6 +32,7 @@ from behavior_controller.execution.health import GONE
 from behavior_controller.monitoring.record.replay import RecordedTopics
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
+from behavior_controller.simulation.configuration import ACTION
 
 from unit_tests.judge import reference
 from unit_tests.judge.comparison import (
@@ -40,7 +41,6 @@ from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE_STATE, TaskContext, Duty, safe_state
 from unit_tests.judge.signs import Signs
-from unit_tests.robot.options import ACTION
 
 SAFE_LIMIT = 1.0
 """Seconds that the safe state may take at the end."""

@@ -5,12 +5,11 @@ from typing import FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Tu
 from behavior_controller.execution import events
 from behavior_controller.execution.run import Run
 from behavior_controller.missions.load import Mission
-
-from unit_tests.robot.faults import CRASH
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.options import Configuration
-from unit_tests.robot.world import World
-from unit_tests.rehearsal.play import Rehearsal
+from behavior_controller.simulation.configuration import Configuration
+from behavior_controller.simulation.faults import CRASH
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.rehearsal.play import Rehearsal
+from behavior_controller.simulation.world import World
 
 Kind = TypeVar("Kind")
 

@@ -6,11 +6,11 @@ from typing import List, NamedTuple, Sequence, Tuple
 from behavior_controller.execution.run import Run
 from behavior_controller.execution.state import LeafFailure, RecoveryRound
 from behavior_controller.text import clean
+from behavior_controller.simulation.faults import WRONG
 
 from unit_tests.judge.facts import Facts
 from unit_tests.judge.reference import DONE, HANDLERS
 from unit_tests.judge.witness import Pair, Witness
-from unit_tests.robot.faults import WRONG
 
 AGAIN = "tried again"
 """What the recovery did about a failure whose next attempt failed too."""

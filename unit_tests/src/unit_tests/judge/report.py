@@ -16,6 +16,8 @@ from behavior_controller.monitoring.record.html_report import to_html
 from behavior_controller.monitoring.story import sentences, why
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean, count
+from behavior_controller.simulation.behaviour import servers
+from behavior_controller.simulation.configuration import Configuration, KEYS
 
 from unit_tests.folders import COMMAND
 from unit_tests.judge.facts import Facts, of
@@ -23,8 +25,6 @@ from unit_tests.judge.failures import IN_SAFE_STATE, FailureRow, failure_rows, t
 from unit_tests.judge.reference import HANDLERS
 from unit_tests.judge.verdict import Case, judge, reached
 from unit_tests.judge.witness import CAUSE_OF
-from unit_tests.robot.behaviour import servers
-from unit_tests.robot.options import Configuration, KEYS
 
 ALWAYS_SHOWN = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
 """Keys of the test that the title always shows."""

@@ -11,11 +11,11 @@ from behavior_controller.bt.status import RUNNING
 from behavior_controller.execution.events import Message
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.gateway import Sample
+from behavior_controller.simulation import journal
+from behavior_controller.simulation.behaviour import TOPICS, read
 
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
 from unit_tests.judge.reference import Duty, is_asked_again
-from unit_tests.robot import journal
-from unit_tests.robot.behaviour import TOPICS, read
 
 
 @dataclass(eq=False)

@@ -14,11 +14,12 @@ from behavior_controller.execution.events import (
     LeafFinished, Lost, PassFinished, Recovered, RunStarted)
 from behavior_controller.monitoring.story import degree, may_be_under_way, why
 from behavior_controller.text import clean, count
+from behavior_controller.simulation.visitor import (
+    DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR)
 
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.witness import Witness
-from unit_tests.robot.visitor import DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR
 
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
         LEAVES: "leaves", NO_GAZE: "never looks back"}

@@ -14,16 +14,16 @@ from behavior_controller.execution.health import GONE
 from behavior_controller.robot.declarations import Action, Publication, Service, Topic
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, Prompt
+from behavior_controller.simulation import journal
+from behavior_controller.simulation.behaviour import SERVICES
+from behavior_controller.simulation.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
+from behavior_controller.simulation.visitor import Visitor
 
 from unit_tests.judge.comparison import Query
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
 from unit_tests.judge.reference import SAFE_STATE, SENT
 from unit_tests.judge.signs import objections
-from unit_tests.robot import journal
-from unit_tests.robot.behaviour import SERVICES
-from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
-from unit_tests.robot.visitor import Visitor
 
 CAUSE_OF = {REFUSED: Cause.REFUSED, EXCEPTION: Cause.HANDLER_EXCEPTION, UNANSWERED: Cause.NO_ANSWER,
             CRASH: Cause.CONNECTION_LOST, WRONG: Cause.UNUSABLE_ANSWER}

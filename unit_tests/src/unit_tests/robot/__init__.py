@@ -1,2 +1,1 @@
-"""The simulated robot: its behaviour, the visitor, faults and arrivals; as ROS nodes and in virtual
-time."""
+"""The simulated robot on the wire: its nine ROS nodes, their options, and the names they claim."""

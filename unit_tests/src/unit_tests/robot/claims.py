@@ -21,10 +21,10 @@ from behavior_controller.ros.timeouts import Late, run_apart, run_together
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
 from behavior_controller.ros.tcpros import NO_ANSWER, Trouble, ask, ask_master
+from behavior_controller.simulation import behaviour
+from behavior_controller.simulation.simulated_node import offers_of
 
 from unit_tests.folders import note, noted
-from unit_tests.robot import behaviour
-from unit_tests.robot.simulated_node import offers_of
 from unit_tests.robot.options import Arguments, Options, USE_REAL
 
 CONTROLLER, REPORT = "behaviorController", "behaviorControllerTest"

@@ -5,126 +5,42 @@ All of them are arguments, which end with the process: parameters on a master wo
 and change the next one.
 """
 import dataclasses
-import math
 import os
 import random
-import re
 import shutil
 import sys
 import textwrap
 from dataclasses import dataclass
 from functools import partial
-from typing import (Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple,
-                    Optional, Sequence, Tuple, TypeVar)
+from typing import Collection, Dict, List, Mapping, NamedTuple, Sequence
 
 from behavior_controller import folders as controller_folders, ros_arguments
 from behavior_controller.config import config_file, settings
 from behavior_controller.config.config_file import (
-    Key, REQUIRED, Reader, boolean, collected, filled, integer, key, keys_of, number, one_of,
-    read_source)
-from behavior_controller.config.settings import Settings, split_arguments, unread
+    Key, REQUIRED, Reader, boolean, collected, filled, read_source)
+from behavior_controller.config.settings import split_arguments, unread
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
 from behavior_controller.robot.declarations import Interface
 from behavior_controller.ros_arguments import ASSIGNMENT
-from behavior_controller.text import Source, did_you_mean
+from behavior_controller.simulation.behaviour import NODES
+from behavior_controller.simulation.configuration import (
+    ACTION, CONTROLLER, Configuration, KEYS, SEEDS, SHORT, load_controller, parse)
+from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES, RANDOM
+from behavior_controller.simulation.world import World, world
+from behavior_controller.text import Source
 
 from unit_tests import folders
-from unit_tests.robot.behaviour import NODES, OPTIONAL, SERVERS
-from unit_tests.robot.faults import KINDS, PlannedFault, REFUSED, parse_planned_fault
-from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES, RANDOM
-from unit_tests.robot.world import World, world
 
 LAUNCH_FILE = "behaviorControllerTest.launch"
 ROBOT_LAUNCH = "simulatedRobot.launch"
 
 FILE_NAME = "behaviorControllerTestConfiguration.ini"
 
-TOPIC, ACTION = "topic", "action"
-
-AUTO, REAL, NONE = "auto", "real", "none"
-
-VISIT = 300.0
-"""Seconds that are enough for a tour whose calls take as long as on a robot."""
-
-SEEDS = 10 ** 9
-"""How many seeds there are."""
-
 STARTUP_TIMEOUT = 30.0
 """Default of the seconds that the controller waits for the simulated nodes, which start at the same
 time."""
 
-Value = TypeVar("Value")
-
 # ------------------------------------------------------------------------------------- declarations
-
-
-def _several(allowed: str, read_one: Callable[[str], Value]) -> Reader[Tuple[Value, ...]]:
-    """Return a reader of values with commas or spaces between them."""
-    return Reader(allowed, lambda text: tuple(map(read_one, re.findall(r"[^,\s]+", text))))
-
-
-def _some_of(names: Sequence[str]) -> Reader[Tuple[str, ...]]:
-    return _several(f"some of {', '.join(names)}, with commas between them", one_of(*names))
-
-
-_BEHAVIOURS = one_of(*BEHAVIOURS, RANDOM, *ALIASES)
-_SEED = integer(0, SEEDS - 1)
-
-
-def _quoted(names: Iterable[str]) -> str:
-    return ", ".join(map("`{}`".format, names))
-
-
-@dataclass(frozen=True)
-class Configuration:
-    """The checked configuration of the simulated robot. A field is the key of that name in
-    camelCase."""
-
-    failure_rate: float = key(number(0, 1), 0.1, "share of the service calls that go wrong, 0 to 1")
-    arrival_rate: float = key(
-        number(1, infinite=True, of="messages per minute"), REQUIRED,
-        "messages per minute on each topic, on average; 1 or more, `inf` allowed")
-    verbose_mode: bool = key(boolean, REQUIRED,
-                             "`true`: a line for every request and every new message")
-    visitor_behaviour: str = key(
-        Reader(_BEHAVIOURS.allowed, lambda text: ALIASES.get(text) or _BEHAVIOURS(text)), ENGAGES,
-        f"what the visitor does: {_quoted(BEHAVIOURS)}, or `{RANDOM}`: one of them at random")
-    mission_runs: int = key(integer(1, 10 ** 6), 1, "visitors until the test ends")
-    random_seed: Optional[int] = key(
-        Reader(_SEED.allowed + ", or nothing", lambda text: _SEED(text) if text else None), None,
-        "the same seed, the same faults and gaps between messages; empty: random, and printed")
-    fault_kinds: Tuple[str, ...] = key(
-        dataclasses.replace(_some_of(KINDS), is_allowed=re.compile(r"[^,\s]").search), (REFUSED,),
-        f"in which ways calls go wrong: {_quoted(KINDS)}, with commas between them")
-    planned_faults: Tuple[PlannedFault, ...] = key(
-        _several(
-            "node:call or node:call:kind, with commas between them, where node is one of {}, "
-            "call counts from 1 and kind is one of {}".format(", ".join(SERVERS), ", ".join(KINDS)),
-            lambda word: parse_planned_fault(word, SERVERS)), (),
-        "calls that go wrong in any case, such as `robotNavigation:3, textToSpeech:1:crash`")
-    recognise_by: str = key(
-        one_of(TOPIC, ACTION), TOPIC,
-        "how a robot of release 1.0 reports what it hears: `topic` is "
-        "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`")
-    absent_services: Tuple[str, ...] = key(
-        _some_of(OPTIONAL), (),
-        f"what a robot of release 1.0 does not offer: {_quoted(OPTIONAL)}, with commas between "
-        "them")
-    call_times: str = key(
-        one_of(AUTO, REAL, NONE), AUTO,
-        "how long simulated calls take: `real` as on a robot, `none` no time at all, `auto` as "
-        "on a robot if testTimeout has {:g} s for each visitor".format(VISIT))
-    test_timeout: float = key(number(1, 10 ** 6, of="seconds"), 900.0,
-                              "seconds after which a mission that has not ended has failed")
-
-    @property
-    def takes_time(self) -> bool:
-        """Whether simulated calls take as long as those of a robot."""
-        has_time = self.test_timeout >= VISIT * self.mission_runs
-        return self.call_times == REAL or self.call_times == AUTO and has_time
-
-
-KEYS = tuple(keys_of(Configuration).values())
 
 USE_REAL = {node: "use_real_" + node for node in NODES}
 """Node -> the key that leaves the simulated one out."""
@@ -141,7 +57,6 @@ INTERNAL = (FOLDER, DRAWN, REPORT)
 is a verdict."""
 
 TEST = {declared.name for declared in KEYS}
-CONTROLLER = {declared.name for declared in settings.KEYS}
 OF_THE_TEST = {declared.name for declared in OWN}
 
 ROBOT = tuple(declared.name for declared in KEYS
@@ -150,19 +65,8 @@ ROBOT = tuple(declared.name for declared in KEYS
                   "mutualGazeValue")
 """The keys of both configurations that the simulated nodes read."""
 
-SHORT = {"mission": "scenarioSpecification", "scenario": "visitorBehaviour", "seed": "randomSeed",
-         "verbose": "verboseMode"}
-"""Short name -> key."""
-
-
 NAMES = list(dict.fromkeys(declared.name for declared in KEYS + settings.KEYS + OWN)) + list(SHORT)
 """The names of all arguments that a user may give."""
-
-
-def defaults(**given: object) -> Configuration:
-    """Return a configuration of the required keys alone, changed by ``given`` (camelCase)."""
-    values = {declared.name: declared.default for declared in KEYS}
-    return filled(Configuration, {**values, "arrivalRate": math.inf, "verboseMode": False, **given})
 
 
 # ------------------------------------------------------------------------- what a process was given
@@ -210,31 +114,6 @@ def check_words(arguments: Arguments) -> None:
                for word in words if ASSIGNMENT not in word]
     if faults:
         raise ConfigurationError(faults)
-
-
-def parse(words: Sequence[str], names: Collection[str] = NAMES) -> Dict[str, str]:
-    """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with
-    every one that is not of the allowed ``names``."""
-    values: Dict[str, str] = {}
-    faults: List[Fault] = []
-    for word in words:
-        name, is_assignment, value = word.partition(ASSIGNMENT)
-        key_name = SHORT.get(name, name)
-        text, hint = "", "rosrun unit_tests runTest --help lists all"
-        if not is_assignment:
-            text = "this is not of the form name:=value"
-        elif name not in names:
-            text, hint = "unknown", did_you_mean(name.lstrip("_"), names) or hint
-        elif key_name in values:
-            text, hint = "{} is given twice".format(key_name), "leave out all but one"
-        elif not value:
-            text, hint = "it has no value", "leave it out, and the configuration decides"
-        values[key_name] = value
-        if text:
-            faults.append(Fault("argument " + word, 0, 0, text, hint))
-    if faults:
-        raise ConfigurationError(faults)
-    return values
 
 
 def given_to_roslaunch(command: Sequence[str], launch_file: str = LAUNCH_FILE) -> List[str]:
@@ -306,13 +185,6 @@ def load_test(values: Mapping[str, str]) -> Configuration:
     source = read_source(path, "the configuration")
     given = _chosen(values, set(values) - others)
     return filled(Configuration, collected(source, KEYS, {}, given).result())
-
-
-def load_controller(values: Mapping[str, str]) -> Settings:
-    """Return the controller's configuration: it decides by which means the robot asks and what a
-    gaze status means."""
-    path = controller_folders.config(settings.FILE_NAME)
-    return settings.load(path, {}, _chosen(values, CONTROLLER - TEST))
 
 
 def _chosen(values: Mapping[str, str], names: Collection[str]) -> Dict[str, str]:

@@ -9,9 +9,8 @@ from geometry_msgs.msg import Point
 from behavior_controller.robot.declarations import Action, Service, Topic
 from behavior_controller.robot.requests import Answer, Exhibit
 from behavior_controller.ros.types import TYPES
-
-from unit_tests.robot import behaviour
-from unit_tests.robot.behaviour import Fields
+from behavior_controller.simulation import behaviour
+from behavior_controller.simulation.behaviour import Fields
 
 FACE_CENTRE = Point(320.0, 240.0, 1.5)
 """The position of the visitor's face: pixels, and metres from the camera."""

@@ -17,15 +17,16 @@ from behavior_controller.robot.declarations import Service, Topic
 from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.types import TYPES
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
+from behavior_controller.simulation import behaviour
+from behavior_controller.simulation.arrivals import Arrivals
+from behavior_controller.simulation.behaviour import Fields
+from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED
+from behavior_controller.simulation.journal import Journal, JournalEntry
+from behavior_controller.simulation.simulated_node import SimulatedNode
 
-from unit_tests.robot import behaviour, claims, options
-from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import Fields
-from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
-from unit_tests.robot.journal import Journal, JournalEntry
+from unit_tests.robot import claims, options
 from unit_tests.robot.ros_messages import (
     fields_of, message, response, response_fields, serve_action, succeed)
-from unit_tests.robot.simulated_node import SimulatedNode
 from unit_tests.robot.options import Arguments, Options
 
 CRASHED = 9

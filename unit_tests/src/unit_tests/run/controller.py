@@ -13,10 +13,11 @@ from behavior_controller.errors import ConfigurationError
 from behavior_controller.config.settings import split_arguments
 from behavior_controller.monitoring.record import files
 from behavior_controller.ros_arguments import explain_node
+from behavior_controller.simulation.configuration import CONTROLLER, Configuration
 
 from unit_tests.folders import note, noted
 from unit_tests.robot import claims, options
-from unit_tests.robot.options import CONTROLLER, Configuration, Options, STARTUP_TIMEOUT
+from unit_tests.robot.options import Options, STARTUP_TIMEOUT
 
 EXIT_CODE, ERRORS = "exitCode", "errors"
 """Files in the folder of the run."""

@@ -11,8 +11,9 @@ from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.missions import load as missions
 from behavior_controller.ros_arguments import version
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.rehearsal import arrival_waits
 
-from unit_tests.rehearsal import arrival_waits
 from unit_tests.robot import claims, options
 from unit_tests.robot.options import Arguments
 from unit_tests.run.test_node import NOTHING_TESTED, NOT_RUN, read_verdict
@@ -29,7 +30,7 @@ def main(words: Optional[Sequence[str]] = None) -> int:
             waits = arrival_waits.of_mission(options.read(Arguments([], {})).world)
             print(options.usage(arrival_waits.sufficient(waits) if waits else ""))
             return 0
-        values = options.parse(given)
+        values = configuration.parse(given, options.NAMES)
         if "outputFile" in values:  # the nodes run in another folder
             values["outputFile"] = os.path.abspath(values["outputFile"])
         own = options.read(Arguments([], values))

@@ -20,19 +20,20 @@ from behavior_controller.monitoring.record.codec import Decoder
 from behavior_controller.monitoring.record import files
 from behavior_controller.output_files import OutputKind
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
+from behavior_controller.simulation.behaviour import NODES
+from behavior_controller.simulation.configuration import Configuration
+from behavior_controller.simulation.journal import Journal, JournalEntry, Tail
+from behavior_controller.simulation.rehearsal import arrival_waits
+from behavior_controller.simulation.rehearsal.play import Stage, TIMED_OUT, rehearse
+from behavior_controller.simulation.world import World
 
-from unit_tests.rehearsal import arrival_waits
 from unit_tests import folders
 from unit_tests.robot import claims, options
 from unit_tests.run.controller import read_errors, read_exit_code
-from unit_tests.robot.behaviour import NODES
 from unit_tests.judge.facts import Facts
-from unit_tests.robot.journal import Journal, JournalEntry, Tail
 from unit_tests.judge.junit import to_xml
 from unit_tests.judge.report import Report, title
-from unit_tests.robot.options import Configuration, Options, STARTUP_TIMEOUT
-from unit_tests.robot.world import World
-from unit_tests.rehearsal.play import Stage, TIMED_OUT, rehearse
+from unit_tests.robot.options import Options, STARTUP_TIMEOUT
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 """The report. Beside it is the same as a page, with the record's story and timeline."""

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from unit_tests.robot.arrivals import Arrivals
+from behavior_controller.simulation.arrivals import Arrivals
 
 GAPS = 10_000
 RATES = (1, 60, 1000)

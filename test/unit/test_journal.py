@@ -5,12 +5,12 @@ import threading
 from behavior_controller.config import settings
 from behavior_controller.robot.requests import Say
 
-from unit_tests.robot import options
-from unit_tests.robot.faults import PlannedFault
-from unit_tests.robot.journal import Journal, JournalEntry
-from unit_tests.robot.simulated_node import SimulatedNode
-from unit_tests.robot.visitor import ENGAGES
-from unit_tests.robot.world import world
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.faults import PlannedFault
+from behavior_controller.simulation.journal import Journal, JournalEntry
+from behavior_controller.simulation.simulated_node import SimulatedNode
+from behavior_controller.simulation.visitor import ENGAGES
+from behavior_controller.simulation.world import world
 
 
 def line(number, node="textToSpeech"):
@@ -45,8 +45,8 @@ def test_nothing_is_skipped_where_nothing_is(tmp_path):
 
 def test_a_message_gets_a_line_if_it_has_changed_or_a_tenth_of_a_second_has_passed():
     heard, told = {}, []
-    node = SimulatedNode("speechEvent", options.defaults(), world(ENGAGES, settings.defaults()),
-                         lambda: heard["at"], told.append)
+    node = SimulatedNode("speechEvent", configuration.defaults(),
+                         world(ENGAGES, settings.defaults()), lambda: heard["at"], told.append)
     node.world.visitor.is_here = True
     for text, at in (
             ("a", 0.0), ("a", 0.05), ("a", 0.1), ("b", 0.11), ("a", 0.12), ("a", 0.2)):
@@ -60,7 +60,7 @@ def test_a_message_gets_a_line_if_it_has_changed_or_a_tenth_of_a_second_has_pass
 def test_a_node_that_was_started_again_counts_on_from_its_last_call():
     planned = tuple(PlannedFault("textToSpeech", call, kind)
                     for call, kind in ((1, "crash"), (3, "unanswered"), (4, "exception")))
-    test = dataclasses.replace(options.defaults(failureRate=0.0), planned_faults=planned)
+    test = dataclasses.replace(configuration.defaults(failureRate=0.0), planned_faults=planned)
     told, of_mission = [], settings.defaults()
     node = SimulatedNode("textToSpeech", test, world(ENGAGES, of_mission), lambda: 0.0, told.append)
     for earlier in (line(1), line(9, "robotNavigation"), line(2), line(0), line(1)):

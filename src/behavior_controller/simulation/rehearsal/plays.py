@@ -18,12 +18,12 @@ from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Request
 from behavior_controller.text import clean, count
 
-from unit_tests.rehearsal import findings
-from unit_tests.rehearsal.findings import RobotCall, Finding, Play
-from unit_tests.robot.faults import KINDS, PlannedFault
-from unit_tests.rehearsal.play import CALM, Place, Stage
-from unit_tests.robot.options import REAL
-from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES
+from behavior_controller.simulation.rehearsal import findings
+from behavior_controller.simulation.rehearsal.findings import RobotCall, Finding, Play
+from behavior_controller.simulation.faults import KINDS, PlannedFault
+from behavior_controller.simulation.rehearsal.play import CALM, Place, Stage
+from behavior_controller.simulation.configuration import REAL
+from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
 
 MESSAGES = 1.0
 """Seconds between two messages of a topic, or half of ``topicMaxAge`` if less: in a rehearsal no

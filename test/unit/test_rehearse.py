@@ -23,15 +23,17 @@ from behavior_controller.robot.requests import SetAttention
 from behavior_controller.monitoring.story import Sentence
 
 from test_flawed_missions import FLAWED
-from unit_tests.rehearsal import blocked_leaf, cli, findings, html_report, plays
-from unit_tests.rehearsal.findings import RobotCall, Finding
-from unit_tests.rehearsal.plays import Outcome, Scene, Search, Theatre
-from unit_tests.rehearsal.summary import (
+from behavior_controller.simulation import cli
+from behavior_controller.simulation.rehearsal import blocked_leaf, findings, html_report, plays
+from behavior_controller.simulation.rehearsal.findings import RobotCall, Finding
+from behavior_controller.simulation.rehearsal.plays import Outcome, Scene, Search, Theatre
+from behavior_controller.simulation.rehearsal.summary import (
     FindingSummary, VisitorRow, Share, Survey, shortened)
-from unit_tests.robot.faults import KINDS, PlannedFault
-from unit_tests.robot.visitor import BEHAVIOURS
+from behavior_controller.simulation.faults import KINDS, PlannedFault
+from behavior_controller.simulation.visitor import BEHAVIOURS
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(os.path.dirname(HERE))
 ENGAGES, SILENT = ["--visitors", "engages"], ["--visitors", "silent"]
 CALM = ["--faults", "none", "--limit", "900"]
 PLANTED = [
@@ -142,7 +144,7 @@ def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_i
     assert re.search(
         r"SayGoodByeSpeech::\d+ \({}:{}:\d+\): the visitor had left \d+ s before".format(
             path, line), text)
-    again = re.search("again: rosrun unit_tests rehearseMission (.*)", text).group(1).split()
+    again = re.search("again: rosrun cssr_system rehearseMission (.*)", text).group(1).split()
     code, text = run(capsys, *again)
     assert code == exit_codes.FINDINGS and ": 1 simulated run in" in text
     assert "goodbye-to-nobody" in text
@@ -828,7 +830,7 @@ def test_a_command_plays_its_scene_again(tmp_path, scene, words):
     path = mission(tmp_path, SPEECH)
     survey = Survey(Theatre({}, path, 900.0), True, [path, "language:=a b"])
     assert survey.command(
-        scene) == "rosrun unit_tests rehearseMission {} 'language:=a b' {}".format(path, words)
+        scene) == "rosrun cssr_system rehearseMission {} 'language:=a b' {}".format(path, words)
     assert [each._replace(is_traced=False)
             for each in first_round(cli.Plan(cli.read([path] + words.split())))] == [scene]
 
@@ -1049,7 +1051,7 @@ def test_the_time_left_is_that_of_the_runs_left_at_the_pace_so_far(monkeypatch):
 
 def start(*words, complaints):
     """Start the command as a process in its own process group."""
-    command = os.path.join(HERE, "..", "..", "nodes", "rehearseMission")
+    command = os.path.join(ROOT, "src", "behavior_controller", "rehearseMission")
     return subprocess.Popen([sys.executable, command] + list(words), stdout=subprocess.PIPE,
                             stderr=complaints, env=dict(os.environ,
                                                         PYTHONPATH=os.pathsep.join(sys.path)),
@@ -1084,13 +1086,21 @@ def test_a_terminal_shows_the_progress_and_ctrl_c_tells_what_was_found_so_far():
     os.close(terminal)
 
 
-GREETER = os.path.join(HERE, "..", "..", "..", "examples", "greeter")
+@pytest.mark.skipif(shutil.which("rosrun") is None, reason="needs the workspace's shell")
+def test_the_former_place_of_the_command_names_the_new_one():
+    done = subprocess.run(["rosrun", "unit_tests", "rehearseMission", "--version"], check=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8")
+    assert re.fullmatch(r"rehearseMission \d+\.\d+\.\d+\n", done.stdout)
+    assert done.stderr == "rehearseMission has moved: rosrun cssr_system rehearseMission\n"
+
+
+GREETER = os.path.join(ROOT, "examples", "greeter")
 
 
 def rehearse_package(folder, *words):
     """Return the exit code and the text of a rehearsal that finds the package in ``folder``."""
     pytest.importorskip("rospkg")
-    command = os.path.join(HERE, "..", "..", "nodes", "rehearseMission")
+    command = os.path.join(ROOT, "src", "behavior_controller", "rehearseMission")
     paths = [os.path.join(str(folder), "src")] + sys.path
     done = subprocess.run([sys.executable, command] + list(words), stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, universal_newlines=True,

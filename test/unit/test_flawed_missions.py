@@ -2,7 +2,7 @@
 """
 import pytest
 
-from unit_tests.rehearsal import cli
+from behavior_controller.simulation import cli
 
 
 def safe(node):

@@ -9,7 +9,7 @@ from typing import Callable, Dict, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.robot.requests import Exhibit
 
-from unit_tests.robot.journal import JournalEntry
+from behavior_controller.simulation.journal import JournalEntry
 
 ENGAGES, SILENT, DECLINES, LEAVES = "engages", "silent", "declines", "leaves"
 UNCLEAR, NO_GAZE = "unclear", "noGaze"

@@ -4,8 +4,8 @@ import pytest
 from behavior_controller.config import phrases
 from behavior_controller.robot.requests import Exhibit, Location, Point
 
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.visitor import (
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.visitor import (
     BEHAVIOURS, DECLINES, ENGAGES, GAZE_FAILED, GAZE_VALUES, LEAVES, MUTUAL_GAZE, Manners,
     NOTHING_HEARD, NO_GAZE, SILENT, SMALL_TALK, STILL_SEEKING, UNCLEAR, UNCLEAR_ANSWER, Visitor)
 

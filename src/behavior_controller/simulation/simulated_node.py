@@ -9,13 +9,13 @@ from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 from behavior_controller.robot.declarations import Action, Interface, Service, Topic
 from behavior_controller.robot.requests import Answer, Request
 
-from unit_tests.robot import behaviour
-from unit_tests.robot.arrivals import Arrivals
-from unit_tests.robot.behaviour import FOREIGN, Fields, TOPICS
-from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED, Faults
-from unit_tests.robot.journal import JournalEntry, REPEAT
-from unit_tests.robot.world import World
-from unit_tests.robot.options import ACTION, Configuration
+from behavior_controller.simulation import behaviour
+from behavior_controller.simulation.arrivals import Arrivals
+from behavior_controller.simulation.behaviour import FOREIGN, Fields, TOPICS
+from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED, Faults
+from behavior_controller.simulation.journal import JournalEntry, REPEAT
+from behavior_controller.simulation.world import World
+from behavior_controller.simulation.configuration import ACTION, Configuration
 
 
 class Offers(NamedTuple):

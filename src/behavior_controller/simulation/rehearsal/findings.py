@@ -19,9 +19,9 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say, SetAttention)
 from behavior_controller.text import clean, count, docstring
 
-from unit_tests.rehearsal.play import BUSY, Place, Played, START, Stage
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.visitor import DECLINES, ENGAGES
+from behavior_controller.simulation.rehearsal.play import BUSY, Place, Played, START, Stage
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.visitor import DECLINES, ENGAGES
 
 LAST_SHARE = 0.2
 """A mission that sends requests in this last share of its time repeats itself; any other is

@@ -14,7 +14,7 @@ from behavior_controller.bt.linter import rules
 from behavior_controller import folders
 from behavior_controller.errors import FaultsFound
 
-from unit_tests.rehearsal.plays import Scene, Theatre
+from behavior_controller.simulation.rehearsal.plays import Scene, Theatre
 
 COUNT = int(os.environ.get("VARIATIONS", "40"))
 SEED = int(os.environ.get("VARIATIONS_SEED", "1"))

@@ -16,9 +16,9 @@ from behavior_controller.robot.requests import (
     SetRecognitionLanguage)
 from behavior_controller.robot.interfaces import INTERFACES
 
-from unit_tests.robot.faults import REFUSED, WRONG
-from unit_tests.robot.visitor import DETECTED, GAZE_VALUES, SEARCHING, NOTHING_HEARD
-from unit_tests.robot.world import World
+from behavior_controller.simulation.faults import REFUSED, WRONG
+from behavior_controller.simulation.visitor import DETECTED, GAZE_VALUES, SEARCHING, NOTHING_HEARD
+from behavior_controller.simulation.world import World
 
 Fields = Dict[str, Any]
 

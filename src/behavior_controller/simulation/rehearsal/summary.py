@@ -12,12 +12,13 @@ from behavior_controller.monitoring.story import Sentence, Story
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.text import clean, count
 
-from unit_tests.rehearsal import findings
-from unit_tests.rehearsal.findings import Finding, FindingKind
-from unit_tests.rehearsal.plays import NO_VISITOR, Outcome, Scene, Search, Theatre
-from unit_tests.robot.faults import KINDS
-from unit_tests.rehearsal.play import START, Place
-from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES
+from behavior_controller.simulation.rehearsal import findings
+from behavior_controller.simulation.rehearsal.findings import Finding, FindingKind
+from behavior_controller.simulation.rehearsal.plays import (
+    NO_VISITOR, Outcome, Scene, Search, Theatre)
+from behavior_controller.simulation.faults import KINDS
+from behavior_controller.simulation.rehearsal.play import START, Place
+from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
 
 Z = 1.96
 """Standard deviations on each side of an interval that holds the true share in 95 of 100 cases."""
@@ -230,7 +231,7 @@ class Survey:
 
     def command(self, scene: Scene) -> str:
         """Return the command that plays a scene again."""
-        words = ["rosrun", "unit_tests", "rehearseMission", *self._chosen, "--visitors",
+        words = ["rosrun", "cssr_system", "rehearseMission", *self._chosen, "--visitors",
                  scene.visitor]
         if scene.seed:
             words += ["--runs", "1", "--failureRate", f"{scene.rate:g}", "--seed", str(scene.seed)]

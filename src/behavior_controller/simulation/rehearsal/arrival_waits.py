@@ -17,10 +17,10 @@ from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.waits import is_asked_again, wait_for
 from behavior_controller.text import count
 
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.behaviour import TOPICS
-from unit_tests.robot.world import World
-from unit_tests.robot.visitor import Visitor
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.behaviour import TOPICS
+from behavior_controller.simulation.world import World
+from behavior_controller.simulation.visitor import Visitor
 
 ENOUGH = 0.95
 """The share of waits in which messages should come in time; a lower share is reported before the

@@ -24,13 +24,13 @@ from behavior_controller.robot.gateway import (Call, Cause, Failure, FakeTopics,
                                                waited)
 from behavior_controller.robot.requests import Answer, Exhibit, Request
 
-from unit_tests.robot import behaviour
-from unit_tests.robot.behaviour import SERVICES, TOPICS
-from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.simulated_node import Reply, SimulatedNode
-from unit_tests.robot.world import World
-from unit_tests.robot.options import Configuration
+from behavior_controller.simulation import behaviour
+from behavior_controller.simulation.behaviour import SERVICES, TOPICS
+from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.simulated_node import Reply, SimulatedNode
+from behavior_controller.simulation.world import World
+from behavior_controller.simulation.configuration import Configuration
 
 HANDLING = 0.005
 """Seconds that a node takes for a request that takes no time."""

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from unit_tests.robot.faults import (
+from behavior_controller.simulation.faults import (
     EXCEPTION, Faults, PlannedFault, REFUSED, UNANSWERED, parse_planned_fault)
 
 CALLS = 10_000

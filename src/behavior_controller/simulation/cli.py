@@ -22,14 +22,15 @@ from behavior_controller.robot.declarations import Topic
 from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, count, did_you_mean
 
-from unit_tests.rehearsal import html_report, plays
-from unit_tests.rehearsal.play import LIMIT
-from unit_tests.rehearsal.plays import Outcome, Scene, Search, Theatre
-from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey
-from unit_tests.robot.behaviour import rehearsed_topics
-from unit_tests.robot.faults import KINDS, PlannedFault
-from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES
-from unit_tests.robot.options import CONTROLLER, load_controller, parse
+from behavior_controller.simulation.rehearsal import html_report, plays
+from behavior_controller.simulation.rehearsal.play import LIMIT
+from behavior_controller.simulation.rehearsal.plays import Outcome, Scene, Search, Theatre
+from behavior_controller.simulation.rehearsal.summary import (
+    FindingSummary, VisitorRow, Share, Survey)
+from behavior_controller.simulation.behaviour import rehearsed_topics
+from behavior_controller.simulation.faults import KINDS, PlannedFault
+from behavior_controller.simulation.visitor import ALIASES, BEHAVIOURS, ENGAGES
+from behavior_controller.simulation.configuration import CONTROLLER, load_controller, parse
 
 NONE, PAIRS = "none", "pairs"
 FAULTS = (NONE, "single", PAIRS)

@@ -7,7 +7,7 @@ from tornado.template import Template
 from behavior_controller.monitoring.report_frame import encodable, framed
 from behavior_controller.text import count
 
-from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share
+from behavior_controller.simulation.rehearsal.summary import FindingSummary, VisitorRow, Share
 
 COMMAND = "rehearseMission"
 

@@ -19,17 +19,18 @@ from behavior_controller.robot.requests import (
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.config.settings import defaults
 
-from unit_tests.robot import options
-from unit_tests.robot.faults import (
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.faults import (
     CRASH, EXCEPTION, KINDS, PlannedFault, REFUSED, UNANSWERED, WRONG)
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.behaviour import (
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.behaviour import (
     NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, rehearsed_topics, services,
     simulated)
-from unit_tests.robot.virtual_robot import HANDLING, VirtualRobot, WAY, response, slots
-from unit_tests.robot.visitor import (
+from behavior_controller.simulation.virtual_robot import (
+    HANDLING, VirtualRobot, WAY, response, slots)
+from behavior_controller.simulation.visitor import (
     BEHAVIOURS, DECLINES, ENGAGES, Manners, NOTHING_HEARD, NO_GAZE, SILENT, SMALL_TALK, Visitor)
-from unit_tests.robot.world import Building, FORM, World, building_file, load_building
+from behavior_controller.simulation.world import Building, FORM, World, building_file, load_building
 
 KNOWLEDGE = load_building(building_file())
 GESTURE = {"gesture_type": "iconic", "gesture_id": 1, "gesture_duration": 3000, "bow_nod_angle": 0,
@@ -176,7 +177,7 @@ def virtual_robot(offer, *planned, **given):
         tree=SimpleNamespace(clock=ManualClock(0.0), wake=SimpleNamespace(emit=lambda: None)),
         settings=SimpleNamespace(interface=interface, deadline=lambda service: service.deadline),
         offers=())
-    test = replace(options.defaults(failureRate=0.0, **given), planned_faults=planned)
+    test = replace(configuration.defaults(failureRate=0.0, **given), planned_faults=planned)
     return VirtualRobot(mission, world(), test)
 
 

@@ -9,10 +9,10 @@ from behavior_controller.bt.loader.document import parse, read, with_includes
 from behavior_controller.config import knowledge_files, phrases, settings
 from behavior_controller.execution.events import Tick
 
-from unit_tests.robot.faults import PlannedFault
-from unit_tests.robot.world import World, building_file, building_of, load_building
-from unit_tests.rehearsal.play import CALM, Stage, rehearse
-from unit_tests.robot.visitor import Manners, Visitor
+from behavior_controller.simulation.faults import PlannedFault
+from behavior_controller.simulation.world import World, building_file, building_of, load_building
+from behavior_controller.simulation.rehearsal.play import CALM, Stage, rehearse
+from behavior_controller.simulation.visitor import Manners, Visitor
 
 KNOWLEDGE = load_building(building_file())
 LANGUAGE = phrases.load("English")

@@ -27,15 +27,15 @@ from behavior_controller.missions.runner import PACE, Runner, Running
 from behavior_controller.monitoring.record.recorder import Entries, shown, traversed, written
 from behavior_controller.robot.requests import Request
 
-from unit_tests.rehearsal import blocked_leaf
-from unit_tests.rehearsal.situations import Situations
-from unit_tests.robot.behaviour import rehearsed_topics
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.virtual_robot import SHORTEST_GAP, VirtualRobot
-from unit_tests.robot.visitor import Visitor
-from unit_tests.robot.world import World, world as read_world
-from unit_tests.robot import options
-from unit_tests.robot.options import Configuration
+from behavior_controller.simulation.rehearsal import blocked_leaf
+from behavior_controller.simulation.rehearsal.situations import Situations
+from behavior_controller.simulation.behaviour import rehearsed_topics
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.virtual_robot import SHORTEST_GAP, VirtualRobot
+from behavior_controller.simulation.visitor import Visitor
+from behavior_controller.simulation.world import World, world as read_world
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.configuration import Configuration
 
 START = 1000.0
 """When a play begins, in seconds of its clock; events and journal have the times of that clock."""
@@ -65,7 +65,7 @@ TOO_MANY = f"the mission did not end within {MOST_REQUESTS} requests"
 MOST_BUSY = 10
 """Ticks without a wait after which a mission counts as busy-looping."""
 
-CALM = options.defaults(failureRate=0.0, callTimes=options.NONE)
+CALM = configuration.defaults(failureRate=0.0, callTimes=configuration.NONE)
 """A test without faults in which every message comes in time."""
 
 

@@ -1,21 +1,19 @@
 """The world of the simulated robot: the building, the visitor, and the controller's configuration,
 which all nodes know in addition to a request."""
 import json
-import os
 from typing import Mapping, NamedTuple, Tuple
 
 import msgspec
 from msgspec.structs import astuple
 
+from behavior_controller import folders
 from behavior_controller.config import knowledge_files, phrases
 from behavior_controller.config.settings import Settings
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.folders import of_mission
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.text import Unreadable, read_text
 
-from unit_tests import folders
-from unit_tests.robot.visitor import Manners, Visitor
+from behavior_controller.simulation.visitor import Manners, Visitor
 
 
 class Building(NamedTuple):
@@ -63,7 +61,7 @@ def world(behaviour: str, settings: Settings) -> World:
 def building_file(mission: str = "") -> str:
     """Return the path of the building of a robot without knowledge files, for a mission that may
     have its own."""
-    return of_mission(os.path.join(folders.share(), "data", "exhibits.json"), mission)
+    return folders.of_mission(folders.data("exhibits.json"), mission)
 
 
 # ------------------------------------------------------------------------------------- the building

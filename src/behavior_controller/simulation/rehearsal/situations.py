@@ -10,8 +10,8 @@ from behavior_controller.bt.status import NAMES
 from behavior_controller.execution.events import LETTERS
 from behavior_controller.leaves import data
 
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.robot.virtual_robot import VirtualRobot
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.virtual_robot import VirtualRobot
 
 _OF_ALL_NODES = vars(Node).keys() | vars(Node("")) | {
     "element", "mission", "decorated", "interception", "started_at", "summary",

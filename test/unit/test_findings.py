@@ -17,13 +17,13 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation,
     SetAttention)
 
-from unit_tests.rehearsal import findings
-from unit_tests.rehearsal.findings import Play, RobotCall
-from unit_tests.robot.journal import JournalEntry
-from unit_tests.rehearsal.play import BUSY, Played, START, Stage
-from unit_tests.rehearsal.plays import Outcome, Scene, Search
-from unit_tests.rehearsal.summary import Survey
-from unit_tests.robot.visitor import DECLINES, ENGAGES
+from behavior_controller.simulation.rehearsal import findings
+from behavior_controller.simulation.rehearsal.findings import Play, RobotCall
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.rehearsal.play import BUSY, Played, START, Stage
+from behavior_controller.simulation.rehearsal.plays import Outcome, Scene, Search
+from behavior_controller.simulation.rehearsal.summary import Survey
+from behavior_controller.simulation.visitor import DECLINES, ENGAGES
 
 STAGE = Stage(settings.defaults(), [
     parse("""<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback name="all">
