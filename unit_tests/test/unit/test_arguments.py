@@ -21,6 +21,12 @@ def faults(call, given):
     return [str(fault) for fault in raised.value.faults]
 
 
+def controller_words(*command, **given):
+    """Return the command line of the controller in a test that was given these keys."""
+    arguments = Arguments(["startController", *command], dict(given, folder="/folder"))
+    return command_line(options.Options(arguments, options.load_test(given), None))
+
+
 def check(given):
     options.read(Arguments([], given))
 
@@ -81,9 +87,7 @@ def test_every_key_can_be_given_and_arrives(key):
     elif key.name in configuration.CONTROLLER:
         assert configuration.load_controller(given).values[key.name] == value
     if key.name in configuration.CONTROLLER:  # as the controller's own process reads it
-        words = command_line(["behaviorController"] +
-                             ["_{}:={}".format(*pair) for pair in given.items()],
-                             options.load_test(given), "/folder")
+        words = controller_words("behaviorController", **given)
         arrived = settings.load(folders.config(settings.FILE_NAME), {},
                                 settings.split_arguments(words)[1])
         assert arrived.values[key.name] == ("/folder" if key.name == "recordDirectory" else value)
@@ -160,21 +164,12 @@ def test_what_only_another_robot_has_is_named():
     check(dict(given, robotInterface="release-1.0"))
 
 
-@pytest.mark.parametrize("command, expected", (
-    (["roslaunch", "unit_tests", "behaviorControllerTest.launch", "folder:=/run", "seed:=1"], True),
-    (["roslaunch", "unit_tests", "behaviorControllerTest.launch", "seed:=1"], False),
-    (["roslaunch", "their_robot", "everything.launch", "folder:=/x"], False)))
-def test_who_shows_the_report(command, expected):
-    assert options.is_by_run_test(command) is expected
-
-
 def test_the_controller_gets_its_own_keys_and_what_the_test_needs():
-    test = options.load_test({"missionRuns": "2", "verboseMode": "true"})
-    assert command_line([
-        "behaviorController", "_language:=X", "_failureRate:=0", "_folder:=/f", "_missionRuns:=2",
-        "_recordDirectory:=/copy", "__name:=b"
-    ], test, "/f") == [
-        "behaviorController", "__name:=b", "_startupTimeout:=30", "_language:=X", "_missionRuns:=2",
-        "_recordDirectory:=/f", "_verboseMode:=true"
-    ]
-    assert "_startupTimeout:=5" in command_line(["c", "_startupTimeout:=5"], test, "/f")
+    given = {"missionRuns": "2", "verboseMode": "true"}
+    words = controller_words("behaviorController", "__name:=b", language="X", failureRate="0",
+                             recordDirectory="/copy", **given)
+    assert words[:2] == ["behaviorController", "__name:=b"]
+    assert sorted(words[2:]) == [
+        "_language:=X", "_missionRuns:=2", "_recordDirectory:=/folder", "_startupTimeout:=30",
+        "_verboseMode:=true"]
+    assert "_startupTimeout:=5" in controller_words("c", startupTimeout="5")

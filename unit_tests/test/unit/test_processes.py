@@ -29,8 +29,11 @@ REPOSITORY = os.path.dirname(
     os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
 
 
-def no_check(own):
-    """Let the controller start."""
+def start(*command, check=lambda own: None):
+    """Run the command line of a controller, which ``check`` lets start, and return its exit code.
+    """
+    arguments = options.of_process()
+    return controller.main(arguments._replace(words=["startController", *command]), check)
 
 
 def read():
@@ -166,8 +169,7 @@ def test_how_the_controller_ended_is_noted(given, program, tmp_path, end, noted,
     folder = tmp_path / "run" / "folder"
     given("folder:={}".format(folder), "recordDirectory:={}".format(copies), "missionRuns:=2",
           "verboseMode:=true")
-    assert controller.main([program("controller", end), "__name:=behaviorController"],
-                           no_check) == returned
+    assert start(program("controller", end), "__name:=behaviorController") == returned
     assert controller.read_exit_code(str(folder)) == noted
     copy, = copies.glob("000001_*/mission.jsonl")
     assert copy.read_text() == '{"format": "behaviorController record"}\n'
@@ -181,7 +183,7 @@ def test_the_errors_of_the_controller_are_passed_on_and_kept(given, program, tmp
     lines = ["\x1b[31m[ERROR] [12:00:00]: behaviorController: no service /x\x1b[0m",
              "[WARN] [12:00:01]: slow", "\xff", "[FATAL] [12:00:02]: the end"]
     end = "sys.stderr.write({!r}); sys.exit(1)".format("\n".join(lines))
-    assert controller.main([program("controller", end)], no_check) == 1
+    assert start(program("controller", end)) == 1
     assert capfd.readouterr().err.splitlines() == lines
     assert controller.read_errors(str(tmp_path / "run")) == ("no service /x", "the end")
     assert controller.read_errors(str(tmp_path)) == ()
@@ -204,20 +206,20 @@ def test_the_controller_ends_by_itself_after_a_signal_to_all(given, program, tmp
     given("folder:={}".format(tmp_path / "run"), "recordDirectory:={}".format(tmp_path / "copies"))
     end = ("[os.kill(os.getppid(), number) for number in (signal.SIGINT, signal.SIGTERM)]; "
            "sys.exit(4)")
-    assert controller.main([program("controller", end)], no_check) == 4 and ignored == []
+    assert start(program("controller", end)) == 4 and ignored == []
     assert len(list((tmp_path / "copies").glob("000001_*/mission.jsonl"))) == 1
 
 
 def test_a_copy_of_the_record_that_fails_is_one_line(given, program, tmp_path, capfd):
     (tmp_path / "file").write_text("")
     given("folder:={}".format(tmp_path / "run"), "recordDirectory:={}".format(tmp_path / "file"))
-    assert controller.main([program("controller", "pass")], no_check) == 0
+    assert start(program("controller", "pass")) == 0
     assert capfd.readouterr().out == "no record in {}: File exists\n".format(tmp_path / "file")
 
 
 def test_the_controller_is_not_started_for_a_wrong_test(given, program, tmp_path):
     given("failureRate:=7", "folder:={}".format(tmp_path / "run"))
-    assert controller.main([program("controller", "sys.exit(3)")], no_check) == 0
+    assert start(program("controller", "sys.exit(3)")) == 0
     # the report waits for it before it ends the launch
     assert controller.read_exit_code(str(tmp_path / "run")) == 0
 
@@ -226,7 +228,7 @@ def test_the_controller_is_not_started_where_another_one_runs(given, program, tm
     def refuse(own):
         raise ConfigurationError([])
     given("folder:={}".format(tmp_path / "run"))
-    assert controller.main([program("controller", "sys.exit(3)")], refuse) == 0
+    assert start(program("controller", "sys.exit(3)"), check=refuse) == 0
     assert controller.read_exit_code(str(tmp_path / "run")) == 0
 
 

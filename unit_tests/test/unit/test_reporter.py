@@ -5,8 +5,11 @@ import pytest
 
 pytest.importorskip("rosgraph", reason="needs ROS, which this interpreter does not have")
 
-from unit_tests import folders  # noqa: E402
 from behavior_controller.simulation import configuration  # noqa: E402
+
+from unit_tests import folders  # noqa: E402
+from unit_tests.robot import options  # noqa: E402
+from unit_tests.robot.options import Arguments, Options  # noqa: E402
 from unit_tests.run import controller, test_node  # noqa: E402
 
 
@@ -20,7 +23,8 @@ def share(monkeypatch, tmp_path):
 
 def save(text, folder, kind=folders.REPORT):
     """Save the report of a run and return its path."""
-    return test_node.save(text, str(folder), kind)
+    given = dict(options.of_process().values, folder=str(folder))
+    return test_node.save(text, Arguments([], given), kind)
 
 
 FIRST, SECOND = ("# 2026-01-0{}T12:00:00: mission m\n".format(day) for day in (1, 2))
@@ -73,14 +77,15 @@ def test_the_newest_report_is_where_the_user_wants_it(given, share, tmp_path):
         tmp_path / "no" / "folder")
 
 
-@pytest.mark.parametrize("command, shown", (
-    (["roslaunch", "unit_tests", "behaviorControllerTest.launch"], "\nthe report\n"),
-    (["roslaunch", "unit_tests", "behaviorControllerTest.launch", "folder:=/run"], "")))
-def test_under_run_test_the_report_waits_for_the_end_of_roslaunch(given, tmp_path, monkeypatch,
-                                                                  capsys, command, shown):
-    given("folder:={}".format(tmp_path / "run"))
-    monkeypatch.setattr(test_node, "parent_command", lambda: command)
-    assert test_node.finish(1, "the report") == 1
+@pytest.mark.parametrize("is_by_run_test, shown", ((False, "\nthe report\n"), (True, "")))
+def test_under_run_test_the_report_waits_for_the_end_of_roslaunch(tmp_path, capsys, is_by_run_test,
+                                                                  shown):
+    if is_by_run_test:
+        (tmp_path / "run").mkdir()
+        test_node.expect_verdict(str(tmp_path / "run"))
+        assert test_node.read_verdict(str(tmp_path / "run")) is None
+    arguments = Arguments([], {"folder": str(tmp_path / "run")})
+    assert test_node.finish(1, "the report", arguments) == 1
     assert capsys.readouterr().out == shown
     assert test_node.read_verdict(str(tmp_path / "run")) == (1, "the report")
 
@@ -90,15 +95,14 @@ def test_a_run_without_an_end_has_no_verdict(tmp_path):
 
 
 def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(
-        given, tmp_path, monkeypatch):
-    given("folder:={}".format(tmp_path))
-
+        tmp_path, monkeypatch):
     def stand_still(*_):
         time.sleep(0.4)
         (tmp_path / controller.EXIT_CODE).write_text("0\n")
 
     monkeypatch.setattr(test_node, "show_progress", stand_still)
     monkeypatch.setattr(test_node, "PROGRESS_INTERVAL", 0.0)
-    outcome = test_node.wait_for_end(str(tmp_path), configuration.defaults(testTimeout=60.0), None)
+    outcome = test_node.wait_for_end(Options(Arguments([], {"folder": str(tmp_path)}),
+                                             configuration.defaults(testTimeout=60.0), None))
     assert outcome.exit_code == 0 and not outcome.cut_off
     assert outcome.stall > 0.3

@@ -1,8 +1,8 @@
 """The options of a test: the keys of both configurations, and those of the test as a whole.
 
-They are declared here, and each process of a test reads and checks them once.
-All of them are arguments, which end with the process: parameters on a master would outlive the test
-and change the next one.
+An argument has one form from runTest on, the ``_key:=value`` that the nodes take from a user too:
+parameters on a master would outlive the test and change the next one. Each process reads its
+command line once (``of_process``), checks it once (``read``), and hands the ``Options`` on.
 """
 import dataclasses
 import os
@@ -37,8 +37,7 @@ ROBOT_LAUNCH = "simulatedRobot.launch"
 FILE_NAME = "behaviorControllerTestConfiguration.ini"
 
 STARTUP_TIMEOUT = 30.0
-"""Default of the seconds that the controller waits for the simulated nodes, which start at the same
-time."""
+"""The default of ``startupTimeout`` in a test, in seconds."""
 
 # ------------------------------------------------------------------------------------- declarations
 
@@ -68,6 +67,9 @@ ROBOT = tuple(declared.name for declared in KEYS
 NAMES = list(dict.fromkeys(declared.name for declared in KEYS + settings.KEYS + OWN)) + list(SHORT)
 """The names of all arguments that a user may give."""
 
+DECLARED = {LAUNCH_FILE: [*NAMES, *INTERNAL], ROBOT_LAUNCH: [*ROBOT, *USE_REAL.values()]}
+"""The arguments of each launch file."""
+
 
 # ------------------------------------------------------------------------- what a process was given
 
@@ -95,6 +97,12 @@ class Arguments(NamedTuple):
         return self.values.get(FOLDER) or os.path.join(controller_folders.ros_home(), "unit_tests")
 
     @property
+    def startup_timeout(self) -> str:
+        """How many seconds the controller waits for the simulated nodes, which start at the same
+        time."""
+        return self.values.get("startupTimeout", "{:g}".format(STARTUP_TIMEOUT))
+
+    @property
     def simulated(self) -> List[str]:
         """The nodes that the launch file starts, in its order: those that are not real."""
         return [node for node in NODES if self.values.get(USE_REAL[node], "").lower() != "true"]
@@ -116,17 +124,6 @@ def check_words(arguments: Arguments) -> None:
         raise ConfigurationError(faults)
 
 
-def given_to_roslaunch(command: Sequence[str], launch_file: str = LAUNCH_FILE) -> List[str]:
-    """Return the arguments that a command line passes to a launch file of ours."""
-    return ros_arguments.given_to_roslaunch(command, "unit_tests", launch_file)
-
-
-def is_by_run_test(command: Sequence[str]) -> bool:
-    """Return whether a command line of roslaunch comes from runTest, which passes the run's folder.
-    """
-    return any(word.startswith(FOLDER + ASSIGNMENT) for word in given_to_roslaunch(command))
-
-
 # ---------------------------------------------------------------------------- what the files decide
 
 
@@ -142,9 +139,9 @@ class Options:
 def read(arguments: Arguments) -> Options:
     """Read each file once. Raises ConfigurationError with every fault of files, arguments and of
     what roslaunch was given."""
-    command = ros_arguments.parent_command()  # roslaunch ignores what it does not declare
-    parse(given_to_roslaunch(command), [*NAMES, *INTERNAL])
-    parse(given_to_roslaunch(command, ROBOT_LAUNCH), [*ROBOT, *USE_REAL.values()])
+    command = ros_arguments.parent_command()  # roslaunch ignores what is not declared
+    for launch_file, names in DECLARED.items():
+        parse(ros_arguments.given_to_roslaunch(command, "unit_tests", launch_file), names)
     values = arguments.values
     faults: List[Fault] = []
     test = attempt(lambda: _drawn(load_test(values), values), faults)

@@ -5,19 +5,17 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 from typing import Callable, List, Optional, Tuple
 
 from behavior_controller import exit_codes
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.config.settings import split_arguments
 from behavior_controller.monitoring.record import files
 from behavior_controller.ros_arguments import explain_node
-from behavior_controller.simulation.configuration import CONTROLLER, Configuration
+from behavior_controller.simulation.configuration import CONTROLLER
 
 from unit_tests.folders import note, noted
 from unit_tests.robot import claims, options
-from unit_tests.robot.options import Options, STARTUP_TIMEOUT
+from unit_tests.robot.options import Arguments, Options
 
 EXIT_CODE, ERRORS = "exitCode", "errors"
 """Files in the folder of the run."""
@@ -31,15 +29,14 @@ def start() -> int:
     """Run the controller under test, whose command line this process was given."""
     explain_node("startController", "Runs the command line that it is given: the launch-prefix of "
                  "the controller under test.", "2 if it may not run, otherwise that of the command")
-    return main(sys.argv[1:], claims.check_controller)
+    return main(options.of_process(), claims.check_controller)
 
 
-def main(command: List[str], check: Callable[[Options], None]) -> int:
+def main(arguments: Arguments, check: Callable[[Options], None]) -> int:
     """Run the controller's command line (it is a launch-prefix) and return its exit code.
 
     ``check`` raises ConfigurationError if it must not start.
     """
-    arguments = options.of_process()
     folder = arguments.folder
     os.makedirs(folder, exist_ok=True)
     try:
@@ -51,7 +48,7 @@ def main(command: List[str], check: Callable[[Options], None]) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         # the controller gets the signal too: wait for it to stop
         signal.signal(number, lambda *_: None)
-    process = subprocess.Popen(command_line(command, own.test, folder), stderr=subprocess.PIPE)
+    process = subprocess.Popen(command_line(own), stderr=subprocess.PIPE)
     _pass_on_errors(process, os.path.join(folder, ERRORS))
     code = process.wait()
     note(folder, EXIT_CODE, "{}\n".format(code))
@@ -61,16 +58,16 @@ def main(command: List[str], check: Callable[[Options], None]) -> int:
     return code if code >= 0 else 128 - code
 
 
-def command_line(command: List[str], test: Configuration, folder: str) -> List[str]:
+def command_line(own: Options) -> List[str]:
     """Return the controller's command line with its keys among the given arguments, and those that
     the test needs."""
-    others, given = split_arguments(command)
-    keys = {"startupTimeout": "{:g}".format(STARTUP_TIMEOUT)}
-    keys.update((name, value) for name, value in given.items() if name in CONTROLLER)
-    keys.update(missionRuns=str(test.mission_runs), recordDirectory=folder)
-    if test.verbose_mode:
+    given = own.arguments
+    keys = {name: value for name, value in given.values.items() if name in CONTROLLER}
+    keys.update(startupTimeout=given.startup_timeout, missionRuns=str(own.test.mission_runs),
+                recordDirectory=given.folder)
+    if own.test.verbose_mode:
         keys["verboseMode"] = "true"
-    return others + ["_{}:={}".format(*pair) for pair in keys.items()]
+    return given.words[1:] + ["_{}:={}".format(*pair) for pair in keys.items()]
 
 
 def _pass_on_errors(process: "subprocess.Popen[bytes]", path: str) -> None:

@@ -16,7 +16,7 @@ from behavior_controller.simulation.rehearsal import arrival_waits
 
 from unit_tests.robot import claims, options
 from unit_tests.robot.options import Arguments
-from unit_tests.run.test_node import NOTHING_TESTED, NOT_RUN, read_verdict
+from unit_tests.run.test_node import NOTHING_TESTED, NOT_RUN, expect_verdict, read_verdict
 
 
 def main(words: Optional[Sequence[str]] = None) -> int:
@@ -49,6 +49,7 @@ def _launch(values: Dict[str, str]) -> str:
     logs = os.path.join(ros_home(), "log")
     os.makedirs(logs, exist_ok=True)
     folder = tempfile.mkdtemp(prefix="behaviorControllerTest_", dir=logs)
+    expect_verdict(folder)
     given = dict({options.FOLDER: folder}, **values)
     command = ["roslaunch", "unit_tests", options.LAUNCH_FILE]
     command += ["{}:={}".format(*pair) for pair in given.items()]

@@ -21,11 +21,9 @@ from behavior_controller.monitoring.record import files
 from behavior_controller.output_files import OutputKind
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 from behavior_controller.simulation.behaviour import NODES
-from behavior_controller.simulation.configuration import Configuration
 from behavior_controller.simulation.journal import Journal, JournalEntry, Tail
 from behavior_controller.simulation.rehearsal import arrival_waits
 from behavior_controller.simulation.rehearsal.play import Stage, TIMED_OUT, rehearse
-from behavior_controller.simulation.world import World
 
 from unit_tests import folders
 from unit_tests.robot import claims, options
@@ -33,7 +31,7 @@ from unit_tests.run.controller import read_errors, read_exit_code
 from unit_tests.judge.facts import Facts
 from unit_tests.judge.junit import to_xml
 from unit_tests.judge.report import Report, title
-from unit_tests.robot.options import Options, STARTUP_TIMEOUT
+from unit_tests.robot.options import Arguments, Options
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 """The report. Beside it is the same as a page, with the record's story and timeline."""
@@ -83,11 +81,12 @@ def main() -> int:
         "report", "Waits for the end of a test, and writes its report. The launch file of the "
         "test starts it.", "0 passed, 1 failed, 2 nothing was tested")
     try:
+        arguments = options.of_process()
         try:
-            own = options.read(options.of_process())
+            own = options.read(arguments)
             claims.check(claims.REPORT, own)
         except BehaviorControllerError as error:
-            return finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED))
+            return finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED), arguments)
         rospy.init_node(claims.REPORT, argv=own.arguments.words)
         return _test(own)
     finally:
@@ -100,11 +99,11 @@ def _test(own: Options) -> int:
     print("randomSeed {}".format(test.random_seed), flush=True)
     warnings = arrival_waits.warnings(arrival_waits.of_mission(world), test.arrival_rate)
     print("".join(line + "\n" for line in warnings), end="", flush=True)
-    folder = own.arguments.folder
+    arguments = own.arguments
     began = time.monotonic()
-    facts = wait_for_end(folder, test, world, lambda: claims.replacement(own))
+    facts = wait_for_end(own, lambda: claims.replacement(own))
     facts = facts._replace(cut_off=facts.cut_off or claims.replacement(own),
-                           real=frozenset(NODES).difference(own.arguments.simulated))
+                           real=frozenset(NODES).difference(arguments.simulated))
     with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
         stage = Stage(world.settings, world=world)
         facts = facts._replace(mission=stage.mission,
@@ -114,14 +113,14 @@ def _test(own: Options) -> int:
     heading = title(facts, test, datetime.datetime.now())
     report = Report(facts, heading, warnings)
     _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
-    files = ["report: " + save(report.text(), folder, folders.REPORT),
-             "its folder, with record and journal: " + folder]
+    files = ["report: " + save(report.text(), arguments, folders.REPORT),
+             "its folder, with record and journal: " + arguments.folder]
     content = report.page()
-    page = save(content, folder, folders.PAGE) if content else ""
+    page = save(content, arguments, folders.PAGE) if content else ""
     columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
     is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
-    return finish(code, report.shown(columns, files, page))
+    return finish(code, report.shown(columns, files, page), arguments)
 
 
 class RecordTail:
@@ -157,13 +156,13 @@ def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> 
           f"fail; last: {ran or 'not started'}", flush=True)
 
 
-def wait_for_end(folder: str, test: Configuration, world: World,
-                 disturbance: Callable[[], str] = lambda: "") -> Facts:
+def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> Facts:
     """Wait until the controller has ended, or the time of the test is over.
 
     Every ``CHECK_INTERVAL`` seconds ``disturbance`` returns why the test cannot go on, or an empty
     text.
     """
+    folder, test = own.arguments.folder, own.test
     run, record, entries = Run(), RecordTail(folder), Journal(folder)
     journal: List[JournalEntry] = []
 
@@ -171,8 +170,7 @@ def wait_for_end(folder: str, test: Configuration, world: World,
         run.extend(record.news())
         journal.extend(entries.news())
 
-    given = options.of_process().values
-    start_limit = START_LIMIT + float(given.get("startupTimeout", STARTUP_TIMEOUT))
+    start_limit = START_LIMIT + float(own.arguments.startup_timeout)
     began = checked = shown = time.monotonic()
     cut_off, has_timed_out, stall = "", False, 0.0
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
@@ -193,16 +191,16 @@ def wait_for_end(folder: str, test: Configuration, world: World,
     if rospy.is_shutdown():
         cut_off, has_timed_out = "the test was stopped before the mission had ended", False
     read()
-    return Facts(run, journal, read_exit_code(folder), test, world, cut_off=cut_off,
+    return Facts(run, journal, read_exit_code(folder), test, own.world, cut_off=cut_off,
                  has_timed_out=has_timed_out, errors=read_errors(folder), stall=stall)
 
 
-def save(text: str, folder: str, kind: OutputKind) -> str:
+def save(text: str, arguments: Arguments, kind: OutputKind) -> str:
     """Write the report, or its page, to the folder of the run, and a copy as the newest one; return
     the path of the copy."""
-    wanted = options.of_process().values.get("outputFile")
+    wanted = arguments.values.get("outputFile")
     newest = [os.path.join(folders.share(), "data", OUTPUT), os.path.join(ros_home(), OUTPUT)]
-    paths = [os.path.join(folder, OUTPUT)] + ([wanted] if wanted else newest)
+    paths = [os.path.join(arguments.folder, OUTPUT)] + ([wanted] if wanted else newest)
     if kind is folders.PAGE:
         paths = list(map(folders.page_beside, paths))
     _write(paths[:1], text, kind)
@@ -234,19 +232,24 @@ def _save_junit(text: str) -> None:
         print("no JUnit file: " + _reason(error), flush=True)
 
 
-def finish(code: int, text: str) -> int:
+def finish(code: int, text: str, arguments: Arguments) -> int:
     """Write exit code and text for runTest, which shows the text when roslaunch has ended; without
     runTest, show it.
 
     roslaunch does not pass on an exit code, and prints many lines at its end.
     """
-    arguments = options.of_process()
+    is_expected = os.path.exists(os.path.join(arguments.folder, VERDICT))
     if arguments.is_launched:
         os.makedirs(arguments.folder, exist_ok=True)
         folders.note(arguments.folder, VERDICT, "{}\n{}\n".format(code, text))
-    if not options.is_by_run_test(parent_command()):
+    if not is_expected:
         print("\n" + text, flush=True)
     return code
+
+
+def expect_verdict(folder: str) -> None:
+    """Have the report of the run in that folder leave it to this process to show the verdict."""
+    folders.note(folder, VERDICT, "")
 
 
 def read_verdict(folder: str) -> Optional[Tuple[int, str]]:
