@@ -274,7 +274,8 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
      ["a request Say already", "rename that of /bell", "(a/leaves.py:11)"]),
     (INTERFACE, BELL + "class B(Request):\n  x: 'Place'\nSERVICES = (bell(request=B),)",
      ["cannot hold the fields of B", "'Place'", "(a/leaves.py:5)"]),
-    (INTERFACE, BELL + "SERVICES = (bell(rehearsed='yes'),)", ["'yes'", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(simulated_answer='yes'),)",
+     ["'yes'", "(simulated_answer)", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "from behavior_controller.robot.declarations import Publication\n"
      "SERVICES = (Publication(**vars(bell())),)", ["success is None", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "class B(Request):\n  x = 'y'\nSERVICES = (bell(request=B),)",

@@ -1147,7 +1147,8 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
     interface.write_text(
         "from behavior_controller.robot.requests import Answer\n" + interface.read_text().replace(
             "as they are\")",
-            "as they are\",\n            rehearsed=lambda request: Answer(response=request.colour))"
+            "as they are\",\n"
+            "            simulated_answer=lambda request: Answer(response=request.colour))"
         ))
     code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
     assert code == exit_codes.FINDINGS and "exception: " in text and "the answer was blue" in text
@@ -1234,8 +1235,8 @@ UNTIL_OPEN = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><F
 
 @pytest.mark.parametrize("declared, outcome, is_silent", [
     ("", "FAILURE", True),
-    (", rehearsed=lambda seconds: 'open' if seconds > 5 else None", "SUCCESS", False),
-    (", rehearsed=lambda seconds: 'closed'", "FAILURE", False)])
+    (", simulated_value=lambda seconds: 'open' if seconds > 5 else None", "SUCCESS", False),
+    (", simulated_value=lambda seconds: 'closed'", "FAILURE", False)])
 def test_a_package_says_what_its_topic_publishes_in_a_rehearsal(tmp_path, declared, outcome,
                                                                 is_silent):
     folder = tmp_path / "greeter"

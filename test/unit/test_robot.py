@@ -46,7 +46,7 @@ LAMP = Service(Lamp, "/lamp/set", "lamp", "a/B", lambda lamp: (), Success("done"
 
 
 DANCE = Action(Lamp, "/dance", "lamp", "a/B", lambda lamp: (), None, 5.0, "no dance",
-               rehearsed=lambda lamp: Answer(response="danced"))
+               simulated_answer=lambda lamp: Answer(response="danced"))
 COLOUR = Publication(Lamp, "/lamp/colour", "lamp", "a/B", lambda lamp: (), None, 5.0, "no colour")
 
 
@@ -103,7 +103,7 @@ def test_what_another_package_declares_is_not_simulated():
                    topics=INTERFACE.topics + (topic,))
     assert len(more.offers) == len(INTERFACE.offers) + 2 and nodes(more) == nodes(INTERFACE)
     assert rehearsed_topics(more) == rehearsed_topics(INTERFACE) == list(INTERFACE.topics)
-    rehearsed = replace(topic, rehearsed=lambda seconds: None)
+    rehearsed = replace(topic, simulated_value=lambda seconds: None)
     assert rehearsed_topics(replace(more, topics=INTERFACE.topics + (rehearsed,))) == [
         *INTERFACE.topics, rehearsed]
 
@@ -231,7 +231,7 @@ def test_a_message_is_noted_with_the_read_that_returns_it_first():
 
 def test_a_topic_of_another_package_says_what_its_declaration_says():
     door = Topic("/door", "door", "std_msgs/String", str, str, "no door", is_continuous=True,
-                 rehearsed=lambda seconds: "open" if seconds > 0.42 else None)
+                 simulated_value=lambda seconds: "open" if seconds > 0.42 else None)
     robot = virtual_robot(LAMP)
     robot.publish(door)
     silent, said = [], []

@@ -66,9 +66,9 @@ class Service(Generic[Asked]):
     canonical name, ``node`` the robot's node that offers it, ``type`` its ``package/Type``.
     ``deadline`` is the default, in seconds. ``absence`` says what the robot cannot do without it;
     ``is_optional``: a mission starts on a robot without it, where its leaves then succeed, unless
-    ``fails_without``. ``rehearsed`` is the robot's answer in a rehearsal of a service that the test
-    package does not simulate. ``answers_early``: whether a request is answered when it begins to be
-    carried out, and not when it is done.
+    ``fails_without``. ``simulated_answer`` returns the robot's answer in a rehearsal, of a service
+    that ``simulation`` does not know. ``answers_early``: whether a request is answered when it
+    begins to be carried out, and not when it is done.
     """
 
     request: Type[Asked]
@@ -82,7 +82,7 @@ class Service(Generic[Asked]):
     answer: Callable[[Message], Answer] = lambda response: Answer()
     is_optional: bool = False
     fails_without: bool = False
-    rehearsed: Callable[[Asked], Answer] = lambda request: Answer()
+    simulated_answer: Callable[[Asked], Answer] = lambda request: Answer()
     answers_early: Callable[[Asked], bool] = lambda request: False
 
     kind = "service"
@@ -120,9 +120,9 @@ class Service(Generic[Asked]):
     def rehearse(self, request: Asked) -> Answer:
         """Return the answer in a rehearsal. Raises Unusable."""
         try:
-            return self.rehearsed(request)
+            return self.simulated_answer(request)
         except BaseException as error:
-            raise Unusable(f"its declaration: {described(error, self.rehearsed)}") from error
+            raise Unusable(f"its declaration: {described(error, self.simulated_answer)}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +159,8 @@ class Topic(Generic[Value]):
     response of its answer is a message, its deadline the seconds after those of the request within
     which the result comes. ``is_event``: whether a value of a state is an event, which the robot
     may publish only once: the newest one counts too.
-    ``rehearsed`` returns what a rehearsal publishes on a topic that the test package does not
-    simulate, by the seconds since its beginning; None: nothing. The other fields: see ``Service``.
+    ``simulated_value`` returns what a rehearsal publishes on a topic that ``simulation`` does not
+    know, by the seconds since its beginning; None: nothing. The other fields: see ``Service``.
     """
 
     name: str
@@ -172,7 +172,7 @@ class Topic(Generic[Value]):
     is_continuous: bool
     action: Optional[Action[Listen]] = None
     is_event: Optional[Callable[[Value], bool]] = None
-    rehearsed: Optional[Callable[[float], Optional[Value]]] = None
+    simulated_value: Optional[Callable[[float], Optional[Value]]] = None
 
     kind = "topic"
     is_optional = False

@@ -46,8 +46,10 @@ def _fault(offer: Offer) -> str:
         return "it does not say what the robot cannot do without it (absence)"
     if not offer.node.isidentifier():
         return f"its node {offer.node!r} is not the name of a node, without /"
-    if offer.rehearsed is not None and not callable(offer.rehearsed):
-        return f"{offer.rehearsed!r} is not a function for a rehearsal (rehearsed)"
+    field = "simulated_value" if isinstance(offer, Topic) else "simulated_answer"
+    simulated = getattr(offer, field)
+    if simulated is not None and not callable(simulated):
+        return f"{simulated!r} is not a function for a rehearsal ({field})"
     if isinstance(offer, Topic):
         if not isinstance(offer.value, type):
             return f"the kind of its values is {offer.value!r}, and not a type"

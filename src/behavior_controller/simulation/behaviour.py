@@ -233,7 +233,7 @@ def topics(interface: Interface) -> List[Topic]:
 def rehearsed_topics(interface: Interface) -> List[Topic]:
     """Return the topics with messages in a rehearsal: also those that declare them."""
     return [topic for topic in interface.topics
-            if topic.name in TOPICS or topic.rehearsed is not None]
+            if topic.name in TOPICS or topic.simulated_value is not None]
 
 
 def servers(*robots: Interface) -> Dict[str, None]:

@@ -309,7 +309,7 @@ def as_text(result: Result) -> str:
     """Return the result as lines of text."""
     lines = [heading(result)] + [
         f"silent: {name}, since its declaration does not say what it publishes in a rehearsal "
-        "(rehearsed)" for name in result.plan.silent] + [
+        "(simulated_value)" for name in result.plan.silent] + [
             f"planned in vain: {fault}, since no play makes that call" for fault in result.unmet]
     for table in html_report.tables(result.rows, result.shares).values():
         lines += ["", *_columns(table)]

@@ -209,9 +209,10 @@ class VirtualTopics(FakeTopics):
 
         def publish_next() -> None:
             robot.after(max(robot.shortest_gap, SHORTEST_GAP), publish_next)
-            value = topic.rehearsed(robot.clock.now() - began) if topic.rehearsed else None
-            if value is not None:
-                self.publish(topic, value)
+            if topic.simulated_value is not None:
+                value = topic.simulated_value(robot.clock.now() - began)
+                if value is not None:
+                    self.publish(topic, value)
 
         publish_next()
 

@@ -67,5 +67,5 @@ SERVICES = (
 
 DOORBELL = Topic("/doorbell/pressed", "doorbell", "std_msgs/Bool", bool,
                  lambda message: message.data, "visitors at the door are not noticed",
-                 is_continuous=False, rehearsed=lambda seconds: True)
+                 is_continuous=False, simulated_value=lambda seconds: True)
 TOPICS = (DOORBELL,)

@@ -157,7 +157,7 @@ class Survey:
         failed = {uid for outcome in self._calm for uid in outcome.reached} - self._succeeded
         for node in self.nodes:
             if node.uid in failed and isinstance(node, MissionLeaf) and not node.spec.is_recovery \
-                    and not any(isinstance(topic, Topic) and topic.rehearsed is None
+                    and not any(isinstance(topic, Topic) and topic.simulated_value is None
                                 for topic in node.spec.listens):
                 yield node.uid, "it never succeeds"
 
