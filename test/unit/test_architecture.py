@@ -278,6 +278,14 @@ def test_every_python_package_is_installed(package, folder):
     assert {name for name in packages if "'{}'".format(name) not in text} == set()
 
 
+def test_each_executable_has_a_name_of_its_own():
+    """rosrun looks below the whole package, which a clone in a workspace is, and would ask which
+    one to run."""
+    names = [os.path.basename(path) for path in python_files("src", "unit_tests")
+             if not path.endswith(".py")]
+    assert len(names) > 15 and len(set(names)) == len(names)
+
+
 def test_no_file_names_a_place_on_somebodys_machine():
     if not os.path.isdir(os.path.join(ROOT, ".git")) or shutil.which("git") is None:
         pytest.skip("not a git checkout")

@@ -1086,6 +1086,26 @@ def test_a_terminal_shows_the_progress_and_ctrl_c_tells_what_was_found_so_far():
     os.close(terminal)
 
 
+WITHOUT_ROS = """
+import importlib, pkgutil, sys
+sys.modules.update(dict.fromkeys({!r}))
+from behavior_controller import simulation
+for module in pkgutil.walk_packages(simulation.__path__, simulation.__name__ + "."):
+    importlib.import_module(module.name)
+sys.exit(sys.modules["behavior_controller.simulation.cli"].main(sys.argv[1:]))
+"""
+ROS = ("actionlib", "cssr_system", "genpy", "rosgraph", "roslib", "rospkg", "rospy", "unit_tests")
+
+
+def test_a_rehearsal_needs_neither_ros_nor_the_test_package():
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ROS.format(ROS), planted("good"), "--visitors", "engages",
+         "--faults", "none", "--jobs", "1"], stdout=subprocess.PIPE, encoding="utf-8",
+        env=dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)),
+                 ROS_MASTER_URI="http://localhost:1"))
+    assert done.returncode == exit_codes.SUCCESS and "nothing was found" in done.stdout
+
+
 @pytest.mark.skipif(shutil.which("rosrun") is None, reason="needs the workspace's shell")
 def test_the_former_place_of_the_command_names_the_new_one():
     done = subprocess.run(["rosrun", "unit_tests", "rehearseMission", "--version"], check=True,
