@@ -44,7 +44,7 @@ from behavior_controller.leaves.recovery import HandleFallBack
 from behavior_controller.missions.runner import Persistence, Runner
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway
 from behavior_controller.robot.requests import Answer, Request
-from behavior_controller.simulation.rehearsal.play import Stage
+from behavior_controller.simulation.rehearsal.play import LoadedMission
 
 ON_PURPOSE = "broken on purpose"
 """The text of each exception that a breakage raises."""
@@ -1061,7 +1061,7 @@ def tampered(kind: type, number: int, change: Callable[[Any], Any]) -> Callable[
             is_meant = type(event) is kind and next(count) == number
             events += [(at, new) for new in (change(event) if is_meant else [event])]
         return played._replace(events=events)
-    return wrapping(Stage, "play", play)
+    return wrapping(LoadedMission, "play", play)
 
 
 def mistold(event: Any) -> List[Any]:
@@ -1169,7 +1169,7 @@ def early(number: int, seconds: float) -> Callable[[], Any]:
             events.append((at, event))
         lines.sort(key=lambda line: line.time)
         return played._replace(events=events, journal=lines)
-    return wrapping(Stage, "play", play)
+    return wrapping(LoadedMission, "play", play)
 
 
 def waits_before(kind: type, name: str, seconds: float, number: int = 1) -> Callable[[], Any]:

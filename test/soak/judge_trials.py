@@ -47,7 +47,8 @@ from unit_tests.judge.facts import LATE, Facts  # noqa: E402
 from unit_tests.judge.verdict import judge  # noqa: E402
 from behavior_controller.simulation.behaviour import OPTIONAL  # noqa: E402
 from behavior_controller.simulation.faults import KINDS, REFUSED  # noqa: E402
-from behavior_controller.simulation.rehearsal.play import CALM, Played, Stage  # noqa: E402
+from behavior_controller.simulation.rehearsal.play import (  # noqa: E402
+    CALM, LoadedMission, RunResult)
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES  # noqa: E402
 from behavior_controller.simulation.configuration import NONE, REAL, Configuration  # noqa: E402
 
@@ -64,11 +65,11 @@ STAGES: Dict[str, Dict[str, Any]] = {
 
 
 @functools.lru_cache(maxsize=None)
-def stage(name: str) -> Stage:
-    return Stage(settings.defaults(**STAGES[name]))
+def stage(name: str) -> LoadedMission:
+    return LoadedMission(settings.defaults(**STAGES[name]))
 
 
-def verdict_on(on: Stage, test: Configuration, played: Played) -> Tuple[str, ...]:
+def verdict_on(on: LoadedMission, test: Configuration, played: RunResult) -> Tuple[str, ...]:
     """Return the objections of the judge to a play; none: PASSED."""
     facts = Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
                   on.mission, played.cut_off, has_timed_out=played.has_timed_out)
@@ -102,7 +103,7 @@ def tests(rate: float, seed: int) -> Iterator[Configuration]:
 class Sound(NamedTuple):
     """A play of the sound controller, and what its leaves did, as breakages need it."""
 
-    played: Played
+    played: RunResult
     happened: FrozenSet[Needs]
     objections: Tuple[str, ...]
 
@@ -183,7 +184,7 @@ def essence(event: Any) -> Any:
                  if name not in ("at", "seconds", "arrived"))
 
 
-def recorded(played: Played) -> Iterator[Tuple[float, Any]]:
+def recorded(played: RunResult) -> Iterator[Tuple[float, Any]]:
     """Yield what counts of a record; a traversal after which all is as it was before does not."""
     statuses: Dict[int, str] = {}
     for at, event in played.events:
@@ -207,7 +208,7 @@ def first_difference(one: Timed, other: Timed) -> str:
     return ""
 
 
-ASPECTS: Dict[str, Callable[[Played], Timed]] = {
+ASPECTS: Dict[str, Callable[[RunResult], Timed]] = {
     "requests": lambda played: [(0.0, request) for _, request in played.asked],
     "exit code": lambda played: [(0.0, played.exit_code)],
     "times": lambda played: played.asked,
@@ -217,7 +218,7 @@ ASPECTS: Dict[str, Callable[[Played], Timed]] = {
 """In what a run can differ from another: first what tells most about the robot."""
 
 
-def difference(sound: Played, broken: Played) -> str:
+def difference(sound: RunResult, broken: RunResult) -> str:
     """Return in what two plays differ and where first; empty: in nothing that counts."""
     for name, aspect in ASPECTS.items():
         found = first_difference(aspect(sound), aspect(broken))
@@ -226,7 +227,7 @@ def difference(sound: Played, broken: Played) -> str:
     return ""
 
 
-def unseen(sound: Played, broken: Played) -> str:
+def unseen(sound: RunResult, broken: RunResult) -> str:
     """Return why neither record nor journal can show a difference of two plays; empty: they can."""
     differing = [name for name, aspect in ASPECTS.items()
                  if first_difference(aspect(sound), aspect(broken))]
@@ -426,7 +427,7 @@ def with_policy(text: str) -> Iterator[None]:
 def judged(setting: Setting) -> Tuple[str, ...]:
     """Return what the judge objects to the sound controller in a setting."""
     with with_policy(setting.policy):
-        on = Stage(settings.defaults(**dict(setting.chosen)))
+        on = LoadedMission(settings.defaults(**dict(setting.chosen)))
         return verdict_on(on, setting.test, on.play(setting.test))
 
 

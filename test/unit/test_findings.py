@@ -20,12 +20,12 @@ from behavior_controller.robot.requests import (
 from behavior_controller.simulation.rehearsal import findings
 from behavior_controller.simulation.rehearsal.findings import Play, RobotCall
 from behavior_controller.simulation.journal import JournalEntry
-from behavior_controller.simulation.rehearsal.play import BUSY, Played, START, Stage
-from behavior_controller.simulation.rehearsal.plays import Outcome, Scene, Search
+from behavior_controller.simulation.rehearsal.play import BUSY, RunResult, START, LoadedMission
+from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search
 from behavior_controller.simulation.rehearsal.summary import Survey
 from behavior_controller.simulation.visitor import DECLINES, ENGAGES
 
-STAGE = Stage(settings.defaults(), [
+STAGE = LoadedMission(settings.defaults(), [
     parse("""<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback name="all">
     <Sequence name="some"><IsVisitorDiscovered name="see"/><Navigate name="drive"/>
     <PressYesNoDialogue name="press"/></Sequence>
@@ -97,7 +97,7 @@ def play(*steps, behaviour=ENGAGES, faults=0, calm=None, times=None, **played):
                for number, event in enumerate(step)]
     given = dict(events=events, journal=[], exit_code=0, cut_off="", errors=[], reached=frozenset(),
                  waiting=(), seconds=100.0, asked=(), presence=[(START, True)])
-    return Play(STAGE, Played(**dict(given, **played)), behaviour, faults, calm)
+    return Play(STAGE, RunResult(**dict(given, **played)), behaviour, faults, calm)
 
 
 def waiting(*names):
@@ -364,7 +364,8 @@ def test_of_a_branch_that_no_play_reaches_only_the_top_is_told_and_of_a_row_the_
 
 
 def test_an_entry_is_of_its_subtree_unless_it_is_of_the_whole_mission():
-    stage = Stage(settings.defaults(), [parse("""<root BTCPP_format="4" main_tree_to_execute="M">
+    stage = LoadedMission(settings.defaults(), [parse(
+        """<root BTCPP_format="4" main_tree_to_execute="M">
         <BehaviorTree ID="M"><Sequence><SubTree ID="S" name="a"/><SubTree ID="S" name="b"/>
         <Navigate name="last" target="{x}"/></Sequence></BehaviorTree>
         <BehaviorTree ID="S"><LookUpHome name="find" targetLocation="{x}"/></BehaviorTree>
@@ -596,7 +597,7 @@ def test_a_call_of_the_mission_is_of_the_leaf_that_asked_last():
 def of_all_plays(reached=(), succeeded=(), switched=()):
     """Return kind, node and text of what all plays together show: one without a fault."""
     survey = Survey(SimpleNamespace(stage=lambda by_voice: STAGE), True, ())
-    survey.take(Outcome(Scene(ENGAGES), "SUCCESS", 9.0, (), (),
+    survey.take(Outcome(Scenario(ENGAGES), "SUCCESS", 9.0, (), (),
                         frozenset(UIDS[name] for name in reached),
                         frozenset(UIDS[name] for name in succeeded), tuple(switched)))
     told = survey.findings(SimpleNamespace(unreached=lambda: ()))

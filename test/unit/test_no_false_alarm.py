@@ -14,13 +14,13 @@ from behavior_controller.bt.linter import rules
 from behavior_controller import folders
 from behavior_controller.errors import FaultsFound
 
-from behavior_controller.simulation.rehearsal.plays import Scene, Theatre
+from behavior_controller.simulation.rehearsal.plays import Scenario, ScenarioRunner
 
 COUNT = int(os.environ.get("VARIATIONS", "40"))
 SEED = int(os.environ.get("VARIATIONS_SEED", "1"))
 LIMIT = 900.0  # seconds of the mission's time
-SCENES = [Scene("engages", by_voice=False), Scene("engages", by_voice=True),
-          Scene("leaves", by_voice=True)]
+SCENES = [Scenario("engages", by_voice=False), Scenario("engages", by_voice=True),
+          Scenario("leaves", by_voice=True)]
 DECORATORS = {
     "Timeout": {"msec": "60000"}, "Delay": {"delay_msec": "500"}, "Repeat": {"num_cycles": "2"},
     "RetryUntilSuccessful": {"num_attempts": "2"}, "ForceSuccess": {}, "ForceFailure": {},
@@ -89,7 +89,7 @@ def conditional(parent, draw):
 
 def disproved(path):
     """Return the warnings about a mission that its plays disprove, and whether a tour is given."""
-    theatre = Theatre({}, path, LIMIT)
+    theatre = ScenarioRunner({}, path, LIMIT)
     plays = []
     for scene in SCENES:
         try:

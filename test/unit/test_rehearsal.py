@@ -11,7 +11,7 @@ from behavior_controller.execution.events import Tick
 
 from behavior_controller.simulation.faults import PlannedFault
 from behavior_controller.simulation.world import World, building_file, building_of, load_building
-from behavior_controller.simulation.rehearsal.play import CALM, Stage, rehearse
+from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission, rehearse
 from behavior_controller.simulation.visitor import Manners, Visitor
 
 KNOWLEDGE = load_building(building_file())
@@ -31,7 +31,8 @@ def play(behaviour, asr=True, mission=folders.mission("lab_tour")):
 
 def on_stage(mission, chosen, manners, knowledge):
     given = settings.defaults(**chosen)
-    stage = Stage(given, with_includes(read(mission)), World(Visitor(manners), knowledge, given))
+    world = World(Visitor(manners), knowledge, given)
+    stage = LoadedMission(given, with_includes(read(mission)), world)
     return rehearse(stage, manners.behaviour)
 
 
@@ -102,7 +103,7 @@ def test_a_mission_that_never_ends_is_not_rehearsed(tmp_path):
 
 
 def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_second():
-    stage = Stage(settings.defaults(), [parse("""<root BTCPP_format="4"><BehaviorTree ID="M">
+    stage = LoadedMission(settings.defaults(), [parse("""<root BTCPP_format="4"><BehaviorTree ID="M">
         <Timeout msec="10000"><KeepRunningUntilFailure><Script code="n := 1"/>
         </KeepRunningUntilFailure></Timeout></BehaviorTree></root>""")])
     ticks = [event for _, event in stage.play(CALM).events if isinstance(event, Tick)]
@@ -112,7 +113,7 @@ def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_s
 
 def situations(steps, seconds, call_times, node):
     """Return what the calls of a node met in the first seconds of a mission of these steps."""
-    stage = Stage(settings.defaults(), [parse(
+    stage = LoadedMission(settings.defaults(), [parse(
         '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>' + steps +
         '</Sequence></BehaviorTree></root>')])
     met = stage.play(dataclasses.replace(CALM, test_timeout=seconds, call_times=call_times),
@@ -138,7 +139,7 @@ def test_calls_meet_one_situation_unless_the_mission_may_go_on_otherwise(steps, 
 
 @pytest.mark.parametrize("faulty, told", [(None, [1, 2, 3]), (1, [2, 3]), (2, [3]), (3, [])])
 def test_the_situations_after_the_first_fault_are_told_or_all_without_a_fault(faulty, told):
-    stage = Stage(settings.defaults(), [parse(
+    stage = LoadedMission(settings.defaults(), [parse(
         '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>' +
         3 * '<ForceSuccess><WelcomeSpeech/></ForceSuccess>' + '</Sequence></BehaviorTree></root>')])
     planned = (PlannedFault("textToSpeech", faulty, "refused"),) if faulty else ()

@@ -26,7 +26,7 @@ from test_flawed_missions import FLAWED
 from behavior_controller.simulation import cli
 from behavior_controller.simulation.rehearsal import blocked_leaf, findings, html_report, plays
 from behavior_controller.simulation.rehearsal.findings import RobotCall, Finding
-from behavior_controller.simulation.rehearsal.plays import Outcome, Scene, Search, Theatre
+from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search, ScenarioRunner
 from behavior_controller.simulation.rehearsal.summary import (
     FindingSummary, VisitorRow, Share, Survey, shortened)
 from behavior_controller.simulation.faults import KINDS, PlannedFault
@@ -157,13 +157,13 @@ def outcome(scene, ended, seconds, exhibits=0, *found, calls=(), reached=()):
 
 
 def test_the_shortest_play_of_a_finding_has_the_fewest_faults():
-    survey = Survey(Theatre({}, planted("good"), 900.0), True, ())
+    survey = Survey(ScenarioRunner({}, planted("good"), 900.0), True, ())
     finding = Finding("not-home", 1, "x")
-    faulty = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "refused"),))
-    for scene, seconds in ((faulty, 5.0), (Scene("leaves"), 90.0), (Scene("engages"), 80.0)):
+    faulty = Scenario("engages", planned=(PlannedFault("textToSpeech", 1, "refused"),))
+    for scene, seconds in ((faulty, 5.0), (Scenario("leaves"), 90.0), (Scenario("engages"), 80.0)):
         survey.take(outcome(scene, "SUCCESS", seconds, 0, finding))
     told, = survey.findings()
-    assert (told.scene, told.plays, told.seconds) == (Scene("engages"), 3, 80.0)
+    assert (told.scene, told.plays, told.seconds) == (Scenario("engages"), 3, 80.0)
 
 
 TALK = [RobotCall("overtAttention", 1, 3, "a", True), RobotCall("textToSpeech", 1, 4, "b", True),
@@ -172,7 +172,7 @@ TALK = [RobotCall("overtAttention", 1, 3, "a", True), RobotCall("textToSpeech", 
 
 
 def test_single_faults_are_each_call_in_each_way_each_service_for_good_and_each_silent_topic():
-    calm = Scene("engages")
+    calm = Scenario("engages")
     made = list(plays.single([outcome(calm, "SUCCESS", 9.0, calls=TALK)], KINDS, ["/x"]))
     planned = [fault for scene in made for fault in scene.planned]
     assert [fault for fault in planned if not fault.is_lasting] == [
@@ -187,13 +187,13 @@ def test_single_faults_are_each_call_in_each_way_each_service_for_good_and_each_
 @pytest.mark.parametrize("ended, is_played", [
     ("SUCCESS", True), ("FAILURE", True), (plays.NO_VISITOR, False), ("", False)])
 def test_a_pass_that_does_not_end_without_a_fault_is_not_played_with_one(ended, is_played):
-    made = plays.single([outcome(Scene("engages"), ended, 9.0, calls=TALK)], KINDS, ["/x"])
+    made = plays.single([outcome(Scenario("engages"), ended, 9.0, calls=TALK)], KINDS, ["/x"])
     assert any(made) is is_played
 
 
 def test_what_the_tablet_does_not_change_is_not_played_again():
-    both = [outcome(Scene("engages"), "SUCCESS", 9.0, calls=TALK[:2]),
-            outcome(Scene("engages", False), "SUCCESS", 9.0, calls=TALK)]
+    both = [outcome(Scenario("engages"), "SUCCESS", 9.0, calls=TALK[:2]),
+            outcome(Scenario("engages", False), "SUCCESS", 9.0, calls=TALK)]
     made = list(plays.single(both, ["crash"], []))
     assert [scene.planned for scene in made if not scene.by_voice] == [
         (PlannedFault("textToSpeech", 2, "crash"),),
@@ -204,7 +204,7 @@ def test_what_the_tablet_does_not_change_is_not_played_again():
 
 
 def test_pairs_are_each_later_call_that_meets_what_no_call_has_met():
-    calm = Scene("engages")
+    calm = Scenario("engages")
     met = [call._replace(situation=bytes([number])) for number, call in enumerate(TALK)]
     again = met[1]._replace(number=3, situation=b"again")
     unknown = [call._replace(situation=b"") for call in met]  # up to the first fault
@@ -237,10 +237,11 @@ ONE_AFTER_THE_OTHER = """<Sequence>
 
 @pytest.mark.parametrize("script, number", [("lost += 1", 2), ("lost := 0", 1)])
 def test_what_the_first_fault_leaves_behind_is_played_with_a_second_one(tmp_path, script, number):
-    theatre = Theatre({}, mission(tmp_path, ONE_AFTER_THE_OTHER.format(script)), 900.0)
-    calm = theatre.evaluate(Scene("engages"))
+    theatre = ScenarioRunner({}, mission(tmp_path, ONE_AFTER_THE_OTHER.format(script)), 900.0)
+    calm = theatre.evaluate(Scenario("engages"))
     assert [call.node for call in calm.calls] == ["textToSpeech", "overtAttention", "textToSpeech"]
-    one = theatre.evaluate(Scene("engages").with_fault(PlannedFault("textToSpeech", 1, "refused")))
+    one = theatre.evaluate(
+        Scenario("engages").with_fault(PlannedFault("textToSpeech", 1, "refused")))
     made = [scene.planned[1][:2] for scene in plays.pairs([calm, one], ["refused"])]
     assert len(made) == 2 * (number - 1)
 
@@ -249,9 +250,9 @@ def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
     path = mission(tmp_path, """<Sequence><ScanningOvertAttentionMode/><Fallback>
         <RetryUntilSuccessful num_attempts="5"><WelcomeSpeech/></RetryUntilSuccessful>
         <PressYesNoSpeech/><AlwaysSuccess name="last"/></Fallback></Sequence>""")
-    theatre = Theatre({}, path, 900.0)
+    theatre = ScenarioRunner({}, path, 900.0)
     nodes = theatre.stage(True).mission.tree.nodes
-    outcomes = [theatre.evaluate(Scene("engages"))]
+    outcomes = [theatre.evaluate(Scenario("engages"))]
     reached = set(outcomes[0].reached)
     search = Search(nodes, reached, outcomes, "refused")
     assert [node.registration_id for node in search.targets()] == ["PressYesNoSpeech"]
@@ -266,14 +267,14 @@ def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
 def search_of(tmp_path, body, *calls, planned=(PlannedFault("a", 1, "crash"),), silent=()):
     """Return a search for EndTourSpeech, with four plays that have made these calls: two of them
     without a fault and two with those, two of a visitor who engages."""
-    nodes = Theatre({}, mission(tmp_path, body), 900.0).stage(True).mission.tree.nodes
+    nodes = ScenarioRunner({}, mission(tmp_path, body), 900.0).stage(True).mission.tree.nodes
     uids = {node.registration_id: node.uid for node in nodes}
     made = [RobotCall(node, number, uids[leaf], "", is_done)
             for node, number, leaf, is_done in calls]
     reached = set(uids.values()) - {uids["EndTourSpeech"]}
     outcomes = [outcome(scene, "SUCCESS", 9.0, calls=made, reached=reached)
                 for visitor in ("engages", "silent") for scene in (
-                    Scene(visitor), Scene(visitor, planned=planned, silent=silent))]
+                    Scenario(visitor), Scenario(visitor, planned=planned, silent=silent))]
     return Search(nodes, reached, outcomes, "refused")
 
 
@@ -311,8 +312,8 @@ def test_the_nearest_plays_get_a_further_fault_first(tmp_path, monkeypatch):
                              is_traced=False) for scene in scenes}
              for scenes, _ in zip(search.rounds(), range(2))]
     first = PlannedFault("a", 1, "crash")
-    assert bases == [{Scene("engages"), Scene("silent")},
-                     {Scene("engages", planned=(first,)), Scene("silent", planned=(first,))}]
+    assert bases == [{Scenario("engages"), Scenario("silent")},
+                     {Scenario("engages", planned=(first,)), Scenario("silent", planned=(first,))}]
 
 
 @pytest.mark.parametrize("most, is_cut, told", [
@@ -328,13 +329,13 @@ def test_a_search_that_would_take_too_long_is_cut(tmp_path, monkeypatch, most, i
 
 
 @pytest.mark.parametrize("scene, is_faultless, is_calm, is_listed", [
-    (Scene("engages"), True, True, True), (Scene("engages", False), True, True, True),
-    (Scene("engages", seed=1), True, False, False),
-    (Scene("engages", rate=0.5, seed=1), False, False, False),
-    (Scene("engages", silent=("/x",)), False, False, True),
-    (Scene("engages", planned=(PlannedFault("a", 1, "crash"),)), False, False, True),
-    (Scene("engages", planned=2 * (PlannedFault("a", 1, "crash"),)), False, False, False),
-    (Scene("engages", planned=2 * (PlannedFault("a", 1, "crash"),), is_traced=True),
+    (Scenario("engages"), True, True, True), (Scenario("engages", False), True, True, True),
+    (Scenario("engages", seed=1), True, False, False),
+    (Scenario("engages", rate=0.5, seed=1), False, False, False),
+    (Scenario("engages", silent=("/x",)), False, False, True),
+    (Scenario("engages", planned=(PlannedFault("a", 1, "crash"),)), False, False, True),
+    (Scenario("engages", planned=2 * (PlannedFault("a", 1, "crash"),)), False, False, False),
+    (Scenario("engages", planned=2 * (PlannedFault("a", 1, "crash"),), is_traced=True),
      False, False, True)])
 def test_which_scenes_have_faults_and_whose_calls_are_listed(scene, is_faultless, is_calm,
                                                              is_listed):
@@ -344,8 +345,8 @@ def test_which_scenes_have_faults_and_whose_calls_are_listed(scene, is_faultless
 
 @pytest.mark.parametrize("by_voice", [True, False])
 def test_who_answers_on_the_tablet_is_not_heard(tmp_path, by_voice):
-    theatre = Theatre({}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
-    journal = theatre.play(Scene("engages", by_voice)).played.journal
+    theatre = ScenarioRunner({}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
+    journal = theatre.play(Scenario("engages", by_voice)).played.journal
     assert ("/speechEvent/text" in {line.resource for line in journal}) is by_voice
 
 
@@ -360,44 +361,46 @@ def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(t
     both = tuple(PlannedFault(node, 1, "refused", True)
                  for node in ("overtAttention", "textToSpeech"))
     made, = search.rounds()
-    assert made == [Scene("engages", planned=planned, is_traced=True) for planned in (*rows, both)]
+    assert made == [
+        Scenario("engages", planned=planned, is_traced=True) for planned in (*rows, both)]
 
 
 def test_random_scenes_have_the_visitors_in_turn_and_a_seed_for_each_run():
-    both = [Scene("engages"), Scene("silent", False)]
+    both = [Scenario("engages"), Scenario("silent", False)]
     first = [
-        Scene("engages", rate=0.5, seed=7, kinds=("crash", )),
-        Scene("silent", False, rate=0.5, seed=8, kinds=("crash", )),
-        Scene("engages", rate=0.5, seed=9, kinds=("crash", ))
+        Scenario("engages", rate=0.5, seed=7, kinds=("crash", )),
+        Scenario("silent", False, rate=0.5, seed=8, kinds=("crash", )),
+        Scenario("engages", rate=0.5, seed=9, kinds=("crash", ))
     ]
     assert plays.random(both, 3, (0.5, 0.0), 7,
                          ["crash"]) == first + [each._replace(rate=0.0) for each in first]
 
 
 def test_a_scene_counts_its_faults_and_knows_how_it_goes_without(tmp_path):
-    theatre = Theatre({},
+    theatre = ScenarioRunner({},
                       mission(tmp_path,
                               "<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/></Sequence>"),
                       900.0)
     calm, faulty = (theatre.play(scene) for scene in (
-        Scene("engages"), Scene("engages", True, TWO[:1], ("/x", "/y"))))
+        Scenario("engages"), Scenario("engages", True, TWO[:1], ("/x", "/y"))))
     assert (calm.outcome, calm.faults, calm.calm) == ("SUCCESS", 0, None)
     assert (faulty.outcome, faulty.faults, faulty.calm.outcome) == ("FAILURE", 3, "SUCCESS")
-    assert theatre.evaluate(Scene("engages")).switched == ((SetAttention("scanning"), 2),)
+    assert theatre.evaluate(Scenario("engages")).switched == ((SetAttention("scanning"), 2),)
 
 
 def test_a_service_that_fails_for_good_fails_at_each_later_call(tmp_path):
     body = '<RetryUntilSuccessful num_attempts="-1"><WelcomeSpeech/></RetryUntilSuccessful>'
-    scene = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "exception", True),))
-    play = Theatre({}, mission(tmp_path, body), 9000.0).play(scene)
+    scene = Scenario("engages", planned=(PlannedFault("textToSpeech", 1, "exception", True),))
+    play = ScenarioRunner({}, mission(tmp_path, body), 9000.0).play(scene)
     assert play.played.has_timed_out and len(play.exchanges) > 1000 and play.faults >= 1000
 
 
 @pytest.mark.parametrize("oldest, gap", [(1.0, 0.5), (60.0, 1.0)])
 def test_messages_are_never_late(tmp_path, oldest, gap):
-    theatre = Theatre({"topicMaxAge": oldest}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
+    path = mission(tmp_path, '<Sleep msec="5000"/>')
+    theatre = ScenarioRunner({"topicMaxAge": oldest}, path, 900.0)
     times = [
-        line.time for line in theatre.play(Scene("engages")).played.journal
+        line.time for line in theatre.play(Scenario("engages")).played.journal
         if line.node == "faceDetection"
     ]
     assert [later - sooner
@@ -408,8 +411,8 @@ def test_a_pass_without_an_end_says_why(tmp_path):
     for body, silent, ended in (
         ("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec='9999999'/></ReactiveFallback>",
          ("/faceDetection/data", ), plays.NO_VISITOR), ("<Sleep msec='9999999'/>", (), "")):
-        assert Theatre({}, mission(tmp_path, body),
-                       10.0).evaluate(Scene("engages", silent=silent)).outcome == ended
+        assert ScenarioRunner({}, mission(tmp_path, body),
+                       10.0).evaluate(Scenario("engages", silent=silent)).outcome == ended
 
 
 @pytest.mark.parametrize("number, jobs", [(61, 1), (60, 8)])
@@ -477,7 +480,7 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
     shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
     left_on, not_home = (findings.BY_NAME[name] for name in ("left-on", "not-home"))
     told = [
-        FindingSummary(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
+        FindingSummary(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scenario("engages"), 80.0,
                        (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""), ),
                        "lab_tour --planned 'a b'",
                        (FindingSummary(not_home, "Go::3", "m.xml:5:6", "to <c>"),)),
@@ -702,12 +705,12 @@ TWO = (PlannedFault("textToSpeech", 1, "crash"), PlannedFault("textToSpeech", 2,
 FINDINGS = [
     FindingSummary(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5",
                    "it is ticked again and again", 12,
-                   Scene("engages", True, TWO, ("/faces", )), 4.0,
+                   Scenario("engages", True, TWO, ("/faces", )), 4.0,
                    (SAID, structs.replace(SAID, at=61.04, text="it waits")), "again 1"),
     FindingSummary(findings.BY_NAME["busy-loop"], "M", "m.xml:1:1", "and again", 1,
-                   Scene("silent", False, rate=0.5, seed=7), 4.0, (SAID, ), "again 2"),
+                   Scenario("silent", False, rate=0.5, seed=7), 4.0, (SAID, ), "again 2"),
     FindingSummary(findings.BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1,
-                   Scene("silent"), 4.0, (SAID, ), "again 3",
+                   Scenario("silent"), 4.0, (SAID, ), "again 3",
                    (FindingSummary(findings.BY_NAME["left-on"], "Nod", "m.xml:6:7", "on"),)),
     FindingSummary(findings.UNREACHED, "Nap", "m.xml:4:5", "not reached by 7 simulated runs")
 ]
@@ -784,16 +787,16 @@ def test_a_result_is_data_for_other_programs(result):
 
 
 def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
+    survey = Survey(ScenarioRunner({}, mission(tmp_path, SPEECH), 900.0), True, ())
     for each in [
-            outcome(Scene("engages"), "SUCCESS", 60.0, 5),
-            outcome(Scene("engages", False), "SUCCESS", 70.0, 4),
-            outcome(Scene("silent"), "", 900.0),
-            outcome(Scene("engages", silent=("/x", )), "", 900.0),
-            outcome(Scene("engages", planned=TWO), "FAILURE", 5.0),
-            outcome(Scene("engages", planned=TWO[:1]), "SUCCESS", 5.0),
-            outcome(Scene("engages", False, TWO), "FAILURE", 5.0),
-            outcome(Scene("silent", True, TWO), "SUCCESS", 5.0)
+            outcome(Scenario("engages"), "SUCCESS", 60.0, 5),
+            outcome(Scenario("engages", False), "SUCCESS", 70.0, 4),
+            outcome(Scenario("silent"), "", 900.0),
+            outcome(Scenario("engages", silent=("/x", )), "", 900.0),
+            outcome(Scenario("engages", planned=TWO), "FAILURE", 5.0),
+            outcome(Scenario("engages", planned=TWO[:1]), "SUCCESS", 5.0),
+            outcome(Scenario("engages", False, TWO), "FAILURE", 5.0),
+            outcome(Scenario("silent", True, TWO), "SUCCESS", 5.0)
     ]:
         survey.take(each)
     assert len(survey.outcomes) == 8 and survey.shares() == []
@@ -805,8 +808,8 @@ def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
 
 
 def test_a_share_is_counted_for_each_failure_rate(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
-    drawn = [Scene("engages", rate=rate, seed=seed) for rate in (0.5, 0.0) for seed in (1, 2, 3)]
+    survey = Survey(ScenarioRunner({}, mission(tmp_path, SPEECH), 900.0), True, ())
+    drawn = [Scenario("engages", rate=rate, seed=seed) for rate in (0.5, 0.0) for seed in (1, 2, 3)]
     for scene, ended, seconds in zip(drawn, ("SUCCESS", "FAILURE", "", "", "", ""),
                                      (10.0, 20.0, 900.0) + 3 * (900.0, )):
         survey.take(outcome(scene, ended, seconds))
@@ -815,20 +818,20 @@ def test_a_share_is_counted_for_each_failure_rate(tmp_path):
 
 
 @pytest.mark.parametrize("scene, words", [
-    (Scene("engages"), "--visitors engages --faults none asrEnabled:=true"),
-    (Scene("silent", False, TWO, ("/speechEvent/text", "/faceDetection/data")),
+    (Scenario("engages"), "--visitors engages --faults none asrEnabled:=true"),
+    (Scenario("silent", False, TWO, ("/speechEvent/text", "/faceDetection/data")),
      "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2:crash --silent "
      "/speechEvent/text,/faceDetection/data asrEnabled:=false"),
-    (Scene("silent", planned=(TWO[0], TWO[1]._replace(is_lasting=True))),
+    (Scenario("silent", planned=(TWO[0], TWO[1]._replace(is_lasting=True))),
      "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2+:crash asrEnabled:=true"),
-    (Scene("engages", rate=0.25, seed=7),
+    (Scenario("engages", rate=0.25, seed=7),
      "--visitors engages --runs 1 --failureRate 0.25 --seed 7 asrEnabled:=true"),
-    (Scene("engages", rate=0.25, seed=7, kinds=("crash", "wrong")),
+    (Scenario("engages", rate=0.25, seed=7, kinds=("crash", "wrong")),
      "--visitors engages --runs 1 --failureRate 0.25 --seed 7 --kinds crash,wrong "
      "asrEnabled:=true")])
 def test_a_command_plays_its_scene_again(tmp_path, scene, words):
     path = mission(tmp_path, SPEECH)
-    survey = Survey(Theatre({}, path, 900.0), True, [path, "language:=a b"])
+    survey = Survey(ScenarioRunner({}, path, 900.0), True, [path, "language:=a b"])
     assert survey.command(
         scene) == "rosrun cssr_system rehearseMission {} 'language:=a b' {}".format(path, words)
     assert [each._replace(is_traced=False)
@@ -837,8 +840,10 @@ def test_a_command_plays_its_scene_again(tmp_path, scene, words):
 
 @pytest.mark.parametrize(
     "words, scene", [(["--planned", "textToSpeech:3"
-                       ], Scene("engages", planned=(PlannedFault("textToSpeech", 3, "refused"), ))),
-                     (["--runs", "1", "--failureRate", "0.5"], Scene("engages", rate=0.5, seed=1))])
+                       ], Scenario("engages",
+                                   planned=(PlannedFault("textToSpeech", 3, "refused"), ))),
+                     (["--runs", "1", "--failureRate", "0.5"],
+                      Scenario("engages", rate=0.5, seed=1))])
 def test_a_call_is_refused_and_a_seed_is_1_if_not_told_otherwise(tmp_path, words, scene):
     words = [mission(tmp_path, SPEECH), "--visitors", "engages", "asrEnabled:=true"] + words
     assert [each._replace(is_traced=False)
@@ -846,12 +851,12 @@ def test_a_call_is_refused_and_a_seed_is_1_if_not_told_otherwise(tmp_path, words
 
 
 def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_path):
-    theatre = Theatre({}, mission(tmp_path, UNREACHED), 900.0)
+    theatre = ScenarioRunner({}, mission(tmp_path, UNREACHED), 900.0)
     survey = Survey(theatre, True, ())
     later, sooner, other = (Finding("left-on", uid, "x") for uid in (3, 2, 1))
-    survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, 0, later, sooner,
+    survey.take(outcome(Scenario("silent"), "SUCCESS", 4.0, 0, later, sooner,
                         Finding("left-out", 1, "y"), reached=[1, 2]))
-    survey.take(outcome(Scene("engages"), "SUCCESS", 3.0, 0, other, reached=[1, 2]))
+    survey.take(outcome(Scenario("engages"), "SUCCESS", 3.0, 0, other, reached=[1, 2]))
     told = survey.findings()
     assert [(each.kind.name, each.where) for each in told] == [
         ("left-out", "Fallback::1"), ("left-on", "Fallback::1"), ("left-on", "AlwaysSuccess::2"),
@@ -862,32 +867,32 @@ def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_
 
 
 def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
-    theatre = Theatre({}, mission(tmp_path, UNREACHED), 900.0)
+    theatre = ScenarioRunner({}, mission(tmp_path, UNREACHED), 900.0)
     survey = Survey(theatre, True, ())
     search = Search(survey.nodes, survey.reached, survey.outcomes, "refused")
-    survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, reached=[1, 2]))
+    survey.take(outcome(Scenario("silent"), "SUCCESS", 4.0, reached=[1, 2]))
     assert survey.findings() == []
     told, = survey.findings(search)
     assert told == FindingSummary(findings.UNREACHED, "WelcomeSpeech::3", told.place,
                                   "no visitor and no fault brings the mission here, in "
                                   "1 simulated run", 0, None, 0.0, (), "", ())
-    survey.take(outcome(Scene("leaves"), "", 900.0))
+    survey.take(outcome(Scenario("leaves"), "", 900.0))
     assert survey.findings(search) == [], "what is behind a pass that does not end is not known"
 
 
 def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0), True, ())
+    survey = Survey(ScenarioRunner({}, mission(tmp_path, UNREACHED), 900.0), True, ())
     cause, also, free = (Finding("missing-data", 2, "x"), Finding("not-home", 3, "y"),
                          Finding("left-on", 1, "z"))
-    survey.take(outcome(Scene("engages"), "FAILURE", 4.0, 0, cause, also, free))
-    survey.take(outcome(Scene("silent"), "FAILURE", 4.0, 0, cause, free))
-    survey.take(outcome(Scene("leaves"), "FAILURE", 4.0, 0, free))
+    survey.take(outcome(Scenario("engages"), "FAILURE", 4.0, 0, cause, also, free))
+    survey.take(outcome(Scenario("silent"), "FAILURE", 4.0, 0, cause, free))
+    survey.take(outcome(Scenario("leaves"), "FAILURE", 4.0, 0, free))
     told = survey.findings()
     assert [(each.kind.name, [other.kind.name for other in each.consequences])
             for each in told] == [("missing-data", ["not-home"]), ("left-on", [])]
 
 
-VOICE, TABLET, QUIET = Scene("engages"), Scene("engages", False), Scene("silent")
+VOICE, TABLET, QUIET = Scenario("engages"), Scenario("engages", False), Scenario("silent")
 FAULTY = VOICE.with_fault(PlannedFault("textToSpeech", 1, "refused"))
 CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2, "y"),
                           Finding("left-on", 3, "z"))
@@ -919,7 +924,7 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
      {"exception": ["missing-data", "left-on"]}),
 ])
 def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
-    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    survey = Survey(ScenarioRunner({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for scene, stops, *found in plays_with:
         survey.take(outcome(scene, "SUCCESS", 4.0, stops, *found))
     search = SimpleNamespace(unreached=lambda: [(uid, "not reached") for uid in unreached])
@@ -933,7 +938,7 @@ def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
     (3, 1, {"robotInterface": "release-1.0", "tabletSuccessIs": "press"}, None)])
 def test_a_stop_that_is_reached_one_way_only_is_told_with_the_other_way(tmp_path, voice, tablet,
                                                                         release, expected):
-    survey = Survey(Theatre(release, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    survey = Survey(ScenarioRunner(release, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for scene, stops in ((VOICE, voice), (TABLET, tablet), (QUIET, 5)):
         survey.take(outcome(scene, "SUCCESS", 4.0, stops))
     assert [(each.kind, each.what) for each in survey.findings()] == (
@@ -951,9 +956,9 @@ def consequences(told):
     ("SUCCESS", [2], [THERE], [("never-true", ["left-on"])])])
 def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path, ended, reached,
                                                                         found, expected):
-    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    survey = Survey(ScenarioRunner({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for visitor in BEHAVIOURS:
-        survey.take(outcome(Scene(visitor), ended, 4.0, 0, reached=reached))
+        survey.take(outcome(Scenario(visitor), ended, 4.0, 0, reached=reached))
     survey.take(outcome(FAULTY, ended, 4.0, 0, *found))
     told = survey.findings(SimpleNamespace(unreached=lambda: ()))
     assert consequences(told) == expected
@@ -969,10 +974,10 @@ def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path
     (0, {"engages": "FAILURE"}, [])])
 def test_a_mission_never_succeeds_if_no_visitor_brings_it_to_success(tmp_path, seed, outcomes,
                                                                      told):
-    survey = Survey(Theatre({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    survey = Survey(ScenarioRunner({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
     for visitor, ended in outcomes.items():
-        survey.take(outcome(Scene(visitor, seed=seed), ended, 4.0))
-    survey.take(outcome(Scene("engages", rate=0.5, seed=1), "SUCCESS", 4.0))
+        survey.take(outcome(Scenario(visitor, seed=seed), ended, 4.0))
+    survey.take(outcome(Scenario("engages", rate=0.5, seed=1), "SUCCESS", 4.0))
     assert [(each.kind, each.what) for each in survey.findings()] == [
         (findings.NEVER_SUCCEEDS, what) for what in told]
 
@@ -987,16 +992,16 @@ def test_a_long_story_is_cut_in_its_middle():
 
 @pytest.mark.parametrize(
     "shorter, longer",
-    [(Scene("noGaze"), Scene("engages", silent=("/x", ))),
-     (Scene("noGaze", planned=TWO, silent=("/x", )), Scene("engages", rate=0.5, seed=1)),
-     (Scene("engages"), Scene("silent")), (Scene("silent"), Scene("silent", False)),
-     (Scene("noGaze", planned=TWO[:1]), Scene("engages", planned=(
+    [(Scenario("noGaze"), Scenario("engages", silent=("/x", ))),
+     (Scenario("noGaze", planned=TWO, silent=("/x", )), Scenario("engages", rate=0.5, seed=1)),
+     (Scenario("engages"), Scenario("silent")), (Scenario("silent"), Scenario("silent", False)),
+     (Scenario("noGaze", planned=TWO[:1]), Scenario("engages", planned=(
          TWO[0]._replace(is_lasting=True),))),
-     (Scene("engages", planned=(PlannedFault(
-         "a", 9, "refused"), )), Scene("engages", planned=(PlannedFault("a", 1, "crash"), )))])
+     (Scenario("engages", planned=(PlannedFault(
+         "a", 9, "refused"), )), Scenario("engages", planned=(PlannedFault("a", 1, "crash"), )))])
 @pytest.mark.parametrize("turn", [1, -1])
 def test_of_two_plays_the_shorter_is_told(tmp_path, shorter, longer, turn):
-    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0), True, ())
+    survey = Survey(ScenarioRunner({}, mission(tmp_path, SPEECH), 900.0), True, ())
     for scene in (shorter, longer)[::turn]:
         survey.take(
             outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0,

@@ -33,7 +33,7 @@ from browser import IS_WHOLE, SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
 from test_story import refusing, walks_off
-from behavior_controller.simulation.rehearsal.play import CALM, Stage
+from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 
 def use_time_of(rig, monkeypatch):
     """Have the board take the times of events from the clock of a rig."""
@@ -870,7 +870,7 @@ def nearly_all_calls_fail():
     """Return what happens on six visits, with the times."""
     test = dataclasses.replace(CALM, arrival_rate=600.0, random_seed=1, failure_rate=0.9,
                                mission_runs=6)
-    played = Stage(settings.defaults()).play(test)
+    played = LoadedMission(settings.defaults()).play(test)
     return [line for line in played.events if not isinstance(line[1], TreeShown)]
 
 

@@ -24,7 +24,7 @@ from behavior_controller.text import clean, count, did_you_mean
 
 from behavior_controller.simulation.rehearsal import html_report, plays
 from behavior_controller.simulation.rehearsal.play import LIMIT
-from behavior_controller.simulation.rehearsal.plays import Outcome, Scene, Search, Theatre
+from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search, ScenarioRunner
 from behavior_controller.simulation.rehearsal.summary import (
     FindingSummary, VisitorRow, Share, Survey)
 from behavior_controller.simulation.behaviour import rehearsed_topics
@@ -66,7 +66,7 @@ class Plan:
         is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
         path = options.mission if is_file else find(options.mission)
         controller = load_controller(given)
-        self.theatre = Theatre(controller.values, path, options.limit)
+        self.theatre = ScenarioRunner(controller.values, path, options.limit)
         ways = [controller.asr_enabled] if ASR in given else [True, False]
         visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
         self.calm = plays.calm(visitors, ways)
@@ -83,7 +83,7 @@ class Plan:
         others = [word for word in options.settings if not word.startswith(ASR + ":=")]
         self.chosen = [options.mission, *others]
 
-    def rounds(self, survey: Survey, search: Search) -> Iterator[List[Scene]]:
+    def rounds(self, survey: Survey, search: Search) -> Iterator[List[Scenario]]:
         """Yield the scenes of one round after the other; the ``survey`` has the outcomes of each
         before the next one is planned."""
         options = self.options
@@ -349,7 +349,7 @@ def _story_lines(story: Sequence[Any]) -> List[str]:
     return [f"{sentence.at:7.1f} s  {sentence.text}" for sentence in story]
 
 
-def words(scene: Scene) -> str:
+def words(scene: Scenario) -> str:
     """Return how a scene differs from the others, in one line."""
     wrong = [*map(str, scene.planned), *(f"{name} silent" for name in scene.silent)]
     wrong += [f"failure rate {scene.rate:g}, seed {scene.seed}"] if scene.seed else []

@@ -6,7 +6,7 @@ from behavior_controller.config import settings
 from behavior_controller.execution.events import Line
 from behavior_controller.execution.run import Run
 from behavior_controller.simulation.faults import parse_planned_fault
-from behavior_controller.simulation.rehearsal.play import CALM, Stage
+from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 
 from unit_tests.judge.facts import Facts
 
@@ -19,7 +19,7 @@ UNIX = 5000.0
 
 @functools.lru_cache(maxsize=None)
 def stage(**chosen):
-    return Stage(settings.defaults(**chosen))
+    return LoadedMission(settings.defaults(**chosen))
 
 
 def facts(faults=(), mission=(), on=None, **test):

@@ -18,7 +18,7 @@ from behavior_controller.leaves.base import InstantAction, WorkingLeaf, leaf_spe
 from behavior_controller.robot.declarations import Publication
 from behavior_controller.robot.requests import Say
 from behavior_controller.simulation.behaviour import SERVICES
-from behavior_controller.simulation.rehearsal.play import Stage
+from behavior_controller.simulation.rehearsal.play import LoadedMission
 
 from unit_tests.judge.verdict import judge
 
@@ -91,7 +91,7 @@ PONDERING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID=
 
 def of_mission(inner, entry):
     text = MISSION.format(inner, entry)
-    return facts(on=Stage(settings.defaults(), [parse(text)]), mission_runs=3)
+    return facts(on=LoadedMission(settings.defaults(), [parse(text)]), mission_runs=3)
 
 
 @pytest.mark.parametrize("inner, entry, name", [
@@ -136,7 +136,7 @@ def test_an_end_of_it_on_record_that_its_status_is_not_is_objected_to():
     ('<Repeat num_cycles="2"><Ponder/></Repeat>', 4.0, "SUCCESS"),
     ("<Sequence><Pass/><Ponder/></Sequence>", 2.0, "SUCCESS")])
 def test_one_that_takes_its_time_runs_as_long_as_on_record(steps, seconds, outcome):
-    of_test = facts(on=Stage(settings.defaults(), [parse(PONDERING.format(steps))]))
+    of_test = facts(on=LoadedMission(settings.defaults(), [parse(PONDERING.format(steps))]))
     visit, = of_test.run.visits
     assert (visit.outcome, visit.seconds) == (outcome, pytest.approx(seconds, abs=0.1))
     assert judge(of_test).objections == ()
@@ -144,7 +144,7 @@ def test_one_that_takes_its_time_runs_as_long_as_on_record(steps, seconds, outco
 
 def test_what_its_phrases_say_is_judged_and_a_question_of_it_is_answered():
     steps = "<CountingSpeech/><CountingQuestion/><Sleep msec='2000'/><IsYesNoUttered/>"
-    of_test = facts(on=Stage(settings.defaults(), [parse(PONDERING.format(steps))]))
+    of_test = facts(on=LoadedMission(settings.defaults(), [parse(PONDERING.format(steps))]))
     visit, = of_test.run.visits
     assert visit.outcome == "SUCCESS" and judge(of_test).objections == ()
 

@@ -20,7 +20,7 @@ from behavior_controller.robot.requests import (
     SetRecognition, SetRecognitionLanguage)
 from behavior_controller.text import Source
 from behavior_controller.simulation import virtual_robot
-from behavior_controller.simulation.rehearsal.play import Stage
+from behavior_controller.simulation.rehearsal.play import LoadedMission
 from behavior_controller.simulation.virtual_robot import VirtualTopics
 
 from unit_tests.judge import reference
@@ -39,7 +39,7 @@ def of_mission(steps, faults=(), chosen=(), **test):
     """Return the facts of a mission of these steps with the chosen keys of the controller."""
     on = settings.defaults(**dict(chosen))
     start = "StartOfTree" if dict(chosen) == RELEASE else "START_OF_TREE"
-    return facts(faults, on=Stage(on, [parse(MISSION.format(start, steps))]), **test)
+    return facts(faults, on=LoadedMission(on, [parse(MISSION.format(start, steps))]), **test)
 
 
 def policy(text):
@@ -124,7 +124,7 @@ def test_a_script_that_fails_ends_the_pass_and_what_runs_beside_it(beside):
 
 def test_a_mission_that_is_skipped_as_a_whole_ends_its_pass():
     text = MISSION.replace("<Sequence>", '<Sequence _skipIf="true">').format("START_OF_TREE", "")
-    of_test = facts(on=Stage(settings.defaults(), [parse(text)]), **TWO_PASSES)
+    of_test = facts(on=LoadedMission(settings.defaults(), [parse(text)]), **TWO_PASSES)
     assert [event.outcome for _, event in times(of_test, PassFinished)] == ["SKIPPED", "SKIPPED"]
     assert objections(of_test) == ()
 
@@ -720,7 +720,7 @@ def test_the_speech_of_release_1_0_is_waited_for_as_long_as_it_takes(chosen, fau
     steps = "".join(f"<ForceSuccess>{step}/></ForceSuccess>" for step in SPEECHES.split("/>")[:-1])
     text = MISSION.format("StartOfTree", steps)
     on = settings.defaults(**RELEASE, speechPace=2.0, **chosen)
-    of_test = facts(faults, on=Stage(on, [parse(text)]))
+    of_test = facts(faults, on=LoadedMission(on, [parse(text)]))
     asked = [(time, event.request) for time, event in times(of_test, Asked)][1:4]
     gaps = [later - time for (time, _), (later, _) in zip(asked, asked[1:])]
     seconds = [len(request.text.split()) / 2.0 for _, request in asked[:2]]

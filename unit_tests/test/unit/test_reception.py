@@ -10,7 +10,7 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.config import phrases
 from behavior_controller.monitoring.story import Story
 from behavior_controller.robot.requests import Exhibit, GoTo, Location, PerformGesture, Point, Say
-from behavior_controller.simulation.rehearsal.play import CALM, Stage
+from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 from behavior_controller.simulation.visitor import BEHAVIOURS, Visitor
 
 from unit_tests.judge.verdict import judge
@@ -79,7 +79,7 @@ def test_a_visitor_is_shown_the_way_to_any_place_and_led_to_a_near_one(wanted, a
     others = [each for each in known if each is not place]
     manners = usual.world.visitor.manners._replace(
         behaviour="engages", places=(*others[:2], place, *others[2:]))
-    on = Stage(usual.settings, world=usual.world._replace(visitor=Visitor(manners)))
+    on = LoadedMission(usual.settings, world=usual.world._replace(visitor=Visitor(manners)))
     of_test = facts(on=on)
     visit, = of_test.run.visits
     assert judge(of_test).passed and visit.outcome == "SUCCESS" and len(visit.stops) == asked

@@ -18,12 +18,12 @@ from behavior_controller.simulation.arrivals import Arrivals
 from behavior_controller.simulation.behaviour import LETTERS_A_SECOND
 from behavior_controller.simulation.configuration import REAL
 from behavior_controller.simulation.faults import Faults, KINDS, PlannedFault
-from behavior_controller.simulation.rehearsal.play import CALM, START, Stage
+from behavior_controller.simulation.rehearsal.play import CALM, START, LoadedMission
 
 from unit_tests.judge.facts import Facts
 from unit_tests.judge.verdict import judge
 
-LAB_TOUR = Stage(settings.defaults())
+LAB_TOUR = LoadedMission(settings.defaults())
 M = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
 SAY = M.format("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>")
 SPOKEN = len(phrases.load("English").speeches["WelcomeSpeech"]) / LETTERS_A_SECOND
@@ -34,7 +34,7 @@ def play(on=LAB_TOUR, silent=(), **changed):
 
 
 def of_text(text, **chosen):
-    return Stage(settings.defaults(**chosen), [parse(text)])
+    return LoadedMission(settings.defaults(**chosen), [parse(text)])
 
 
 def of(kind, played):
@@ -103,7 +103,7 @@ def test_the_visitor_answers_when_the_question_is_over():
 def test_a_request_without_sense_is_refused_at_once():
     blank = tuple(exhibit._replace(description1=" ")
                   for exhibit in LAB_TOUR.world.knowledge.exhibits)
-    on = Stage(settings.defaults(),
+    on = LoadedMission(settings.defaults(),
                [parse(M.format('<Sequence><RetrieveListOfExhibits/><SelectExhibit/>'
                                '<DescribeExhibitSpeech name="1"/></Sequence>'))],
                LAB_TOUR.world._replace(knowledge=LAB_TOUR.world.knowledge._replace(exhibits=blank)))
@@ -222,7 +222,7 @@ def test_a_mission_that_busy_loops_is_cut_off():
 
 
 def test_a_service_that_the_robot_lacks_is_done_or_not_advertised():
-    release = Stage(
+    release = LoadedMission(
         settings.defaults(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour"))
     played = play(release, absent_services=("/robotLocalization/set_pose",))
     assert played.exit_code == 0
@@ -261,7 +261,7 @@ def service_of(line):
 
 @pytest.mark.parametrize("recognise_by", ("topic", "action"))
 def test_a_robot_of_release_1_0_hears_by_topic_and_by_action(recognise_by):
-    release = Stage(
+    release = LoadedMission(
         settings.defaults(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour"))
     played = play(release, recognise_by=recognise_by, arrival_rate=120.0)
     assert played.exit_code == 0

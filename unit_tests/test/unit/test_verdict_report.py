@@ -12,7 +12,7 @@ from behavior_controller.execution.events import (
     Asked, LeafFinished, RunStarted, TreeShown)
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.requests import Say
-from behavior_controller.simulation.rehearsal.play import Stage
+from behavior_controller.simulation.rehearsal.play import LoadedMission
 
 from unit_tests import folders
 from unit_tests.judge import report
@@ -168,7 +168,7 @@ def test_a_fault_of_what_was_halted_costs_no_time():
     speech = '<Timeout msec="500"><WelcomeSpeech/></Timeout>'
     text = f'<root BTCPP_format="4"><BehaviorTree ID="M">{speech}</BehaviorTree></root>'
     row, = rows(facts(["textToSpeech:1:unanswered"],
-                      on=Stage(settings.defaults(), [parse(text)])))
+                      on=LoadedMission(settings.defaults(), [parse(text)])))
     assert row[3:] == ("WelcomeSpeech", "textToSpeech:1", "unanswered", "halted", 0.0, True)
 
 

@@ -19,7 +19,8 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say, SetAttention)
 from behavior_controller.text import clean, count, docstring
 
-from behavior_controller.simulation.rehearsal.play import BUSY, Place, Played, START, Stage
+from behavior_controller.simulation.rehearsal.play import (
+    BUSY, LoadedMission, Place, RunResult, START)
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.visitor import DECLINES, ENGAGES
 
@@ -66,7 +67,7 @@ class Play:
     them.
     """
 
-    def __init__(self, stage: Stage, played: Played, behaviour: str, faults: int,
+    def __init__(self, stage: LoadedMission, played: RunResult, behaviour: str, faults: int,
                  calm: "Optional[Play]"):
         self.stage, self.played, self.behaviour = stage, played, behaviour
         self.faults, self.calm = faults, calm

@@ -73,7 +73,7 @@ Place = Tuple[int, str]
 """The uid of the node at which something is wrong, and what is wrong, in words."""
 
 
-class Played(NamedTuple):
+class RunResult(NamedTuple):
     """The result of a play. ``exit_code`` is the controller's; None: it had not ended when its time
     was up."""
 
@@ -105,7 +105,7 @@ class Played(NamedTuple):
         return Run(Line(at, event) for at, event in self.events)
 
 
-class Stage:
+class LoadedMission:
     """A mission without faults, and the world in which it can be played any number of times."""
 
     def __init__(self, settings: Settings, documents: Optional[Sequence[Document]] = None,
@@ -127,14 +127,14 @@ class Stage:
         return self.world._replace(visitor=Visitor(manners))
 
     def play(self, test: Configuration, silent: Collection[str] = (),
-             shortest_gap: float = SHORTEST_GAP, has_situations: bool = False) -> Played:
+             shortest_gap: float = SHORTEST_GAP, has_situations: bool = False) -> RunResult:
         """Play the mission with the faults, messages and visitors of ``test``; topics in ``silent``
         say nothing."""
         tree = build(self._documents, self._registry, ManualClock(START), checked=self._checked)
         mission = dataclasses.replace(self.mission, tree=tree)
         robot = VirtualRobot(mission, self.world_of(test), test, shortest_gap)
         met = Situations(tree, robot, not test.planned_faults).met if has_situations else {}
-        play = _Play(robot)
+        play = VirtualRunner(robot)
         for topic in rehearsed_topics(self.settings.interface):
             if topic.name not in silent:
                 robot.publish(topic)
@@ -145,7 +145,7 @@ class _TimeIsUp(Exception):
     """The play ends here; the text says why."""
 
 
-class _Play(Runner):
+class VirtualRunner(Runner):
     """A play in progress: it advances the clock to the next event instead of waiting for it, and
     records what happens."""
 
@@ -167,7 +167,7 @@ class _Play(Runner):
         super().__init__(Running(mission.tree, context, mission.file, robot.test.mission_runs),
                          lambda: False)
 
-    def played(self, situations: Mapping[Tuple[str, int], bytes]) -> Played:
+    def played(self, situations: Mapping[Tuple[str, int], bytes]) -> RunResult:
         """Play until the mission is over or its time is up."""
         robot, cut_off = self._robot, ""
         exit_code: Optional[int] = None
@@ -181,7 +181,7 @@ class _Play(Runner):
             self._errors.append((0, f"{type(error).__name__}: {' '.join(str(error).split())}"))
         waiting = tuple(node.uid for node in self.tree.nodes if node.status is RUNNING
                         and not any(child.status is RUNNING for child in node.children))
-        return Played(self._history, robot.journal, exit_code, cut_off, self._errors,
+        return RunResult(self._history, robot.journal, exit_code, cut_off, self._errors,
                       frozenset(self._ticked), waiting, min(robot.clock.now(), self._ended) - START,
                       [query for query in robot.asked if query[0] <= self._ended],
                       robot.presence, self._ended, situations)
@@ -258,7 +258,7 @@ class Rehearsal(NamedTuple):
     branches: Tuple[FrozenSet[str], ...]
 
 
-def rehearse(stage: Stage, behaviour: str) -> Optional[Rehearsal]:
+def rehearse(stage: LoadedMission, behaviour: str) -> Optional[Rehearsal]:
     """Return how one pass of the mission goes with a visitor of that behaviour; None if that cannot
     be told."""
     test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=LIMIT)

@@ -21,7 +21,7 @@ from behavior_controller.text import clean, count
 from behavior_controller.simulation.rehearsal import findings
 from behavior_controller.simulation.rehearsal.findings import RobotCall, Finding, Play
 from behavior_controller.simulation.faults import KINDS, PlannedFault
-from behavior_controller.simulation.rehearsal.play import CALM, Place, Stage
+from behavior_controller.simulation.rehearsal.play import CALM, Place, LoadedMission
 from behavior_controller.simulation.configuration import REAL
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
 
@@ -48,7 +48,7 @@ NO_VISITOR = "waiting for a visitor"
 """The outcome of a pass in which no visitor is seen."""
 
 
-class Scene(NamedTuple):
+class Scenario(NamedTuple):
     """One play: a visitor, how the visitor answers, and the faults: planned, or random with
     ``rate`` and ``seed`` (0: no random faults)."""
 
@@ -77,11 +77,11 @@ class Scene(NamedTuple):
         return self.is_traced or len(self.planned) < 2 and not self.seed
 
     @property
-    def calm(self) -> "Scene":
+    def calm(self) -> "Scenario":
         """The same without faults."""
-        return Scene(self.visitor, self.by_voice)
+        return Scenario(self.visitor, self.by_voice)
 
-    def with_fault(self, fault: PlannedFault) -> "Scene":
+    def with_fault(self, fault: PlannedFault) -> "Scenario":
         """Return the scene with a further planned fault; those that last stand last."""
         planned = sorted((*self.planned, fault), key=lambda planned: planned.is_lasting)
         return self._replace(planned=tuple(planned))
@@ -92,7 +92,7 @@ class Outcome(NamedTuple):
     not end.
     """
 
-    scene: Scene
+    scene: Scenario
     outcome: str
     seconds: float
     stops: Tuple[Tuple[str, int], ...]  # that the robot was sent to, with the leaf that did it
@@ -113,7 +113,7 @@ class Outcome(NamedTuple):
                 [KINDS.index(fault.kind) for fault in scene.planned], scene)
 
 
-class Theatre:
+class ScenarioRunner:
     """A mission on its stages, one for visitors who answer by voice and one for the tablet. Each
     process has its own."""
 
@@ -121,15 +121,15 @@ class Theatre:
         """``chosen`` are the values of the controller's keys, ``mission`` is a file; ``limit`` is
         in seconds of the mission's time."""
         self.chosen, self.mission, self.limit = dict(chosen), mission, limit
-        self.stage: Callable[[bool], Stage] = lru_cache(maxsize=None)(self._stage)
+        self.stage: Callable[[bool], LoadedMission] = lru_cache(maxsize=None)(self._stage)
         """Returns the stage, by voice or not. Raises FaultsFound if it cannot be played."""
-        self._calm_play: Callable[[Scene], Play] = lru_cache(maxsize=None)(self.play)
+        self._calm_play: Callable[[Scenario], Play] = lru_cache(maxsize=None)(self.play)
 
-    def _stage(self, by_voice: bool) -> Stage:
+    def _stage(self, by_voice: bool) -> LoadedMission:
         own = dict(asrEnabled=by_voice, scenarioSpecification=mission_name(self.mission))
-        return Stage(defaults(**{**self.chosen, **own}), with_includes(read(self.mission)))
+        return LoadedMission(defaults(**{**self.chosen, **own}), with_includes(read(self.mission)))
 
-    def play(self, scene: Scene) -> Play:
+    def play(self, scene: Scenario) -> Play:
         """Play a scene."""
         test = dataclasses.replace(
             CALM, visitor_behaviour=scene.visitor, planned_faults=scene.planned,
@@ -145,7 +145,7 @@ class Theatre:
         calm = None if scene.is_calm else self._calm_play(scene.calm)
         return Play(stage, played, scene.visitor, faults, calm)
 
-    def evaluate(self, scene: Scene) -> Outcome:
+    def evaluate(self, scene: Scenario) -> Outcome:
         """Play a scene and find what is wrong in it."""
         with garbage_collection_paused():
             play = self.play(scene)
@@ -161,13 +161,13 @@ class Theatre:
 # ------------------------------------------------------------------------------------- which scenes
 
 
-def calm(visitors: Sequence[str], ways: Sequence[bool]) -> List[Scene]:
+def calm(visitors: Sequence[str], ways: Sequence[bool]) -> List[Scenario]:
     """Return the scenes without faults. ``ways``: by voice, by tablet, or both."""
-    return [Scene(visitor, by_voice) for by_voice in ways for visitor in visitors]
+    return [Scenario(visitor, by_voice) for by_voice in ways for visitor in visitors]
 
 
 def single(outcomes: Sequence[Outcome], kinds: Sequence[str], topics: Sequence[str],
-           is_every: bool = False) -> Iterator[Scene]:
+           is_every: bool = False) -> Iterator[Scenario]:
     """Yield the scenes of the calm ``outcomes`` with each call going wrong in each way, with each
     leaf's service going wrong for good from its first call on, and with each topic silent.
 
@@ -192,7 +192,7 @@ def single(outcomes: Sequence[Outcome], kinds: Sequence[str], topics: Sequence[s
         known.update(what for _, what in asked)
 
 
-def pairs(outcomes: Sequence[Outcome], kinds: Sequence[str]) -> Iterator[Scene]:
+def pairs(outcomes: Sequence[Outcome], kinds: Sequence[str]) -> Iterator[Scenario]:
     """Yield the scenes with each pair of faults, given the ``outcomes`` of the calm scenes and of
     all scenes with a single fault.
 
@@ -215,8 +215,8 @@ def pairs(outcomes: Sequence[Outcome], kinds: Sequence[str]) -> Iterator[Scene]:
                     yield outcome.scene.with_fault(PlannedFault(call.node, call.number, kind))
 
 
-def random(scenes: Sequence[Scene], runs: int, rates: Sequence[float], seed: int,
-           kinds: Sequence[str]) -> List[Scene]:
+def random(scenes: Sequence[Scenario], runs: int, rates: Sequence[float], seed: int,
+           kinds: Sequence[str]) -> List[Scenario]:
     """Return that many scenes for each failure rate, with the visitors in turn and a seed for each
     run."""
     return [scenes[run % len(scenes)]._replace(rate=rate, seed=seed + run, kinds=tuple(kinds))
@@ -237,8 +237,8 @@ class Search:
         """``reached`` and ``outcomes`` grow with each round that is played."""
         self._nodes, self._reached, self._outcomes = nodes, reached, outcomes
         self._kind = kind
-        self._tried: Set[Scene] = set()
-        self._bases: Set[Tuple[int, Scene]] = set()
+        self._tried: Set[Scenario] = set()
+        self._bases: Set[Tuple[int, Scenario]] = set()
         self.plays = 0
         self.is_cut = False
 
@@ -269,21 +269,21 @@ class Search:
             yield node.uid, (f"not reached by {runs}" if self.is_cut else
                              f"no visitor and no fault brings the mission here, in {runs}")
 
-    def rounds(self) -> Iterator[List[Scene]]:
+    def rounds(self) -> Iterator[List[Scenario]]:
         """Yield the scenes of each round."""
         yield from self._towards()
         if self.targets():
             yield self._new(self._bursts())
             yield from self._towards()
 
-    def _towards(self) -> Iterator[List[Scene]]:
+    def _towards(self) -> Iterator[List[Scenario]]:
         while True:
             scenes = self._new(scene for node in self.targets() for scene in self._extended(node))
             if not scenes:
                 return
             yield scenes
 
-    def _new(self, scenes: Iterable[Scene]) -> List[Scene]:
+    def _new(self, scenes: Iterable[Scenario]) -> List[Scenario]:
         new = [scene for scene in dict.fromkeys(scenes) if scene not in self._tried]
         chosen = new[:MOST_PLAYS - self.plays]
         self.is_cut = self.is_cut or len(chosen) < len(new)
@@ -291,7 +291,7 @@ class Search:
         self.plays += len(chosen)
         return chosen
 
-    def _extended(self, node: Node) -> Iterator[Scene]:
+    def _extended(self, node: Node) -> Iterator[Scenario]:
         """Yield the nearest plays that end before ``node``, with a further fault below its sibling.
         """
         before = _sibling_before(node)
@@ -308,7 +308,7 @@ class Search:
                     yield scene.with_fault(fault)
                     yield scene.with_fault(fault._replace(is_lasting=True))
 
-    def _bursts(self) -> Iterator[Scene]:
+    def _bursts(self) -> Iterator[Scenario]:
         """Yield, for a visitor who engages, several faults in a row from each leaf's first call on,
         and each two services that go wrong for good."""
         for outcome in self._outcomes:
@@ -343,26 +343,26 @@ def _below(node: Any) -> Set[int]:
 # ------------------------------------------------------------------------------------- on all cores
 
 
-PlayAll = Callable[[Sequence[Scene]], Iterator[Outcome]]
+PlayAll = Callable[[Sequence[Scenario]], Iterator[Outcome]]
 
 
 @lru_cache(maxsize=1)
-def _theatre(chosen: Tuple[Tuple[str, Any], ...], mission: str, limit: float) -> Theatre:
-    return Theatre(dict(chosen), mission, limit)
+def _theatre(chosen: Tuple[Tuple[str, Any], ...], mission: str, limit: float) -> ScenarioRunner:
+    return ScenarioRunner(dict(chosen), mission, limit)
 
 
-def _evaluate(arguments: Tuple[Any, ...], scene: Scene) -> Outcome:
+def _evaluate(arguments: Tuple[Any, ...], scene: Scenario) -> Outcome:
     """Play a scene in another process, whose theatre has these arguments."""
     return _theatre(*arguments).evaluate(scene)
 
 
 @contextmanager
-def players(theatre: Theatre, jobs: int) -> Iterator[PlayAll]:
+def players(theatre: ScenarioRunner, jobs: int) -> Iterator[PlayAll]:
     """Give a function that yields the result of each scene as soon as it is known."""
     with ExitStack() as processes:
         pool = lru_cache()(lambda: processes.enter_context(_pool(jobs)))
 
-        def play_all(scenes: Sequence[Scene]) -> Iterator[Outcome]:
+        def play_all(scenes: Sequence[Scenario]) -> Iterator[Outcome]:
             if jobs <= 1 or len(scenes) <= FEW:
                 return map(theatre.evaluate, scenes)
             arguments = tuple(theatre.chosen.items()), theatre.mission, theatre.limit

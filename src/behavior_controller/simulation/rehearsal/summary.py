@@ -15,7 +15,7 @@ from behavior_controller.text import clean, count
 from behavior_controller.simulation.rehearsal import findings
 from behavior_controller.simulation.rehearsal.findings import Finding, FindingKind
 from behavior_controller.simulation.rehearsal.plays import (
-    NO_VISITOR, Outcome, Scene, Search, Theatre)
+    NO_VISITOR, Outcome, Scenario, Search, ScenarioRunner)
 from behavior_controller.simulation.faults import KINDS
 from behavior_controller.simulation.rehearsal.play import START, Place
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
@@ -41,7 +41,7 @@ class FindingSummary(NamedTuple):
     place: str  # file:line:column
     what: str
     plays: int = 0
-    scene: Optional[Scene] = None
+    scene: Optional[Scenario] = None
     seconds: float = 0.0
     story: Tuple[Sentence, ...] = ()
     command: str = ""
@@ -84,7 +84,7 @@ class Share(NamedTuple):
 class Survey:
     """Collects the results of the plays."""
 
-    def __init__(self, theatre: Theatre, by_voice: bool, chosen: Sequence[str]):
+    def __init__(self, theatre: ScenarioRunner, by_voice: bool, chosen: Sequence[str]):
         """``by_voice``: the stage whose tree gives the nodes their places; ``chosen`` are the
         arguments of the command that are the same for all plays."""
         self._theatre, self._chosen = theatre, chosen
@@ -222,14 +222,14 @@ class Survey:
         element = self.nodes[uid - 1].element
         return "{}:{}:{}".format(clean(element.document.file), *element.place())
 
-    def story(self, scene: Scene) -> Tuple[Sentence, ...]:
+    def story(self, scene: Scenario) -> Tuple[Sentence, ...]:
         """Return the sentences of a play; their times are seconds from its beginning."""
         story = Story()
         return tuple(replace(sentence, at=sentence.at - START)
                      for line in self._theatre.play(scene).run.lines
                      for sentence in story.take(line.time, line.event))
 
-    def command(self, scene: Scene) -> str:
+    def command(self, scene: Scenario) -> str:
         """Return the command that plays a scene again."""
         words = ["rosrun", "cssr_system", "rehearseMission", *self._chosen, "--visitors",
                  scene.visitor]

@@ -23,7 +23,7 @@ from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent
 from behavior_controller.simulation.behaviour import NODES
 from behavior_controller.simulation.journal import Journal, JournalEntry, Tail
 from behavior_controller.simulation.rehearsal import arrival_waits
-from behavior_controller.simulation.rehearsal.play import Stage, TIMED_OUT, rehearse
+from behavior_controller.simulation.rehearsal.play import LoadedMission, TIMED_OUT, rehearse
 
 from unit_tests import folders
 from unit_tests.robot import claims, options
@@ -105,7 +105,7 @@ def _test(own: Options) -> int:
     facts = facts._replace(cut_off=facts.cut_off or claims.replacement(own),
                            real=frozenset(NODES).difference(arguments.simulated))
     with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
-        stage = Stage(world.settings, world=world)
+        stage = LoadedMission(world.settings, world=world)
         facts = facts._replace(mission=stage.mission,
                                rehearsal=rehearse(stage, test.visitor_behaviour))
     if facts.stall > WORTH_TELLING:
