@@ -62,6 +62,12 @@ class FaultsFound(BehaviorControllerError):
         """Return the error of a single mistake whose line is not known."""
         return cls([Fault(file, 0, 0, text, hint)])
 
+    @classmethod
+    def raise_any(cls, faults: Sequence[Fault]) -> None:
+        """Raise this error if there are faults."""
+        if faults:
+            raise cls(faults)
+
 
 class ConfigurationError(FaultsFound):
     """The configuration cannot be used (exit code 2)."""

@@ -1,14 +1,16 @@
-"""Files of ``key value`` lines: the allowed values of each key, and every fault in one pass.
+"""Reads the files that a person writes line by line, with every fault in one pass, and declares
+the keys of a configuration with their allowed values.
 
-The controller's configuration, the languages and the test package's configuration are such files.
+The configurations and the languages have lines of the form ``key value``; the recovery policy and
+the knowledge files have lines of several words.
 """
 import ipaddress
 import math
 import os
 import re
 from dataclasses import dataclass, field, fields
-from typing import (Any, Callable, Collection, Dict, Generic, List, Mapping, Optional, Sequence,
-                    Tuple, Type, TypeVar)
+from typing import (Any, Callable, Collection, Dict, Generic, Iterator, List, Mapping, Match,
+                    Optional, Pattern, Sequence, Tuple, Type, TypeVar)
 
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.text import Source, Unreadable, did_you_mean, read_text
@@ -26,8 +28,11 @@ LONGEST_WAIT = 86400.0
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?inf", re.IGNORECASE)
 _INTEGER = re.compile(r"-?[0-9]{1,18}")
 # each takes linear time
-_NAME_END = re.compile(r"[\s=#]|$")
+_WORD = re.compile(r"\S+")
+_KEY = re.compile(r"\s*([^\s=#]*)\s*=?\s*")
 _COMMENT = re.compile(r"(?<!\S)#|$")
+COMMENT_LINE = re.compile(r"\A\s*#|\Z")
+"""Finds where a comment that has a line of its own begins, or else the end of the text."""
 
 Value = TypeVar("Value")
 Record = TypeVar("Record")
@@ -201,23 +206,6 @@ def values_of(record: object) -> Dict[str, Any]:
 # ------------------------------------------------------------------------------------------ reading
 
 
-def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
-              arguments: Optional[Mapping[str, str]] = None,
-              unused: Collection[str] = ()) -> "Collector":
-    """Return what is collected from a file, from overriding ROS parameters, and from ``arguments``,
-    which override both; ``unused`` are keys of other programs. Its ``result`` has a value for each
-    of ``keys``."""
-    reader = Collector(source.file, {key.name: key for key in keys}, unused)
-    read_lines(source, reader.faults, reader.line)
-    for name, value in (overrides or {}).items():
-        # other parameters below our name belong to other programs
-        if name in reader.keys or did_you_mean(name, reader.keys):
-            reader.given_value(name, value, f"parameter ~{name}")
-    for name, text in (arguments or {}).items():
-        reader.given_value(name, text, f"argument {name}")
-    return reader
-
-
 def read_source(path: str, what: str, hint: str = "") -> Source:
     """Return a text file that a person writes. Raises ConfigurationError; ``what`` describes the
     file in its text."""
@@ -227,67 +215,119 @@ def read_source(path: str, what: str, hint: str = "") -> Source:
         raise ConfigurationError.of(path, f"{what} cannot be read: {error}", hint) from error
 
 
-def read_lines(source: Source, faults: List[Fault], take: Callable[[int, str], None]) -> None:
-    """Call ``take`` with each line of a file and its number. Raises ConfigurationError when there
-    are too many ``faults``."""
-    for number, line in enumerate(source.text.split("\n"), 1):
-        take(number, line)
-        if len(faults) > MOST_FAULTS:
-            rest = f"more than {MOST_FAULTS} mistakes; the rest is not read"
-            raise ConfigurationError(faults[:MOST_FAULTS] + [Fault(source.file, number, 1, rest)])
+class Line:
+    """A line of a file without its comment, in words; the first word is its key."""
+
+    def __init__(self, file: str, number: int, text: str, comment: Pattern[str]):
+        self.file = file
+        self.number = number
+        self.text = text[:comment.search(text).start()].rstrip()  # type: ignore[union-attr]
+        self.words = list(_WORD.finditer(self.text))
+
+    @property
+    def key(self) -> str:
+        """The first word."""
+        return self.words[0].group()
+
+    def place(self, index: int = 0) -> Place:
+        """Return the place of the word at ``index``, or of the key if there is no such word."""
+        word = self.words[index if index < len(self.words) else 0]
+        return self.file, self.number, word.start() + 1
+
+    def rest(self, index: int) -> str:
+        """Return the text from the word at ``index`` to the end of the line."""
+        return self.text[self.words[index].start():] if index < len(self.words) else ""
 
 
-def parsed(read: Reader[Value], text: str, what: str, place: Place,
-           faults: List[Fault]) -> Optional[Value]:
-    """Return the value of ``text``, or None and add a fault at ``place``; ``what`` the text is."""
-    try:
-        return read(text)
-    except ValueError:
-        value = f'"{text}"' if text else "empty"
-        faults.append(Fault(*place, f"{what} cannot be {value}", f"allowed: {read.allowed}"))
-        return None
+def lines_of(source: Source, comment: Pattern[str] = COMMENT_LINE) -> Iterator[Line]:
+    """Yield the lines that have words; ``comment`` finds where a comment begins."""
+    for number, text in enumerate(source.text.split("\n"), 1):
+        line = Line(source.file, number, text, comment)
+        if line.words:
+            yield line
 
 
-class Collector:
-    """Collects values, faults and warnings of one configuration."""
+class LineReader:
+    """Reads a file line by line and collects its values, and all faults and warnings.
 
-    def __init__(self, path: str, keys: Dict[str, Key], unused: Collection[str] = ()):
-        self.path = path
-        self.keys = keys
-        self.unused = unused
-        self.warnings: List[Fault] = []
+    ``values`` and ``lines`` are those of each entry: its value, and the number of its first line.
+    """
+
+    comment = COMMENT_LINE
+
+    def __init__(self, source: Source):
+        self.source = source
         self.values: Dict[str, Any] = {}
-        self.given: Dict[str, int] = {}
+        self.lines: Dict[str, int] = {}
         self.faults: List[Fault] = []
+        self.warnings: List[Fault] = []
 
-    def line(self, line_number: int, line: str) -> None:
+    def read(self) -> None:
+        """Read all lines. Raises ConfigurationError when there are too many faults."""
+        for line in lines_of(self.source, self.comment):
+            self.line(line)
+            if len(self.faults) > MOST_FAULTS:
+                del self.faults[MOST_FAULTS:]
+                self.fault((line.file, line.number, 1),
+                           f"more than {MOST_FAULTS} mistakes; the rest is not read")
+                raise ConfigurationError(self.faults)
+
+    def line(self, line: Line) -> None:
+        """Process one line that has words."""
+        raise NotImplementedError
+
+    def fault(self, place: Optional[Place], text: str, hint: str = "",
+              is_warning: bool = False) -> None:
+        """Add a fault or a warning; without a place it is about the whole file."""
+        found = self.warnings if is_warning else self.faults
+        found.append(Fault(*place or (self.source.file, 0, 0), text, hint, is_warning))
+
+    def parsed(self, read: Reader[Value], text: str, what: str, place: Place) -> Optional[Value]:
+        """Return the value of ``text``, or None and add a fault; ``what`` the text is."""
+        try:
+            return read(text)
+        except ValueError:
+            value = f'"{text}"' if text else "empty"
+            self.fault(place, f"{what} cannot be {value}", f"allowed: {read.allowed}")
+            return None
+
+    def require(self, key: str, form: str) -> None:
+        """Add a fault if there is no entry of that name; ``form`` are the values it would have."""
+        if key not in self.lines:
+            self.fault(None, f"the required key {key} is missing", f"add a line: {key} {form}")
+
+
+class KeyReader(LineReader):
+    """Reads lines of the form ``key value`` or ``key = value``, and values from elsewhere;
+    ``unused`` are keys of other programs."""
+
+    def __init__(self, source: Source, keys: Sequence[Key], unused: Collection[str] = ()):
+        super().__init__(source)
+        self.keys = {key.name: key for key in keys}
+        self.unused = unused
+
+    def line(self, line: Line) -> None:
         """Process one line of the file."""
-        column = len(line) - len(line.lstrip()) + 1
-        content = line.strip()
-        name = content[:_NAME_END.search(content).start()]  # type: ignore[union-attr]
-        rest = content[len(name):].lstrip()
-        rest = rest[1:].lstrip() if rest.startswith("=") else rest
+        start: Match[str] = _KEY.match(line.text)  # type: ignore[assignment]
+        name, rest, place = start[1], line.text[start.end():], line.place()
         text = rest[:_COMMENT.search(rest).start()].rstrip()  # type: ignore[union-attr]
-        place = self.path, line_number, column
         if not name:
-            if content and content[0] != "#":
-                self._fault(place, "this is not a line of the form: key value")
-        elif name in self.given:
-            self._fault(place, f"the key {name} is in line {self.given[name]} already")
+            self.fault(place, "this is not a line of the form: key value")
+        elif name in self.lines:
+            self.fault(place, f"the key {name} is in line {self.lines[name]} already")
         elif self._is_key(name, place):
-            begin = column + len(content) - len(rest) if text else column
-            self._value(name, text, (self.path, line_number, begin))
+            self._value(name, text, (*place[:2], start.end() + 1) if text else place)
 
-    def given_value(self, name: str, value: Any, where: str) -> None:
+    def given(self, name: str, value: Any, where: str) -> None:
         """Process a value from a parameter, an argument or a record."""
         place = where, 0, 0
         if not self._is_key(name, place):
             return
         # ROS also has lists, mappings, dates, bytes and null
         if not isinstance(value, (int, float, str)):
-            self.given.setdefault(name, 0)
-            self._fault(place, f"{name} cannot be of type {type(value).__name__}",
-                        f"allowed: {self.keys[name].read.allowed}")
+            self.lines.setdefault(name, 0)
+            self.fault(place, f"{name} cannot be of type {type(value).__name__}",
+                       f"allowed: {self.keys[name].read.allowed}")
         else:
             self._value(name, str(value).lower() if isinstance(value, bool) else str(value), place)
 
@@ -295,27 +335,38 @@ class Collector:
         """Return whether this is a key; another name is a fault, one of another program a warning.
         """
         if name in self.unused:
-            self.warnings.append(Fault(*place, f"{name} has no effect",
-                                       "it is a key of release 1.0's own controller", True))
+            self.fault(place, f"{name} has no effect",
+                       "it is a key of release 1.0's own controller", True)
         elif name not in self.keys:
-            self._fault(place, f"unknown key {name}", did_you_mean(name, self.keys)
-                        or f"the keys: {', '.join(self.keys)}")
+            self.fault(place, f"unknown key {name}", did_you_mean(name, self.keys)
+                       or f"the keys: {', '.join(self.keys)}")
         return name in self.keys
 
     def _value(self, name: str, text: str, place: Place) -> None:
-        self.given.setdefault(name, place[1])
-        self.values[name] = parsed(self.keys[name].read, text, name, place, self.faults)
-
-    def _fault(self, place: Place, text: str, hint: str = "") -> None:
-        self.faults.append(Fault(*place, text, hint))
+        self.lines.setdefault(name, place[1])
+        self.values[name] = self.parsed(self.keys[name].read, text, name, place)
 
     def result(self) -> Dict[str, Any]:
         """Return all values. Raises ConfigurationError with every fault: unknown or duplicate key,
         bad value, missing key."""
         for key in self.keys.values():
-            if key.default is REQUIRED and key.name not in self.given:
-                self._fault((self.path, 0, 0), f"the required key {key.name} is missing",
-                            f"add a line: {key.name} <{key.read.allowed}>")
-        if self.faults:
-            raise ConfigurationError(self.faults)
+            if key.default is REQUIRED:
+                self.require(key.name, f"<{key.read.allowed}>")
+        ConfigurationError.raise_any(self.faults)
         return {name: self.values.get(name, key.default) for name, key in self.keys.items()}
+
+
+def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
+              arguments: Optional[Mapping[str, str]] = None,
+              unused: Collection[str] = ()) -> KeyReader:
+    """Return what is collected from a file, from overriding ROS parameters, and from ``arguments``,
+    which override both."""
+    reader = KeyReader(source, keys, unused)
+    reader.read()
+    for name, value in (overrides or {}).items():
+        # other parameters below our name belong to other programs
+        if name in reader.keys or did_you_mean(name, reader.keys):
+            reader.given(name, value, f"parameter ~{name}")
+    for name, text in (arguments or {}).items():
+        reader.given(name, text, f"argument {name}")
+    return reader

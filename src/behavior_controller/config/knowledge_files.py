@@ -14,8 +14,8 @@ from behavior_controller import folders
 from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.config.config_file import (
-    Key, MOST_FAULTS, REQUIRED, Reader, Value, boolean, collected, integer, number, one_of, parsed,
-    read_lines, read_source, some_text)
+    Key, Line, LineReader, MOST_FAULTS, Place, REQUIRED, Reader, Value, boolean, collected, integer,
+    lines_of, number, one_of, read_source, some_text)
 from behavior_controller.text import Source, count, did_you_mean
 
 LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
@@ -57,8 +57,6 @@ _LANGUAGE_READER = one_of(*LANGUAGES)
 _ID = integer(0, 10 ** 9)
 _COUNT = integer(1, 999)
 _COORDINATE = number(-10000, 10000)
-_WORD = re.compile(r"\S+")
-
 
 _FILE = some_text("a file in the folder data beside the configuration's folder, or a path")
 _CONFIGURATION_KEYS = (
@@ -90,73 +88,40 @@ class Knowledge:
 # -------------------------------------------------------------------------------- a file of entries
 
 
-class _Line:
-    """A line with an entry."""
-
-    def __init__(self, number: int, text: str):
-        self.number = number
-        self.text = text.rstrip()
-        self.words = list(_WORD.finditer(text))
-        self.key = self.words[0].group()
-
-    def place(self, index: int = 0) -> Tuple[int, int]:
-        """Return line and column of the word at ``index``, or of the key if there is no such word.
-        """
-        word = self.words[index if index < len(self.words) else 0]
-        return self.number, word.start() + 1
-
-    def rest(self, index: int) -> str:
-        """Return the text from the word at ``index`` to the end of the line."""
-        return self.text[self.words[index].start():] if index < len(self.words) else ""
-
-
-def _lines(text: str, first: int = 1) -> Iterator[_Line]:
-    """Yield the lines that are neither empty nor comments."""
-    for line_number, line in enumerate(text.split("\n"), first):
-        if line.strip() and not line.lstrip().startswith("#"):
-            yield _Line(line_number, line)
-
-
-class _EntryFile:
-    """The entries of one file, and their faults and warnings."""
+class _EntryReader(LineReader):
+    """Reads the entries of one file."""
 
     keys: Sequence[str]
 
     def __init__(self, source: Source):
-        self.source = source
-        self.faults: List[Fault] = []
-        self.warnings: List[Fault] = []
-        self.lines: Dict[str, _Line] = {}  # of each entry, valid or not
-        self.values: Dict[str, Any] = {}  # of each entry of a known key
-        try:
-            read_lines(source, self.faults, self._line)
-            self.finish()
-        except ConfigurationError as error:
-            self.faults = list(error.faults)
+        super().__init__(source)
+        attempt(self.read, [])  # too many faults: the last one says so
 
-    def _line(self, number: int, text: str) -> None:
-        for line in _lines(text, number):
-            is_known = line.key in self.keys
-            entry = self.entry(line) if is_known else line.key
-            first = self.lines.setdefault(entry, line) if entry else None
-            if first is line and is_known:
-                self.values[entry] = self.taken(line, entry)
-            elif first is line and self.meant(line.key):
-                self.fault(line.place(), f"unknown key {line.key}: it is not used",
-                           self.meant(line.key), is_warning=True)
-            elif first is not None and is_known:
-                self.fault(line.place(), f"{entry} is in line {first.number} already",
-                           "keep one of them")
+    def read(self) -> None:
+        super().read()
+        self.finish()
+
+    def line(self, line: Line) -> None:
+        is_known = line.key in self.keys
+        entry = self.entry(line) if is_known else line.key
+        first = self.lines.setdefault(entry, line.number) if entry else 0
+        if first == line.number and is_known:
+            self.values[entry] = self.taken(line, entry)
+        elif first == line.number and self.meant(line.key):
+            self.fault(line.place(), f"unknown key {line.key}: it is not used",
+                       self.meant(line.key), is_warning=True)
+        elif first and is_known:
+            self.fault(line.place(), f"{entry} is in line {first} already", "keep one of them")
 
     def findings(self) -> List[Fault]:
         """Return faults and warnings in the order of the file, then those about missing entries."""
         if len(self.warnings) > MOST_FAULTS:
             del self.warnings[MOST_FAULTS:]
-            self.fault((0, 0), f"more than {MOST_FAULTS} warnings; the rest is not shown", "", True)
+            self.fault(None, f"more than {MOST_FAULTS} warnings; the rest is not shown", "", True)
         return sorted(self.faults + self.warnings,
                       key=lambda fault: (not fault.line, fault.line, fault.column))
 
-    def entry(self, line: _Line) -> str:
+    def entry(self, line: Line) -> str:
         """Return the name of the entry of a known key; empty, with a fault, if it has none."""
         return line.key
 
@@ -164,28 +129,20 @@ class _EntryFile:
         """Return a hint about an unknown key; without one it is no mistake."""
         return did_you_mean(key, self.keys, _NEAR)
 
-    def taken(self, line: _Line, entry: str) -> Any:
+    def taken(self, line: Line, entry: str) -> Any:
         """Return what an entry holds; its faults are added."""
         raise NotImplementedError
 
     def finish(self) -> None:
         """Check what needs several entries, and report missing ones."""
 
-    def fault(self, place: Tuple[int, int], text: str, hint: str, is_warning: bool = False) -> None:
-        kind = self.warnings if is_warning else self.faults
-        kind.append(Fault(self.source.file, *place, text, hint, is_warning))
-
-    def require(self, key: str, form: str) -> None:
-        if key not in self.lines:
-            self.fault((0, 0), f"the required key {key} is missing", f"add a line: {key} {form}")
-
-    def value(self, line: _Line, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
+    def value(self, line: Line, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
         """Return the value of the word at ``index``, or None, with a fault."""
         text = line.words[index].group() if index < len(line.words) else ""
-        return parsed(read, text, what, (self.source.file, *line.place(index)), self.faults)
+        return self.parsed(read, text, what, line.place(index))
 
 
-class _Culture(_EntryFile):
+class _Culture(_EntryReader):
     """The language and the phrases; all other keys are for other programs."""
 
     keys = (_LANGUAGE, *(key for keys in _PHRASES.values() for key in keys.values()))
@@ -193,11 +150,10 @@ class _Culture(_EntryFile):
     def meant(self, key: str) -> str:
         return "" if _ANY_PHRASE.fullmatch(key) else super().meant(key)
 
-    def taken(self, line: _Line, entry: str) -> Any:
-        text, place = line.rest(1), (self.source.file, *line.place(1))
+    def taken(self, line: Line, entry: str) -> Any:
         if entry == _LANGUAGE:
-            return parsed(_LANGUAGE_READER, text, _LANGUAGE, place, self.faults)
-        return text
+            return self.parsed(_LANGUAGE_READER, line.rest(1), _LANGUAGE, line.place(1))
+        return line.rest(1)
 
     def finish(self) -> None:
         """Report the missing phrases of the chosen language."""
@@ -206,8 +162,8 @@ class _Culture(_EntryFile):
             if number <= LAST_REQUIRED:
                 self.require(key, "<text>")
             if self.values.get(key) == "":
-                self.fault((self.lines[key].number, 1), f"{key} cannot be empty",
-                           "allowed: the text to say")
+                place = self.source.file, self.lines[key], 1
+                self.fault(place, f"{key} cannot be empty", "allowed: the text to say")
 
     def phrases(self, language: str) -> Mapping[int, str]:
         """Return the utility phrases, if there are no faults."""
@@ -216,7 +172,7 @@ class _Culture(_EntryFile):
             {number: self.values[key] for number, key in keys.items() if key in self.values})
 
 
-class _Environment(_EntryFile):
+class _Environment(_EntryReader):
     """``languages`` are those of the tour; by default all languages of the file's messages."""
 
     keys = tuple(_FORMS)
@@ -229,7 +185,7 @@ class _Environment(_EntryFile):
     def meant(self, key: str) -> str:
         return super().meant(key) or f"the keys: {', '.join(self.keys)}"
 
-    def entry(self, line: _Line) -> str:
+    def entry(self, line: Line) -> str:
         if line.key == _TOUR:
             return _TOUR
         location = self.value(line, 1, f"the id of {line.key}", _ID)
@@ -238,7 +194,7 @@ class _Environment(_EntryFile):
         self.ids.add(location)
         return f"{line.key} {location}"
 
-    def taken(self, line: _Line, entry: str) -> Any:
+    def taken(self, line: Line, entry: str) -> Any:
         form = f"the form: {line.key} {_FORMS[line.key]}"
         if line.key == _TOUR:
             return self._tour(line, form)
@@ -251,7 +207,7 @@ class _Environment(_EntryFile):
             self.fault(line.place(), f"{entry} cannot be empty", form)
         return line.rest(2)
 
-    def _tour(self, line: _Line, form: str) -> List[Tuple[Optional[int], Tuple[int, int]]]:
+    def _tour(self, line: Line, form: str) -> List[Tuple[Optional[int], Place]]:
         """Return each id, and its place."""
         stated = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
         listed = range(2, len(line.words))
@@ -264,12 +220,12 @@ class _Environment(_EntryFile):
     def finish(self) -> None:
         """Report what the tour needs and the file lacks."""
         self.require(_TOUR, _FORMS[_TOUR])
-        written = {line.key for line in self.lines.values()}
+        written = {entry.split()[0] for entry in self.lines}
         spoken = [language for language in LANGUAGES if not written.isdisjoint(_MESSAGES[language])]
         languages = spoken if self.languages is None else self.languages
         for language in set(languages).difference(spoken):
             self.fault(
-                (0, 0), "there is neither {} nor {} for any location".format(*_MESSAGES[language]),
+                None, "there is neither {} nor {} for any location".format(*_MESSAGES[language]),
                 f"the culture file's {_LANGUAGE} is {language}; there are messages in: "
                 f"{', '.join(spoken) or 'no language'}")
         messages = [key for language in spoken if language in languages
@@ -283,7 +239,7 @@ class _Environment(_EntryFile):
                 self.fault(place, f"the tour goes to location {location}, which has no entries",
                            f"there are: {known}")
 
-    def _check_location(self, location: int, place: Tuple[int, int], messages: List[str]) -> None:
+    def _check_location(self, location: int, place: Place, messages: List[str]) -> None:
         lacking = f"location {location} of the tour has no"
         for key in (_POSE, _NAME):
             if f"{key} {location}" not in self.lines:
@@ -380,10 +336,11 @@ def _source(configuration: Source, mission: str = "") -> Source:
 
 def _kind(text: str) -> Optional[str]:
     """Return the kind of a file by its keys, None for another kind of file."""
-    values = {line.rest(1) for line in _lines(text)}
+    lines = list(lines_of(Source("", text)))
+    values = {line.rest(1) for line in lines}
     if values and values.issubset(_TYPE_NAMES):
         return _VALUE_TYPES
-    keys = {line.key for line in _lines(text)}
+    keys = {line.key for line in lines}
     kinds = {_ENVIRONMENT: _Environment.keys, _CULTURE: _Culture.keys,
              _CONFIGURATION: (_KNOWLEDGE_BASE,)}
     return next((kind for kind, known in kinds.items() if not keys.isdisjoint(known)), None)

@@ -184,8 +184,7 @@ def _phrases(source: Source, keys: Tuple[Key, ...]) -> Phrases:
                     "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
               for phrase in sorted(set(values[one]).intersection(values[other]))]
-    if faults:
-        raise ConfigurationError(faults)
+    ConfigurationError.raise_any(faults)
     return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS},
                    (values["tabletYes"], values["tabletNo"]),
                    {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)},

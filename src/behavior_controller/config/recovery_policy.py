@@ -3,11 +3,11 @@ checked as a whole."""
 import itertools
 import re
 from dataclasses import dataclass
-from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
+from typing import Iterable, List, NamedTuple, Optional, Tuple
 
-from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.errors import ConfigurationError
 from behavior_controller.robot.gateway import Cause
-from behavior_controller.config.config_file import read_lines, read_source
+from behavior_controller.config.config_file import Line, LineReader, Place, read_source
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.text import Source, did_you_mean
 
@@ -84,70 +84,66 @@ def load(path: str, specs: Iterable[MissionSpec]) -> Policy:
 
 def read(source: Source, specs: Iterable[MissionSpec]) -> Policy:
     """As ``load``, given the text of the file."""
-    reader = _Reader(source.file, {spec.id: spec for spec in specs})
-    read_lines(source, reader.faults, reader.line)
-    if "budget" not in reader.pairs:
-        reader.fault(0, "the line \"budget <recoveries> <seconds>\" is missing")
-    if reader.faults:
-        raise ConfigurationError(reader.faults)
-    most, seconds = reader.pairs["budget"]
-    pause = reader.pairs.get("pause", (Policy.first_pause, Policy.longest_pause))
-    rules = tuple(rule for _, rule in reader.rules.values())
-    return Policy(rules, int(most), seconds, source, *pause)
+    reader = _PolicyReader(source, specs)
+    reader.read()
+    if "budget" not in reader.values:
+        reader.fault(None, "the line \"budget <recoveries> <seconds>\" is missing")
+    ConfigurationError.raise_any(reader.faults)
+    most, seconds = reader.values["budget"]
+    pause = reader.values.get("pause", (Policy.first_pause, Policy.longest_pause))
+    return Policy(tuple(reader.rules), int(most), seconds, source, *pause)
 
 
-class _Reader:
-    def __init__(self, path: str, nodes: Dict[str, MissionSpec]):
-        self.path = path
-        self.nodes = nodes
-        self.rules: Dict[Tuple[str, str], Tuple[int, Rule]] = {}  # of node and cause, with its line
-        self.faults: List[Fault] = []
-        self.pairs: Dict[str, Tuple[float, float]] = {}  # of the budget and the pauses
+class _PolicyReader(LineReader):
+    """Reads rules, and the pairs of numbers of the budget and the pauses."""
 
-    def fault(self, line: int, text: str, hint: str = "") -> None:
-        self.faults.append(Fault(self.path, line, 1 if line else 0, text, hint))
+    comment = re.compile("#|$")
 
-    def line(self, number: int, line: str) -> None:
-        words = line.split("#")[0].split()
-        if words[:1] in (["budget"], ["pause"]):
-            self._pair(number, words[0], words[1:])
-        elif len(words) not in (0, 5):
-            self.fault(
-                number, f"{len(words)} words; a rule has 5: node cause retries back-off then")
-        elif words:
-            self._rule(number, words)
+    def __init__(self, source: Source, specs: Iterable[MissionSpec]):
+        super().__init__(source)
+        self.nodes = {spec.id: spec for spec in specs}
+        self.rules: List[Rule] = []
 
-    def _pair(self, number: int, name: str, words: List[str]) -> None:
-        is_pair = len(words) == 2 and all(map(_is_seconds, words)) and name not in self.pairs
+    def line(self, line: Line) -> None:
+        words, place = [word.group() for word in line.words], (line.file, line.number, 1)
+        if line.key in ("budget", "pause"):
+            self._pair(place, line.key, words[1:])
+        elif len(words) == 5:
+            self._rule(place, words)
+        else:
+            self.fault(place, f"{len(words)} words; a rule has 5: node cause retries back-off then")
+
+    def _pair(self, place: Place, name: str, words: List[str]) -> None:
+        is_pair = len(words) == 2 and all(map(_is_seconds, words)) and name not in self.values
         if name == "budget" and not (is_pair and _is_count(words[0])):
-            self.fault(number, "a budget is one line: budget <recoveries> <seconds>")
+            self.fault(place, "a budget is one line: budget <recoveries> <seconds>")
         elif name == "pause" and not (is_pair and 1.0 <= float(words[0]) <= float(words[1])):
-            self.fault(number, "pauses are one line: pause <first> <longest>",
+            self.fault(place, "pauses are one line: pause <first> <longest>",
                        "allowed: seconds, 1 to 3600, the longest last")
         else:
-            self.pairs[name] = float(words[0]), float(words[1])
+            self.values[name] = float(words[0]), float(words[1])
 
-    def _rule(self, number: int, words: List[str]) -> None:
+    def _rule(self, place: Place, words: List[str]) -> None:
         node, cause, retries, back_off, then = words
         before = len(self.faults)
         if node != "*" and node not in self.nodes:
-            self.fault(number, f"unknown node {node}", did_you_mean(node, self.nodes))
+            self.fault(place, f"unknown node {node}", did_you_mean(node, self.nodes))
         if cause != "*" and cause not in CAUSES:
-            self.fault(number, f"unknown cause {cause}", did_you_mean(cause, CAUSES)
+            self.fault(place, f"unknown cause {cause}", did_you_mean(cause, CAUSES)
                        or f"the causes: {', '.join(CAUSES)}")
         if not _is_count(retries):
-            self.fault(number, f"retries cannot be {retries}", "allowed: 0 to 99")
+            self.fault(place, f"retries cannot be {retries}", "allowed: 0 to 99")
         if not _is_seconds(back_off):
-            self.fault(number, f"back-off cannot be {back_off}", "allowed: seconds, 0 to 3600")
+            self.fault(place, f"back-off cannot be {back_off}", "allowed: seconds, 0 to 3600")
         if then not in (SKIP, GIVE_UP) and not self._is_request(then):
-            self.fault(number, f"the last word cannot be {then}",
+            self.fault(place, f"the last word cannot be {then}",
                        did_you_mean(then, filter(self._is_request, self.nodes))
                        or "allowed: skip, giveUp, or a node that calls a service")
         elif then != GIVE_UP and node in self.nodes and self.nodes[node].is_indispensable:
-            self.fault(number, f"{node} cannot be skipped", "write giveUp")
+            self.fault(place, f"{node} cannot be skipped", "write giveUp")
         if len(self.faults) == before:
             last = GIVE_UP if then == GIVE_UP else SKIP
-            self._keep(number,
+            self._keep(place,
                        Rule(node, cause, int(retries), float(back_off), last, self.nodes.get(then)))
 
     def _is_request(self, node: str) -> bool:
@@ -155,15 +151,16 @@ class _Reader:
         its name."""
         return node in self.nodes and bool(self.nodes[node].calls) and not self.nodes[node].names
 
-    def _keep(self, number: int, rule: Rule) -> None:
+    def _keep(self, place: Place, rule: Rule) -> None:
         """Append a valid rule, unless it can never decide because of the rules before it."""
-        for fits in itertools.product((rule.node, "*"), (rule.cause, "*")):
-            if fits in self.rules:
-                self.fault(number, f"{rule.node} {rule.cause} is never looked at: line "
-                                   f"{self.rules[fits][0]} decides before it",
+        for fits in map(" ".join, itertools.product((rule.node, "*"), (rule.cause, "*"))):
+            if fits in self.lines:
+                self.fault(place, f"{rule.node} {rule.cause} is never looked at: line "
+                                  f"{self.lines[fits]} decides before it",
                            "the first line that fits decides")
                 return
-        self.rules[rule.node, rule.cause] = number, rule
+        self.lines[f"{rule.node} {rule.cause}"] = place[1]
+        self.rules.append(rule)
 
 
 def _is_count(text: str) -> bool:

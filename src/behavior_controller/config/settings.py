@@ -10,10 +10,10 @@ from behavior_controller.errors import Fault
 from behavior_controller.robot.declarations import Interface, Plain, Service
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 from behavior_controller.config.config_file import (
-    Collector, Key, REQUIRED, bind_address, boolean, collected, filled, folder, integer, key,
+    Key, KeyReader, REQUIRED, bind_address, boolean, collected, filled, folder, integer, key,
     keys_of, language_name, mission_name, number, one_of, port, read_source, seconds, values_of)
 from behavior_controller.config.phrases import YES
-from behavior_controller.text import did_you_mean
+from behavior_controller.text import Source, did_you_mean
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
 
@@ -191,8 +191,8 @@ def load(path: str, overrides: Optional[Mapping[str, object]] = None,
          arguments: Optional[Mapping[str, str]] = None) -> Settings:
     """Read the controller's configuration. Raises ConfigurationError with every fault."""
     source = read_source(path, "the configuration")
-    collector = collected(source, KEYS, overrides, arguments, UNUSED)
-    return _settings(collector.result(), collector.warnings)
+    reader = collected(source, KEYS, overrides, arguments, UNUSED)
+    return _settings(reader.result(), reader.warnings)
 
 
 def valid_values(path: str, overrides: Mapping[str, object],
@@ -207,7 +207,7 @@ def valid_values(path: str, overrides: Mapping[str, object],
 
 def recorded(values: Mapping[str, object], where: str) -> Settings:
     """Return settings from their values in a record. Raises ConfigurationError with every fault."""
-    collector = Collector(where, {key.name: key for key in KEYS})
+    reader = KeyReader(Source(where, ""), KEYS)
     for name, value in values.items():
-        collector.given_value(name, value, where)
-    return _settings(collector.result())
+        reader.given(name, value, where)
+    return _settings(reader.result())
