@@ -350,8 +350,6 @@ class TestTopics(unittest.TestCase):
         return (used() - before) / seconds
 
     def test_all_that_a_master_forgets_of_this_node_is_registered_again(self):
-        if sys.version_info < (3, 9):
-            return  # a wait of it ends without success there; the cause is not known yet
         me, uri = rospy.get_name(), rospy.core.get_node_uri()
         subscriber = rospy.Subscriber("/forgotten", String)
         service = rospy.Service("~called", Trigger, lambda request: (True, ""))
