@@ -69,7 +69,7 @@ COMMANDS = {
         "py_trees.programs.render", "main", True),
     "src/behavior_controller/replayMission": (
         "Run a recorded mission again, or write a report of it.",
-        "behavior_controller.monitoring.record.replay"),
+        "behavior_controller.monitoring.record.command"),
     "src/behavior_controller/validateMission": (
         "Check robot missions without running them.", "behavior_controller.cli", "validate"),
     "src/behavior_controller/rehearseMission": (

@@ -15,7 +15,7 @@ import rostest
 
 from behavior_controller.execution.events import SafeStateReported
 from behavior_controller.monitoring.record import files
-from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.monitoring.record.reader import read_record
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402

@@ -20,7 +20,7 @@ import rosgraph
 from behavior_controller.execution.events import Asked
 from behavior_controller.folders import RECORDS
 from behavior_controller.monitoring.record.files import MOST_RUNS, is_written, runs
-from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.monitoring.record.reader import read_record
 from behavior_controller.robot.requests import GoTo
 
 import drawn_trials

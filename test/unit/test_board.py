@@ -35,7 +35,7 @@ from behavior_controller.monitoring.moment import robot_line
 from behavior_controller.monitoring.parts import Card, RobotLine, card_line, changes, patched
 from behavior_controller.monitoring.record import moments as moments_module, recorder
 from behavior_controller.monitoring.record.moments import Moments
-from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.monitoring.record.reader import read_record
 from behavior_controller.monitoring.record.timeline import Bar
 from mission_rig import LiveBoard, Rig, board_of, one_leaf, refusal, service_of, visitor_who
 from recorded_tours import recorded_day

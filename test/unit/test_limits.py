@@ -10,7 +10,7 @@ from behavior_controller.bt.script import parser
 from behavior_controller.errors import ConfigurationError, MissionError
 from behavior_controller.execution.events import Events, HealthChanged
 from behavior_controller.execution.health import Health
-from behavior_controller.monitoring.record.replay import find_record, read_record
+from behavior_controller.monitoring.record.reader import find_record, read_record
 from mission_rig import one_leaf
 
 GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"

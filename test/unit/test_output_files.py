@@ -8,7 +8,7 @@ import pytest
 
 from behavior_controller import cli
 from behavior_controller.errors import FaultsFound
-from behavior_controller.monitoring.record import replay
+from behavior_controller.monitoring.record import command
 from behavior_controller.output_files import OutputKind
 from mission_rig import recorded, visitor_who
 from unit_tests import folders
@@ -31,7 +31,7 @@ class Called:
         self.record = recorded(folder / "run", visitor_who(says="no"))
 
     def replay(self, output):
-        return replay.main(["--report", output, self.record])
+        return command.main(["--report", output, self.record])
 
     def rehearse(self, output):
         return rehearsal.main([str(self.mission), "--runs", "1", "--jobs", "1", "--html", output])
@@ -140,12 +140,12 @@ def test_the_output_of_another_command_is_not_replaced(tmp_path, capfd):
 
 def test_what_cannot_be_written_is_refused_before_the_work(tmp_path, capfd, monkeypatch):
     commands = Called(tmp_path)
-    for work, name in ((replay, "to_html"), (rehearsal, "rehearse")):
+    for work, name in ((command, "to_html"), (rehearsal, "rehearse")):
         monkeypatch.setattr(work, name, None)
     for output in (str(tmp_path / "none" / "x"), "", str(tmp_path) + "/x/"):
-        for command in (commands.replay, commands.rehearse):
+        for write in (commands.replay, commands.rehearse):
             try:
-                assert command(output) == 2
+                assert write(output) == 2
             except OSError as error:
                 assert error.filename == output
 

@@ -19,7 +19,9 @@ from behavior_controller.execution.events import (
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record import files, recorder as module
 from behavior_controller.monitoring.record.files import make_room, new_folder, runs
-from behavior_controller.monitoring.record.replay import main, read_record, replay
+from behavior_controller.missions.replay import replay
+from behavior_controller.monitoring.record.command import main
+from behavior_controller.monitoring.record.reader import read_record
 from mission_rig import FileRecord, recorded, visitor_who
 
 HEADER = '{"format": "behaviorController record", "version": 10, "pid": 7, "time": 1.5}\n'

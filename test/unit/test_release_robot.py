@@ -21,7 +21,8 @@ from behavior_controller.robot.release_1_0 import SPEECH
 from behavior_controller.leaves import base
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.missions.runner import Runner, Running
-from behavior_controller.monitoring.record.replay import read_record, replay
+from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.missions.replay import replay
 
 from mission_rig import FileRecord, one_leaf, refusal, write, written
 

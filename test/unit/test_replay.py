@@ -18,8 +18,9 @@ from behavior_controller.execution.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.requests import AttentionStatus, Faces, GoTo, Say, SetAttention
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record.replay import (
-    RecordedTopics, Replayed, find_record, main, read_record, replay)
+from behavior_controller.missions.replay import RecordedTopics, Replayed, replay
+from behavior_controller.monitoring.record.command import main
+from behavior_controller.monitoring.record.reader import find_record, read_record
 from mission_rig import FileRecord, ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
 from recorded_tours import recorded_day
 

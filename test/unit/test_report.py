@@ -22,7 +22,8 @@ from behavior_controller.text import Source
 from behavior_controller.monitoring.record import timeline
 from behavior_controller.monitoring.record.codec import header
 from behavior_controller.monitoring.record.recorder import shown
-from behavior_controller.monitoring.record.replay import main, read_record
+from behavior_controller.monitoring.record.command import main
+from behavior_controller.monitoring.record.reader import read_record
 from behavior_controller.monitoring.record.html_report import DEEPEST, Drawn, to_html
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.moment import card, robot_line

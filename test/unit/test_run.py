@@ -18,7 +18,7 @@ from behavior_controller.execution.health import GONE, SLOW
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.monitoring.moment import card
-from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.monitoring.record.reader import read_record
 from behavior_controller.monitoring.story import step_words
 from mission_rig import recorded, visitor_who
 

@@ -30,7 +30,8 @@ from behavior_controller.monitoring.story import (
     KINDS, Story, completed, condition, conditions, counted, degree, stop_name, how_it_ended,
     ordinal, safe_state, step_words, why as in_words, why_failed)
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record.replay import read_record, replay
+from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.missions.replay import replay
 from mission_rig import FileRecord, Rig, one_leaf, refusal, service_of, visitor_who
 
 

@@ -12,7 +12,7 @@ from behavior_controller.execution.events import (
     EVENTS, BreakpointChanged, FeedbackReceived, HealthChanged, Line, Noticed, Paused, Retried,
     RunFinished, StillHearing, StopChanged, Suspended)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.monitoring.record import replay
+from behavior_controller.monitoring.record import command
 from mission_rig import recorded, visitor_who
 
 SCRIPT = "<script>alert(1)</script>\"'\x1b[31m\n\u202e"
@@ -74,7 +74,7 @@ def judged(lines, folder, capsys):
         json.dumps(line) + "\n" for line in lines).encode()
     with open(path, "wb") as file:
         file.write(data)
-    codes = replay.main([path]), replay.main(["--report", page, path])
+    codes = command.main([path]), command.main(["--report", page, path])
     printed = capsys.readouterr()
     for line in printed.out.split("\n") + printed.err.split("\n"):
         assert line.isprintable() and len(line) < 3000
@@ -193,7 +193,7 @@ def test_the_texts_of_a_record_are_checked_as_files_are(name, text, record, tmp_
         if kind_of(line) == "RunStarted":
             line["event"]["sources"][name] = [source] if name == "documents" else source
     assert judged(lines, tmp_path, capsys) == (2, 0)
-    assert replay.main([str(tmp_path / "tampered.jsonl")]) == 2
+    assert command.main([str(tmp_path / "tampered.jsonl")]) == 2
     assert re.fullmatch(
         "the record: it cannot be used: .* \\(replay it with the release that wrote it\\)\n",
         capsys.readouterr().err)

@@ -12,7 +12,7 @@ from behavior_controller.execution.state import State
 from behavior_controller.monitoring.moment import left_running
 from behavior_controller.monitoring.record import files, unended
 from behavior_controller.monitoring.record.unended import may_be_live
-from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.monitoring.record.reader import read_record
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, GoTo, Location, SetAnimation, SetAttention
 from behavior_controller.text import read_bytes

@@ -13,7 +13,7 @@ from msgspec import Struct
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.robot.interfaces import INTERFACES
-from behavior_controller.text import Source
+from behavior_controller.text import Source, clean, count
 
 if TYPE_CHECKING:
     AnyRequest = Request
@@ -411,6 +411,11 @@ class Lost(Happening, frozen=True):
 
     lines: int
     reason: str = ""
+
+    def __str__(self) -> str:
+        """Return what the record lacks, and why."""
+        reason = ": " + self.reason if self.reason else ""
+        return clean(f"{count(self.lines, 'event is', 'events are')} missing{reason}")
 
 
 Event = Union[

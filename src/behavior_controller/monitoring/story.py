@@ -452,14 +452,8 @@ def _noticed(before: State, event: events.Noticed, after: State) -> Iterator[_Sa
     yield "notice", event.level, event.text, 0.0
 
 
-def missing(event: events.Lost) -> str:
-    """Return what a record lacks at a place, and why."""
-    reason = ": " + event.reason if event.reason else ""
-    return clean(f"{count(event.lines, 'event is', 'events are')} missing{reason}")
-
-
 def _lost(before: State, event: events.Lost, after: State) -> Iterator[_Said]:
-    yield "notice", "warning", missing(event), 0.0
+    yield "notice", "warning", str(event), 0.0
 
 
 def _suspended(before: State, event: events.Suspended, after: State) -> Iterator[_Said]:

@@ -13,7 +13,7 @@ from behavior_controller.execution.events import (
     PassStarted, Recovered, RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended,
     Tick, TreeShown)
 from behavior_controller.execution.run import Run
-from behavior_controller.monitoring.record.replay import replay
+from behavior_controller.missions.replay import replay
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,

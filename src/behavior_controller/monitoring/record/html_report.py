@@ -104,7 +104,7 @@ class Drawn:
 
     def _draw(self, time: float, event: events.Event) -> None:
         if isinstance(event, events.Lost):
-            self.missing.append(story.missing(event))
+            self.missing.append(str(event))
         elif isinstance(event, events.Retried):
             bar = self._bar(time, time, RETRY, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)

@@ -29,7 +29,7 @@ from behavior_controller.execution.events import (
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
-from behavior_controller.monitoring.record.replay import RecordedTopics
+from behavior_controller.missions.replay import RecordedTopics
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 from behavior_controller.simulation.configuration import ACTION

@@ -1,14 +1,11 @@
 """Runs a recorded mission again, without ROS, on the recorded answers and messages: does it take
 the same path?"""
-import glob
 import itertools
-import os
-import sys
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from msgspec.structs import replace
 
-from behavior_controller import exit_codes, folders, leaves, ros_arguments
+from behavior_controller import leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
@@ -17,7 +14,6 @@ from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
 from behavior_controller.execution import events
 from behavior_controller.execution.run import with_tree
-from behavior_controller.output_files import is_standard_output, page_of
 from behavior_controller.robot.gateway import Call, Failure, FakeGateway, Sample, Topics
 from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Interface, Topic
@@ -25,22 +21,9 @@ from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.missions.load import Mission, build_tree, load_tree
-from behavior_controller.text import Source, Unreadable, clean, count, read_bytes
-from behavior_controller.monitoring import story
-from behavior_controller.monitoring.record.codec import Decoder
-from behavior_controller.monitoring.record.files import FILE_NAME, parts, runs
-from behavior_controller.monitoring.record.html_report import COMMAND, story_lines, to_html
+from behavior_controller.text import Source, clean, count
 
 NAME_OF: Dict[str, str] = {letter: name for name, letter in events.LETTERS.items()}
-
-LATEST = "latest"
-"""The argument that means the newest run of the default folder."""
-
-MOST_BYTES = 50_000_000
-"""The most bytes of a file of a record that are read."""
-
-REPORT = page_of(COMMAND)
-"""The page that ``--report`` writes."""
 
 
 class Replayed(NamedTuple):
@@ -70,47 +53,6 @@ class Diverged(Exception):
     """The replay differs from the record; the text says where."""
 
 
-def find_record(name: str) -> str:
-    """Return the first file of a run, given that or its folder; of the newest run below a folder of
-    runs, or below the default one (``latest``)."""
-    folder = folders.records() if name == LATEST else name
-    newest = runs(folder)[-1:]
-    if newest:
-        return newest[0]
-    if name == LATEST:
-        place = os.path.join(folder, "*", FILE_NAME)
-        raise MissionError.of(place, "there is no record yet", "name a record or its folder")
-    below = sorted(filter(os.path.isfile, glob.glob(
-        os.path.join(glob.escape(folder), "*", FILE_NAME))))
-    own = os.path.join(name, FILE_NAME)
-    if not below or os.path.exists(own):
-        return own if os.path.isdir(name) else name
-    if len(below) > 1:
-        raise MissionError.of(name, f"the folder has the records of {len(below)} runs", "name one")
-    return below[-1]
-
-
-def read_record(path: str) -> List[events.Line]:
-    """Return the lines of a record. Raises MissionError if it cannot be read or is invalid."""
-    return list(stream_record(path))
-
-
-def stream_record(path: str) -> Iterator[events.Line]:
-    """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
-    decoder = None
-    for file in parts(path):
-        try:
-            data = read_bytes(file, MOST_BYTES)
-        except Unreadable as error:
-            if file != path and not os.path.exists(file):
-                continue  # the run goes on, and has dropped it
-            raise MissionError.of(file, f"the record cannot be read: {error}") from error
-        decoder = Decoder(file, decoder)
-        yield from decoder.read_all(data)
-    assert decoder is not None  # the first file is there
-    decoder.finish()
-
-
 def replay(lines: List[events.Line], mission: Optional[str] = None) -> Replayed:
     """Run the record again, with the file ``mission`` in place of each mission in it if one is
     given.
@@ -129,7 +71,7 @@ def replay(lines: List[events.Line], mission: Optional[str] = None) -> Replayed:
             elif isinstance(event, events.PassFinished):
                 passes, number = passes + (not replaying.skips), event.number + 1
             elif isinstance(event, events.Lost):
-                missing.append(story.missing(event))
+                missing.append(str(event))
             try:
                 changes += replaying.take(event)
             except Diverged as diverged:
@@ -336,45 +278,3 @@ def _words(change: Optional[Tuple[str, str]]) -> str:
         return "no further change"
     path, letter = change
     return f"{path} {NAME_OF[letter]}"
-
-
-# -------------------------------------------------------------------------------------- the command
-
-
-def main(arguments: Optional[List[str]] = None) -> int:
-    """Return the exit code of ``replayMission``: 0 the same path, 3 another path, 2 the record
-    cannot be replayed."""
-    parser = ros_arguments.CommandParser(
-        COMMAND, "Runs a recorded mission again and says whether it takes the same path.",
-        "0 if it takes the same path or the report is written, 3 if it takes another one, "
-        "2 if the record cannot be replayed or the call is wrong, 1 if there is no output")
-    parser.add_argument("record", help="mission.jsonl of a run, its folder, a folder of runs (the "
-                                       f"newest), or {LATEST}: the newest in {folders.records()}")
-    instead = parser.add_mutually_exclusive_group()
-    instead.add_argument(
-        "--mission", metavar="FILE",
-        help="run this file, such as the edited mission, instead of the mission in the record")
-    instead.add_argument("--report", metavar="OUT.html",
-                         help="write a report of the recorded run as a web page instead: a new "
-                              "file, or in place of an earlier report")
-    instead.add_argument("--story", action="store_true",
-                         help="print what happened instead, a line each")
-    chosen = ros_arguments.parse(parser, arguments)
-    try:
-        if chosen.report is not None:
-            REPORT.check(chosen.report)
-        path = find_record(chosen.record)
-        if chosen.report is not None:
-            REPORT.write(chosen.report, to_html(stream_record(path)))
-            if not is_standard_output(chosen.report):
-                print(f"{clean(chosen.report)}: the report of {clean(path)}")
-            return exit_codes.SUCCESS
-        if chosen.story:
-            print("\n".join(story_lines(stream_record(path))))
-            return exit_codes.SUCCESS
-        outcome = replay(read_record(path), chosen.mission)
-    except BehaviorControllerError as error:
-        print(error, file=sys.stderr)
-        return exit_codes.WRONG_INPUT
-    print(outcome)
-    return exit_codes.FAILURE if outcome.divergence else exit_codes.SUCCESS
