@@ -16,6 +16,7 @@ setup(
         "behavior_controller.bt.linter",
         "behavior_controller.bt.loader",
         "behavior_controller.bt.script",
+        "behavior_controller.bt.values",
         "behavior_controller.config",
         "behavior_controller.execution",
         "behavior_controller.leaves",

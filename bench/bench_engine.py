@@ -14,9 +14,9 @@ import py_trees
 from lxml import etree
 from py_trees.common import Status
 
-from behavior_controller.bt.loader.tree_builder import load_text
+from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
-from behavior_controller.bt.registry import Registry
+from behavior_controller.bt.engine.registry import Registry
 
 REGISTRY = Registry(builtin_specs())
 ROUNDS = 7

@@ -25,7 +25,7 @@ import house  # noqa: E402
 
 from behavior_controller import leaves  # noqa: E402
 from behavior_controller.config import settings  # noqa: E402
-from behavior_controller.bt.registry import Direction, NodeSpec, Port  # noqa: E402
+from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port  # noqa: E402
 from behavior_controller.robot.declarations import Interface  # noqa: E402
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES  # noqa: E402
 from behavior_controller.config.config_file import Key, REQUIRED, to_text  # noqa: E402

@@ -7,7 +7,7 @@ from typing import Dict, Iterator, List, NamedTuple
 
 from behavior_controller.config import settings
 from behavior_controller.bt.loader.document import parse, with_includes
-from behavior_controller.bt.linter.rules import RULES, LintRule
+from behavior_controller.bt.loader.rules import RULES, LintRule
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.missions.load import build_tree, on_robot
 

@@ -21,9 +21,9 @@ except ImportError as error:  # py-trees-render would hide the reason
 from behavior_controller import exit_codes, leaves, ros_arguments
 from behavior_controller.bt.linter.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
-from behavior_controller.bt.registry import Kind
-from behavior_controller.bt.linter.structure import by_place
-from behavior_controller.bt.linter.rules import RULES
+from behavior_controller.bt.engine.registry import Kind
+from behavior_controller.bt.loader.structure import by_place
+from behavior_controller.bt.loader.rules import RULES
 from behavior_controller.errors import FaultsFound, attempt
 from behavior_controller.missions.load import load_tree, missions
 from behavior_controller.output_files import OutputKind

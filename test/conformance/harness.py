@@ -13,17 +13,17 @@ import sys
 import tempfile
 from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
-from behavior_controller.bt.loader.tree_builder import build, with_includes
+from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.engine import leaf
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.engine.blackboard import Blackboard
-from behavior_controller.bt.loader.document import Document, parse, read
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
-from behavior_controller.bt.status import BY_NAME, IDLE, NAMES
+from behavior_controller.bt.values.blackboard import Blackboard
+from behavior_controller.bt.loader.document import Document, parse, read, with_includes
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.values.status import BY_NAME, IDLE, NAMES
 from behavior_controller.errors import BehaviorControllerError
 
 LEVELS = ("roots", "leaves", "full")

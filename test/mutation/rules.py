@@ -98,7 +98,7 @@ RULES = (
          'Decorator.tick_child', 'self.decorated.reset()', 'pass'),
     Rule('the second text that is set on an entry of a script raises', 'engine/builtins.py',
          'SetBlackboard.update', 'target.type == BT_ANY', 'False'),
-    Rule('a negative number is no truth value', 'script/values.py', 'to_bool', 'value < 0.0',
+    Rule('a negative number is no truth value', 'values/values.py', 'to_bool', 'value < 0.0',
          'False'),
     Rule('Switch compares the name of an enum with a real', 'engine/ports.py', '_as_real',
          'float(enums[text]) if text in enums else values.whole_real(text)',

@@ -32,8 +32,8 @@ MANIFEST = """<package format="2"><name>odd</name><version>1.0.0</version><descr
 <export><cssr_system {}="odd.leaves"/></export></package>"""
 LEAF = """import os, signal, sys, threading, time
 from behavior_controller.bt.engine.leaf import ActionLeaf
-from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.bt.status import RUNNING, SUCCESS
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
+from behavior_controller.bt.values.status import RUNNING, SUCCESS
 
 
 class FixtureOdd(ActionLeaf):

@@ -21,8 +21,8 @@ from behavior_controller import leaves
 from behavior_controller.bt.engine.controls import (
     Control, Fallback, ReactiveFallback, ReactiveSequence, Sequence as Sequence_)
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.registry import Direction
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.registry import Direction
+from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.config import phrases
 from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.settings import Settings

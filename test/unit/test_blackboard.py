@@ -2,9 +2,9 @@
 section 9)."""
 import pytest
 
-from behavior_controller.bt.engine.blackboard import Blackboard, Entry
-from behavior_controller.bt.script.values import ValueFault
-from behavior_controller.bt.status import RUNNING
+from behavior_controller.bt.values.blackboard import Blackboard, Entry
+from behavior_controller.bt.values.values import ValueFault
+from behavior_controller.bt.values.status import RUNNING
 
 
 def chain(*levels):

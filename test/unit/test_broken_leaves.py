@@ -8,12 +8,12 @@ import threading
 
 import pytest
 
-from behavior_controller.bt.loader.tree_builder import load_text
+from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import NodeError, TickError
-from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.bt.status import IDLE, RUNNING
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.values.status import IDLE, RUNNING
 from behavior_controller.errors import MissionError
 
 

@@ -4,12 +4,12 @@ import time
 
 import pytest
 
-from behavior_controller.bt.linter.structure import MOST_FAULTS, MOST_NODES
-from behavior_controller.bt.linter.walker import check
-from behavior_controller.bt.loader.tree_builder import load_mission, load_text
+from behavior_controller.bt.loader.structure import MOST_FAULTS, MOST_NODES
+from behavior_controller.bt.loader.checks import check
+from behavior_controller.bt.mission import load_mission, load_text
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import MissionError
 
 REGISTRY = Registry(builtin_specs() + [

@@ -14,7 +14,7 @@ from lxml import etree
 from behavior_controller import cli, folders, leaves
 from behavior_controller.bt.linter.palette import tree_nodes_model
 from behavior_controller.bt.engine.builtins import builtin_specs
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.config import settings
 from behavior_controller.errors import Fault
 from behavior_controller.missions import load

@@ -5,14 +5,14 @@ from typing import NamedTuple
 import pytest
 
 from behavior_controller.bt.linter.palette import tree_nodes_model
-from behavior_controller.bt.loader.tree_builder import load_text
+from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import SyncActionLeaf
-from behavior_controller.bt.script import values
+from behavior_controller.bt.values import values
 from behavior_controller.bt.engine.ports import NoValue, PortError
-from behavior_controller.bt.script.values import PortType, ValueFault
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
-from behavior_controller.bt.status import SUCCESS
+from behavior_controller.bt.values.values import PortType, ValueFault
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.values.status import SUCCESS
 from behavior_controller.errors import MissionError
 from behavior_controller.viewer.groot2.publisher import full_tree
 

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from behavior_controller import folders, ros_packages
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 from behavior_controller.bt.loader import document
 from behavior_controller.bt.loader.document import parse, read, with_includes
 from behavior_controller.bt.loader.xml_repair import repaired

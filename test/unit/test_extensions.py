@@ -14,13 +14,13 @@ from xml.etree import ElementTree
 import pytest
 
 from behavior_controller import extensions
-from behavior_controller.bt.registry import Kind
+from behavior_controller.bt.engine.registry import Kind
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
 MANIFEST = """<package format="2"><name>{0}</name><version>1.0.0</version><description>d</description>
 <maintainer email="a@example.org">a</maintainer><license>BSD</license><export><cssr_system {1}/></export></package>"""
-LEAF = """from behavior_controller.bt.registry import Kind, NodeSpec, Port
+LEAF = """from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port
 from behavior_controller.robot.requests import Request, Say
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 """

@@ -10,7 +10,8 @@ import time
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.bt.linter.structure import CONDITIONS
+from behavior_controller.bt.loader.structure import CONDITIONS
+from behavior_controller.bt.linter.walker import lint
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.loader import document
 from behavior_controller.errors import MissionError
@@ -163,7 +164,7 @@ def judged(data):
     """Return the faults of a mission, those of the linter included."""
     try:
         documents = document.with_includes(document.parse(data, "mutant.xml"))
-        tree = build(documents, REGISTRY, with_lint=True)
+        tree = build(documents, REGISTRY, lint=lint)
     except MissionError as error:
         assert any(not fault.is_warning for fault in error.faults)
         return error.faults

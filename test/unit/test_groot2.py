@@ -23,11 +23,11 @@ import pytest
 import zmq
 from tornado.netutil import bind_sockets
 
-from behavior_controller.bt.loader.tree_builder import load_mission, load_text
+from behavior_controller.bt.mission import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
-from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.viewer.groot2 import publisher as groot2, tcp_proxy
 from behavior_controller.viewer.groot2.publisher import Groot2Publisher
 from free_ports import free_port

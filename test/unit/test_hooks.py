@@ -4,12 +4,12 @@ import itertools
 
 import pytest
 
-from behavior_controller.bt.loader.tree_builder import load_text
+from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import TickError
-from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.bt.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.values.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.viewer.groot2.breakpoints import (
     AFTER, BEFORE, BREAKPOINT, Hook, HookPlace, Hooks, REPLACE, Unlocking)
 

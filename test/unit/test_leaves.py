@@ -8,11 +8,11 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller import leaves
-from behavior_controller.bt.loader.tree_builder import load_text
+from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.node import Node, TickError
 from behavior_controller.bt.engine.ports import literal_fault
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
+from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.execution.events import LeafFinished, StepStarted, LeafSummary, StopChanged
 from behavior_controller.robot.gateway import Cause, Failure

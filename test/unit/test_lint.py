@@ -9,15 +9,16 @@ import harness as conformance
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import outcomes
-from behavior_controller.bt.linter.structure import MOST_FAULTS
-from behavior_controller.bt.linter.walker import check, lint
-from behavior_controller.bt.possible_results import FAILS, SUCCEEDS
+from behavior_controller.bt.loader.structure import MOST_FAULTS
+from behavior_controller.bt.linter.walker import lint
+from behavior_controller.bt.loader.checks import check
+from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.missions.load import load_tree
 
 REGISTRY = Registry(builtin_specs() + [

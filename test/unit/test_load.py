@@ -10,7 +10,7 @@ import pytest
 from behavior_controller import extensions, folders, leaves
 from behavior_controller.config import phrases, settings
 from behavior_controller.missions import load
-from behavior_controller.bt.linter import walker
+from behavior_controller.bt.loader import checks
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
@@ -133,7 +133,7 @@ def test_a_load_checks_the_mission_once():
     calls = []
 
     def notice(frame, event, argument):
-        if event == "call" and frame.f_code is walker.check.__code__:
+        if event == "call" and frame.f_code is checks.check.__code__:
             calls.append(event)
 
     sys.setprofile(notice)

@@ -1,9 +1,9 @@
 """A palette in the file that does not fit the node types is told, with its place."""
 from behavior_controller import folders
 from behavior_controller.bt.linter.palette import check_models, stubs
-from behavior_controller.bt.linter.structure import MOST_FAULTS, Findings
+from behavior_controller.bt.loader.structure import MOST_FAULTS, Findings
 from behavior_controller.bt.loader.document import parse, read
-from behavior_controller.bt.registry import Direction, Kind
+from behavior_controller.bt.engine.registry import Direction, Kind
 from behavior_controller.leaves import registry
 from behavior_controller.missions.load import load_tree
 

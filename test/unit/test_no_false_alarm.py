@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 from behavior_controller import folders
 from behavior_controller.errors import FaultsFound
 

@@ -3,13 +3,13 @@ known ends."""
 import pytest
 
 from behavior_controller.bt.linter.facts import outcomes
-from behavior_controller.bt.possible_results import ANY, FAILS, SKIPS, SUCCEEDS
-from behavior_controller.bt.possible_results import OF_A_LEAF as ANY_END
+from behavior_controller.bt.engine.possible_results import ANY, FAILS, SKIPS, SUCCEEDS
+from behavior_controller.bt.engine.possible_results import OF_A_LEAF as ANY_END
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.controls import Sequence
 from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
 
 LEAVES = {
     "Win": SUCCEEDS, "Lose": FAILS, "Skip": SKIPS, "WinOrSkip": SUCCEEDS | SKIPS,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import pytest
 
 from behavior_controller import bt
-from behavior_controller.bt.script.values import ValueType
+from behavior_controller.bt.values.values import ValueType
 
 
 class Spot(NamedTuple):

@@ -5,11 +5,11 @@ import math
 import pytest
 
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.engine.ports import PortError
-from behavior_controller.bt.script.values import ValueFault
-from behavior_controller.bt.registry import Port
-from behavior_controller.bt.status import FAILURE, IDLE, SKIPPED, SUCCESS
+from behavior_controller.bt.values.values import ValueFault
+from behavior_controller.bt.engine.registry import Port
+from behavior_controller.bt.values.status import FAILURE, IDLE, SKIPPED, SUCCESS
 
 ENUMS = {"RED": 1, "BLUE": 3}
 

@@ -7,7 +7,7 @@ import pytest
 
 from behavior_controller import folders, leaves
 from behavior_controller.config import recovery_policy
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed, Recovered,
                                                   Recovering, Retried, SafeStateReported,

@@ -3,7 +3,7 @@ import dataclasses
 
 import pytest
 
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port, Registry
 
 
 def spec(node_id):

@@ -8,8 +8,8 @@ import pytest
 
 from behavior_controller import cli, folders, leaves
 from behavior_controller.config import recovery_policy, settings
-from behavior_controller.bt.loader.tree_builder import load_text
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.mission import load_text
+from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, MissionError
 from behavior_controller.execution.events import LeafFinished, Noticed, StepStarted, LeafSummary
 from behavior_controller.missions import load

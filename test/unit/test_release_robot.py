@@ -9,7 +9,7 @@ from behavior_controller.config import settings
 from behavior_controller.missions import load
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.execution.events import Events, LeafFinished, Line, StepStarted
 from behavior_controller.execution.run import Run

@@ -10,7 +10,7 @@ import time
 import pytest
 from msgspec.structs import astuple
 
-from behavior_controller.bt.loader.tree_builder import load_text
+from behavior_controller.bt.mission import load_text
 from behavior_controller.errors import MissionError
 from behavior_controller.execution.events import (
     LeafFinished, Retried, RunStarted, Sources, StepStarted, TreeNode)

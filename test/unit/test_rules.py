@@ -13,8 +13,8 @@ import test_load
 import test_tree
 
 from behavior_controller.config import settings
-from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.rules import RULES
+from behavior_controller.bt.loader import rules
+from behavior_controller.bt.loader.rules import RULES
 from behavior_controller.errors import MissionError
 from behavior_controller.robot.declarations import Interface, Sense
 from fault_reference import EXAMPLE_NAME, examples, page, told

@@ -8,7 +8,7 @@ import time
 import pytest
 from msgspec.structs import replace
 
-from behavior_controller.bt.status import IDLE
+from behavior_controller.bt.values.status import IDLE
 from behavior_controller.execution.events import (Answered, HealthChanged, LeafFinished,
                                                   Noticed, PassFinished, PassStarted, Paused,
                                                   RunFinished, RunStarted, SafePart,

@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.script.parser import (
     Assignment, Operand, ScriptError, ScriptSyntaxError, compile_script, to_bool)
-from behavior_controller.bt.script.values import ValueFault
+from behavior_controller.bt.values.values import ValueFault
 
 TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance",
                       "hand")

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from behavior_controller.bt.loader.tree_builder import load_text
+from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import SyncActionLeaf
-from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.bt.status import SUCCESS
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.values.status import SUCCESS
 from behavior_controller.missions import blocked_tick
 from behavior_controller.missions.runner import Runner, Running
 from behavior_controller.missions.blocked_tick import CHECKS, Standstill

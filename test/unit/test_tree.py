@@ -6,12 +6,12 @@ import time
 import py_trees
 import pytest
 
-from behavior_controller.bt.loader.tree_builder import load_mission, load_text
+from behavior_controller.bt.mission import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.failure import TickError
-from behavior_controller.bt.registry import Registry
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.registry import Registry
+from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import MissionError
 
 REGISTRY = Registry(builtin_specs())

@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from behavior_controller.bt.script import values
-from behavior_controller.bt.script.values import TYPES, ValueFault
-from behavior_controller.bt.status import IDLE, RUNNING, SKIPPED
+from behavior_controller.bt.values import values
+from behavior_controller.bt.values.values import TYPES, ValueFault
+from behavior_controller.bt.values.status import IDLE, RUNNING, SKIPPED
 
 ENUMS = {"RED": 1}
 

@@ -1,10 +1,10 @@
 """BehaviorTree.CPP version 4 on py_trees, independent of ROS and of this robot; docs/engine.md
 shows how to use it alone.
 
-A file goes through ``loader.document`` (XML with places), ``linter`` (every fault) and
-``loader.tree_builder`` (the tree); ``script`` reads scripts; a tree runs through ``engine`` (the
-tick pipeline that all nodes share). ``registry`` declares the node types. The names in ``__all__``
-are for use outside of the project; changes of their meaning are listed in the changelog.
+Its folders use one another one way: ``values`` < ``script`` < ``engine`` (node types, and the tick
+pipeline that all nodes share) < ``loader`` (from a file to every fault and the tree) < ``linter``
+(warnings). The names in ``__all__`` are for use outside of the project; changes of their meaning are
+listed in the changelog.
 """
 import importlib.util
 import os
@@ -37,8 +37,8 @@ _refuse_older_py_trees()
 
 # after the check, which has the better message
 from behavior_controller.bt.linter.palette import tree_nodes_model
-from behavior_controller.bt.loader.tree_builder import load_mission as load
-from behavior_controller.bt.loader.tree_builder import load_text
+from behavior_controller.bt.mission import load_mission as load
+from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.controls import Control
@@ -46,11 +46,11 @@ from behavior_controller.bt.engine.decorators import Decorator
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, NodeError, Result, TickError
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.engine.ports import NoValue, PortError
-from behavior_controller.bt.script.values import PortType, ValueFault
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.bt.values.values import PortType, ValueFault
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 
 __all__ = [

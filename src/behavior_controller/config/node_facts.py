@@ -3,7 +3,7 @@ NodeSpec."""
 from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple, Union
 
-from behavior_controller.bt.registry import Direction, NodeSpec, argument
+from behavior_controller.bt.engine.registry import Direction, NodeSpec, argument
 from behavior_controller.robot.declarations import Sense, Topic
 
 

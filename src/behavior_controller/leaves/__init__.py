@@ -11,7 +11,7 @@ from typing import Any, Dict, Iterator, Tuple
 from behavior_controller import extensions
 from behavior_controller.bt import Direction, NodeSpec, Port, Registry, builtin_specs
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.linter.structure import STRUCTURE, is_port_name
+from behavior_controller.bt.loader.structure import STRUCTURE, is_port_name
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.leaves import (
     attention, dialogue, gesture, knowledge, lifecycle, navigation, recovery, release_1_0, speech)

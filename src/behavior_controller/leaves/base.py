@@ -17,8 +17,8 @@ from behavior_controller.bt import (
     ActionLeaf, Blackboard, Clock, ConditionLeaf, ConfigureError, Kind, NoValue, Node, Port,
     PortError, Result, SyncActionLeaf, Tree, FAILURE, IDLE, RUNNING, SUCCESS)
 from behavior_controller.thread_check import tick_thread_only
-from behavior_controller.bt.registry import argument
-from behavior_controller.bt.status import NAMES
+from behavior_controller.bt.engine.registry import argument
+from behavior_controller.bt.values.status import NAMES
 from behavior_controller.execution.events import Events, LeafFinished, StepStarted, LeafSummary
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
 from behavior_controller.execution.health import Health

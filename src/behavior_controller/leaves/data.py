@@ -4,7 +4,7 @@ import math
 from typing import Any, Callable, NamedTuple
 
 from behavior_controller.bt import Direction, Port, PortType, ValueFault
-from behavior_controller.bt.script.values import TEXT, shown, whole_real
+from behavior_controller.bt.values.values import TEXT, shown, whole_real
 from behavior_controller.robot.requests import Location, Point
 from behavior_controller.config.node_facts import whole_mission
 

@@ -1,8 +1,8 @@
 """Leaves for the knowledge base (/knowledgeBase/query) and the list of exhibits."""
 from typing import Optional, Sequence
 
-from behavior_controller.bt.registry import Port
-from behavior_controller.bt.script.values import TEXT
+from behavior_controller.bt.engine.registry import Port
+from behavior_controller.bt.values.values import TEXT
 from behavior_controller.execution.events import BEGUN, OMITTED, OVER, StopChanged
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Exhibit, QueryKnowledge, Request

@@ -1,7 +1,7 @@
 """Leaves about the mission itself."""
 from typing import Optional
 
-from behavior_controller.bt.possible_results import SUCCEEDS
+from behavior_controller.bt.engine.possible_results import SUCCEEDS
 from behavior_controller.execution.events import Noticed
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.leaves.base import InstantAction, InstantCondition, MissionLeaf, leaf_spec

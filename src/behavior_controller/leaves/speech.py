@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from behavior_controller.bt import ConfigureError, Port
 from behavior_controller.bt.engine.ports import reference
-from behavior_controller.bt.script.values import TEXT
+from behavior_controller.bt.values.values import TEXT
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request, Say, Words
 from behavior_controller.leaves.base import BEFORE_QUESTION, ServiceLeaf, Waiting, leaf_spec

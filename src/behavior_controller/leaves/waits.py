@@ -4,7 +4,7 @@ import itertools
 import math
 from typing import Any, List, Optional, Tuple
 
-from behavior_controller.bt.possible_results import FAILS, SUCCEEDS, by
+from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS, by
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
 from behavior_controller.bt.engine.decorators import KeepRunningUntilFailure, Timeout
 from behavior_controller.bt import Kind, Node

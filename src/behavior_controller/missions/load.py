@@ -7,11 +7,12 @@ from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple, Union
 from behavior_controller import extensions, folders, leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy
 from behavior_controller.config.knowledge_files import Knowledge
+from behavior_controller.bt.linter.walker import lint
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt import Clock, Registry, Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.loader.document import Document, read, with_includes
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
 from behavior_controller.execution.observed_gateway import ObservedGateway
 from behavior_controller.execution.events import Events
@@ -195,7 +196,7 @@ def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None,
                registry: Optional[Registry] = None) -> Tree:
     """As ``load_tree``, given documents, the mission last, and optionally other node types."""
     return build(documents, registry or leaves.registry(), clock, main_tree=main_tree, wake=wake,
-                 with_lint=True)
+                 lint=lint)
 
 
 def mission_folders() -> List[str]:

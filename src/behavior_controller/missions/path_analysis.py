@@ -7,8 +7,8 @@ visitor counts as present.
 import itertools
 from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Set, Tuple
 
-from behavior_controller.bt.linter import rules
-from behavior_controller.bt.possible_results import ANY, FAILS, SKIPS, SUCCEEDS, by, chosen
+from behavior_controller.bt.loader import rules
+from behavior_controller.bt.engine.possible_results import ANY, FAILS, SKIPS, SUCCEEDS, by, chosen
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import Fault

@@ -9,7 +9,7 @@ from behavior_controller import leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
+from behavior_controller.bt.values.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
 from behavior_controller.execution import events

@@ -7,7 +7,7 @@ from typing import Callable, NamedTuple, Optional, Tuple
 from behavior_controller import exit_codes
 from behavior_controller.bt import Result, Tree, FAILURE, RUNNING, SUCCESS
 from behavior_controller.bt.engine.node import place_of
-from behavior_controller.bt.status import NAMES
+from behavior_controller.bt.values.status import NAMES
 from behavior_controller.errors import BehaviorControllerError, MissionError
 from behavior_controller.execution.events import (
     Noticed, PassFinished, PassStarted, Paused, RunFinished, RunStarted, Sources, Suspended)

@@ -7,10 +7,10 @@ from typing import Collection, Dict, Iterable, Iterator, List, Optional, Set, Tu
 
 from behavior_controller import folders, leaves
 from behavior_controller.config import knowledge_files, phrases, settings
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.palette import (
     check_models, is_palette, models, stubs, used_types)
-from behavior_controller.bt.linter.structure import Findings, by_place
+from behavior_controller.bt.loader.structure import Findings, by_place
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.errors import ConfigurationError, Fault, MissionError, attempt
 from behavior_controller.missions.load import (

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.bt.registry import Kind, Port
+from behavior_controller.bt.engine.registry import Kind, Port
 from behavior_controller.robot.requests import Request
 from behavior_controller.config.node_facts import MissionSpec
 

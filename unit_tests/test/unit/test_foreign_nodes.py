@@ -9,8 +9,8 @@ from msgspec.structs import replace
 
 from behavior_controller import extensions, leaves
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.registry import Direction, Port
-from behavior_controller.bt.status import SKIPPED
+from behavior_controller.bt.engine.registry import Direction, Port
+from behavior_controller.bt.values.status import SKIPPED
 from behavior_controller.config import phrases, settings
 from behavior_controller.execution.events import (
     Asked, EntriesWritten, HealthChanged, LeafFinished, Tick)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.config import phrases, settings
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import (

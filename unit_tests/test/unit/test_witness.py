@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.status import FAILURE, RUNNING
+from behavior_controller.bt.values.status import FAILURE, RUNNING
 from behavior_controller.execution.events import HealthChanged, Line, Noticed
 from behavior_controller.execution.run import Run
 from behavior_controller.robot.gateway import Cause, Failure, Sample

@@ -2,10 +2,7 @@
 action and display, a condition on our own topic, and a decorator."""
 import time
 
-from behavior_controller.bt.engine.decorators import Decorator
-from behavior_controller.bt.engine.node import Result
-from behavior_controller.bt.registry import Kind, NodeSpec, Port
-from behavior_controller.bt.status import RUNNING, SUCCESS
+from behavior_controller.bt import Decorator, Kind, NodeSpec, Port, Result, RUNNING, SUCCESS
 from behavior_controller.robot.requests import Request, Say
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 from behavior_controller.leaves.conditions import TopicCondition

@@ -2,15 +2,15 @@
 ports."""
 from typing import Any, Dict, List, Optional
 
-from behavior_controller.bt import possible_results as possible
+from behavior_controller.bt.engine import possible_results as possible
 from behavior_controller.bt.engine import controls, decorators
 from behavior_controller.bt.engine.leaf import ConditionLeaf, SyncActionLeaf, TimedAction
 from behavior_controller.bt.engine.node import NodeError, Result
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.script.parser import to_bool
-from behavior_controller.bt.script.values import BT_ANY, TEXT, convert
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
-from behavior_controller.bt.status import FAILURE, SUCCESS
+from behavior_controller.bt.values.values import BT_ANY, TEXT, convert
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Role
+from behavior_controller.bt.values.status import FAILURE, SUCCESS
 from behavior_controller.text import docstring
 
 

@@ -11,8 +11,8 @@ from py_trees.common import ParallelPolicy
 
 from behavior_controller.bt.engine.node import NodeError, Parent, Result, halt_child
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.registry import Kind, Port, Role
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.bt.engine.registry import Kind, Port, Role
+from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
 class Control(Parent, composites.Composite):

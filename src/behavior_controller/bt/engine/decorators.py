@@ -8,10 +8,10 @@ from py_trees.common import BlackBoxLevel
 from behavior_controller.bt.engine.node import (
     ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child, run_script)
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.registry import Kind, Port, Role
+from behavior_controller.bt.engine.registry import Kind, Port, Role
 from behavior_controller.bt.script.parser import Script, compile_script, to_bool
-from behavior_controller.bt.script.values import TEXT
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.bt.values.values import TEXT
+from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
 class Decorator(Parent, decorators.Decorator):

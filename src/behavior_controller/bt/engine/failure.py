@@ -6,8 +6,7 @@ from typing import Any, Callable, Optional, Tuple
 
 from py_trees.behaviour import Behaviour
 
-from behavior_controller.bt.linter import rules
-from behavior_controller.errors import BehaviorControllerError, Fault
+from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.foreign_code import described, is_ctrl_c
 
 
@@ -38,16 +37,6 @@ def failure_of(node: Any, error: BaseException, where: str = "") -> BaseExceptio
     if isinstance(error, TickError) or is_ctrl_c(error):
         return error
     return TickError(node, error, where)
-
-
-def broken(element: Any, type_id: str, step: str, error: BaseException, owner: object) -> Fault:
-    """Return the fault of a node whose code failed before any tick; ``step`` is what cannot be done
-    with the node, ``owner`` its class or factory. Raises a Ctrl-C."""
-    if is_ctrl_c(error):
-        raise error
-    text = f"{type_id} cannot be {step}: {described(error, owner)}"
-    hint = "a mistake in the code of the node type, not in this file"
-    return element.fault(rules.NODE_BROKEN, text, hint)
 
 
 def owner_of(callback: Callable[..., Any]) -> Any:

@@ -5,8 +5,8 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.engine.node import Node, NodeError, Result, Timed
-from behavior_controller.bt.registry import Kind
-from behavior_controller.bt.status import IDLE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.registry import Kind
+from behavior_controller.bt.values.status import IDLE, RUNNING, SUCCESS
 
 POLLING = 10
 """Milliseconds until a RUNNING py_trees behaviour, which has no wake-up, is ticked again (BT.CPP's

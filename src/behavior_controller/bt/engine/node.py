@@ -19,10 +19,10 @@ from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.failure import TickError, failure_of
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.script.parser import Script, ScriptError, to_bool
-from behavior_controller.bt.registry import Kind, NodeSpec, Port
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port
+from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.text import clean
 

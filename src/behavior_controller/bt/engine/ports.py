@@ -2,10 +2,10 @@
 and write it."""
 from typing import Any, Dict, Iterable, List, Optional, Tuple
 
-from behavior_controller.bt.script import values
-from behavior_controller.bt.engine.blackboard import Blackboard, Entry
-from behavior_controller.bt.script.values import Enums, GENERIC, TYPES, ValueFault
-from behavior_controller.bt.registry import Port
+from behavior_controller.bt.values import values
+from behavior_controller.bt.values.blackboard import Blackboard, Entry
+from behavior_controller.bt.values.values import Enums, GENERIC, TYPES, ValueFault
+from behavior_controller.bt.engine.registry import Port
 
 BLANKS = " \t\n\r"
 

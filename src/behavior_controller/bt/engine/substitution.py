@@ -6,8 +6,8 @@ from typing import Any, Dict, Optional
 from behavior_controller.bt.engine.leaf import TimedAction
 from behavior_controller.bt.engine.node import ConfigureError, NodeError, Result
 from behavior_controller.bt.script.parser import Script, compile_script
-from behavior_controller.bt.script.values import to_int
-from behavior_controller.bt.status import BY_NAME, FAILURE, NUMBERS, SUCCESS
+from behavior_controller.bt.values.values import to_int
+from behavior_controller.bt.values.status import BY_NAME, FAILURE, NUMBERS, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 
 INVALID_STATUS = "return_status resolved to invalid status"

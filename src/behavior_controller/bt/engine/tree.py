@@ -4,11 +4,11 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tupl
 
 from py_trees.common import Status
 
-from behavior_controller.bt.engine.failure import broken, failure_of
+from behavior_controller.bt.engine.failure import failure_of
 from behavior_controller.bt.engine.node import Node, Observer, Result, Services
-from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.thread_check import tick_thread_only
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 from behavior_controller.text import Source
 
@@ -62,7 +62,7 @@ class Tree:
                 if node.element is None:
                     raise failure_of(node, error, "the setup of ")
                 faults.append(
-                    broken(node.element, node.registration_id, "set up", error, type(node)))
+                    node.element.broken(node.registration_id, "set up", error, type(node)))
         if faults:
             raise MissionError(faults)
 

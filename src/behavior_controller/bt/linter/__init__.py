@@ -1,1 +1,1 @@
-"""Finds faults and likely mistakes of a mission without running it."""
+"""Finds likely mistakes of a mission without running it."""

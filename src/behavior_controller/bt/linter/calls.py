@@ -2,16 +2,16 @@
 import os
 from typing import Collection, List, Optional, Set
 
-from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.facts import (
-    CREATED, EXCUSED, READ, WRITTEN, Access, Name, MissionFacts)
-from behavior_controller.bt.linter.nodes import condition_meant, is_cut_short
+from behavior_controller.bt.loader import rules
+from behavior_controller.bt.linter.facts import MissionFacts
+from behavior_controller.bt.loader.flow import CREATED, EXCUSED, READ, WRITTEN, Access, Name
+from behavior_controller.bt.loader.checks import condition_meant, is_cut_short
 from behavior_controller.bt.linter.scripts import WORDS
-from behavior_controller.bt.linter.structure import given, is_port_name, remaps_all
+from behavior_controller.bt.loader.structure import given, is_port_name, remaps_all
 from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
-from behavior_controller.bt.script.values import TEXT
+from behavior_controller.bt.values.values import TEXT
 from behavior_controller.text import first_names
 
 

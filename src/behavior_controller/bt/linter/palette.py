@@ -9,15 +9,15 @@ from functools import partial
 from typing import Dict, Iterable, Iterator, List, Sequence, Tuple
 from xml.sax.saxutils import escape, quoteattr
 
-from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.nodes import ELSEWHERE
-from behavior_controller.bt.linter.structure import PORT_ELEMENTS, Findings
+from behavior_controller.bt.loader import rules
+from behavior_controller.bt.loader.checks import ELSEWHERE
+from behavior_controller.bt.loader.structure import PORT_ELEMENTS, Findings
 from behavior_controller.bt.engine.builtins import AlwaysSuccess
 from behavior_controller.bt.engine.controls import Sequence as SequenceNode
 from behavior_controller.bt.engine.decorators import ForceSuccess
 from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
-from behavior_controller.bt.script.values import ANY, TYPES
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.values.values import ANY, TYPES
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault
 from behavior_controller.text import did_you_mean, without_controls
 

@@ -1,14 +1,14 @@
 """Rules about scripts that can be read, but hardly do what their author means."""
 from typing import Iterator, List, Optional, Tuple
 
-from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.facts import (
-    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, MissionFacts, Use,
-    literal_kind)
+from behavior_controller.bt.loader import rules
+from behavior_controller.bt.linter.facts import MissionFacts
+from behavior_controller.bt.loader.flow import (
+    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, Use, literal_kind)
 from behavior_controller.bt.loader.document import Element
-from behavior_controller.bt.possible_results import SUCCEEDS
+from behavior_controller.bt.engine.possible_results import SUCCEEDS
 from behavior_controller.bt.script.parser import Operand, Operation
-from behavior_controller.bt.script.values import GENERIC
+from behavior_controller.bt.values.values import GENERIC
 from behavior_controller.text import did_you_mean
 
 WORDS = {"not": "write !", "and": "write &&", "or": "write ||", "True": "write true",

@@ -6,15 +6,15 @@ types do not decide, there is none.
 import re
 from typing import Iterator, Tuple
 
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import MissionFacts
-from behavior_controller.bt.linter.structure import CONDITIONS
-from behavior_controller.bt.possible_results import FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, by
+from behavior_controller.bt.loader.structure import CONDITIONS
+from behavior_controller.bt.engine.possible_results import FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, by
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import EXPLICIT, Element
-from behavior_controller.bt.script.values import whole_real
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
-from behavior_controller.bt.status import BY_NAME
+from behavior_controller.bt.values.values import whole_real
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Role
+from behavior_controller.bt.values.status import BY_NAME
 from behavior_controller.text import did_you_mean
 
 IGNORED_ON_PURPOSE = ("_uid", "_fullpath", "_description", "__shared_blackboard", "__autoremap")

@@ -1,2 +1,2 @@
-"""Reads mission files: documents with places, their repair, and the tree that is built from them.
-"""
+"""Reads mission files: documents with places, their repair, the checks, and the tree that is built
+from them."""

@@ -11,12 +11,13 @@ from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Union
 
 from lxml import etree
 
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 from behavior_controller.bt.loader.xml_repair import (
     ATTRIBUTE, BEGINS, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, repaired,
     stray_text)
 from behavior_controller.ros_packages import package_folder
 from behavior_controller.errors import Fault, MissionError, attempt
+from behavior_controller.foreign_code import described, is_ctrl_c
 from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes
 
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
@@ -66,6 +67,15 @@ class Element:
         """
         span = self.document.span(self.number, attribute, at)
         return self.document.fault_between(rule, *span, text, hint, is_warning)
+
+    def broken(self, type_id: str, step: str, error: BaseException, owner: object) -> Fault:
+        """Return the fault of a node whose code failed before any tick; ``step`` is what cannot be
+        done with the node, ``owner`` its class or factory. Raises a Ctrl-C."""
+        if is_ctrl_c(error):
+            raise error
+        text = f"{type_id} cannot be {step}: {described(error, owner)}"
+        hint = "a mistake in the code of the node type, not in this file"
+        return self.fault(rules.NODE_BROKEN, text, hint)
 
 
 class Document:

@@ -2,16 +2,15 @@
 scripts bound."""
 import sys
 from functools import partial
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from py_trees.behaviour import Behaviour
 
-from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.structure import CONDITIONS, Trees, by_place, given, remaps_all
-from behavior_controller.bt.linter.walker import check, lint
-from behavior_controller.bt.engine.blackboard_clients import Clients
+from behavior_controller.bt.loader import rules
+from behavior_controller.bt.loader.structure import CONDITIONS, Trees, by_place, given, remaps_all
+from behavior_controller.bt.loader.checks import check
+from behavior_controller.bt.loader.blackboard_clients import Clients
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.bt.engine.failure import broken
 from behavior_controller.bt.engine.leaf import BehaviourLeaf
 from behavior_controller.bt.engine.node import (
     POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services)
@@ -19,12 +18,12 @@ from behavior_controller.bt.engine.substitution import Substitutions, TestNode
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.engine.blackboard import Blackboard, Entry
+from behavior_controller.bt.values.blackboard import Blackboard, Entry
 from behavior_controller.bt.loader.document import (
-    Document, Element, garbage_collection_paused, parse, read, with_includes)
+    Document, Element, garbage_collection_paused)
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
-from behavior_controller.bt.script.values import GENERIC, TEXT, ValueFault
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.values.values import GENERIC, TEXT, ValueFault
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Source
 
@@ -32,31 +31,20 @@ DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to four Python f
 _FRAMES_PER_LEVEL = 4
 
 
-def load_mission(path: str, registry: Registry, **options: Any) -> Tree:
-    """Read a mission file and what it includes, and ``build`` it with ``options``. Raises
-    MissionError."""
-    return build(with_includes(read(path)), registry, **options)
-
-
-def load_text(text: str, registry: Registry, file: str = "<text>", **options: Any) -> Tree:
-    """As ``load_mission``, for a mission that is not a file. Includes are relative to the working
-    directory."""
-    return build(with_includes(parse(text, file)), registry, **options)
-
-
 @garbage_collection_paused()
 def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clock] = None,
           blackboard: Optional[Blackboard] = None, main_tree: Optional[str] = None,
           strict: bool = False, enums: Optional[Dict[str, int]] = None,
           substitutes: Optional[Dict[str, Any]] = None, wake: Optional[WakeUp] = None,
-          with_lint: bool = False, checked: Optional[Trees] = None) -> Tree:
+          lint: Callable[[Trees], List[Fault]] = lambda trees: trees.faults,
+          checked: Optional[Trees] = None) -> Tree:
     """Check ``documents`` (the mission last), and build the tree. Raises MissionError with every
     fault.
 
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see
-    ``walker.check``; ``enums`` are names of integers for scripts; ``substitutes`` are substitution
-    rules; ``clock`` and ``wake`` are those of a tree that the new one replaces; ``with_lint`` adds
-    the linter's warnings; ``checked`` is the result of ``walker.check``, to build another tree.
+    ``checks.check``; ``enums`` are names of integers for scripts; ``substitutes`` are substitution
+    rules; ``clock`` and ``wake`` are those of a tree that the new one replaces; ``lint`` is
+    ``walker.lint`` to add its warnings; ``checked`` is the result of ``checks.check``, to build another tree.
     """
     trees = checked or check(documents, registry, main_tree, strict)
     services = Services(clock or Clock(), wake or WakeUp(), enums or {})
@@ -64,8 +52,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     services.clients = Clients(trees.main, registry)
     if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
         compiler.unfold(blackboard if blackboard is not None else Blackboard())
-    is_linted = with_lint and not compiler.faults
-    checked_faults = lint(trees) if is_linted else trees.faults
+    checked_faults = trees.faults if compiler.faults else lint(trees)
     faults = sorted(dict.fromkeys(compiler.faults + checked_faults), key=by_place)
     if any(not fault.is_warning for fault in faults):
         raise MissionError(faults)
@@ -188,7 +175,7 @@ class _Compiler:
                 raise TypeError(f"its factory returned {node!r}, which is not a {kind}")
             self._classes.add(type(node))
         except BaseException as error:  # a leaf may raise anything
-            self.faults.append(broken(element, spec.id, "made", error, spec.factory))
+            self.faults.append(element.broken(spec.id, "made", error, spec.factory))
             return spec, None
         return spec, node
 
@@ -222,7 +209,7 @@ class _Compiler:
         except (ValueFault, ScriptSyntaxError) as error:
             self.faults.append(element.fault(rule, str(error), attribute=attribute))
         except BaseException as error:  # ``configure`` of a leaf may raise anything
-            self.faults.append(broken(element, node.spec.id, "made", error, type(node)))
+            self.faults.append(element.broken(node.spec.id, "made", error, type(node)))
 
     def _blamed(self, clash: ports.TypeClash, blamed: _Use) -> Fault:
         """Return the fault of a type clash: of the number that a call gives, of the first use of

@@ -11,7 +11,7 @@ import re
 from itertools import starmap
 from typing import Any, Iterator, List, Tuple
 
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 
 DEEPEST = 2_040  # nested elements; libxml2 itself stops at 2,048
 MOST_TAGS = 400_000

@@ -1,1 +1,1 @@
-"""BehaviorTree.CPP's scripting language and the typed values that it works on."""
+"""BehaviorTree.CPP's scripting language."""

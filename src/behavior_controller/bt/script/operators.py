@@ -8,9 +8,9 @@ import math
 import operator
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
-from behavior_controller.bt.script import values
-from behavior_controller.bt.engine.blackboard import Blackboard, Entry
-from behavior_controller.bt.script.values import Enums, ValueFault, is_number, to_bool, to_real
+from behavior_controller.bt.values import values
+from behavior_controller.bt.values.blackboard import Blackboard, Entry
+from behavior_controller.bt.values.values import Enums, ValueFault, is_number, to_bool, to_real
 from behavior_controller.errors import BehaviorControllerError
 
 Evaluate = Callable[[Blackboard, Enums], Any]

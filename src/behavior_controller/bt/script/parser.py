@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, NamedTuple, Set, Tuple
 
 from behavior_controller.bt.script import operators
-from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.script.operators import Evaluate, Rest, ScriptError
-from behavior_controller.bt.script.values import Enums, ValueFault, shown, to_bool
+from behavior_controller.bt.values.values import Enums, ValueFault, shown, to_bool
 from behavior_controller.errors import BehaviorControllerError
 
 __all__ = ["Script", "ScriptError", "ScriptSyntaxError", "compile_script", "to_bool"]

@@ -3,9 +3,9 @@
 import collections
 from typing import Any, Callable, Deque, Dict, Iterator, List, Optional, Tuple
 
-from behavior_controller.bt.engine.blackboard import Entry as EntryOfTree
+from behavior_controller.bt.values.blackboard import Entry as EntryOfTree
 from behavior_controller.bt.engine.tree import Change, Tree
-from behavior_controller.bt.status import NAMES
+from behavior_controller.bt.values.status import NAMES
 from behavior_controller.execution import events
 from behavior_controller.robot.requests import Location, Point
 from behavior_controller.text import clean

@@ -8,8 +8,8 @@ from behavior_controller.bt.engine.node import PRE_CONDITIONS, Node, label
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.linter.palette import tree_nodes_model
-from behavior_controller.bt.linter.structure import CONDITIONS
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.loader.structure import CONDITIONS
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.execution.events import PortText, TreeNode, TreeShown
 from behavior_controller.text import clean
 

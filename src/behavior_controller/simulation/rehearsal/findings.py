@@ -6,7 +6,7 @@ from typing import (
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.ports import reference
-from behavior_controller.bt.registry import Direction, Kind
+from behavior_controller.bt.engine.registry import Direction, Kind
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.execution.events import GIVEN_UP, SKIPPED
 from behavior_controller.execution.state import (

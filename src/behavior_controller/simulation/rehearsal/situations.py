@@ -6,7 +6,7 @@ from typing import Any, Dict, Iterator, List, Tuple
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.status import NAMES
+from behavior_controller.bt.values.status import NAMES
 from behavior_controller.execution.events import LETTERS
 from behavior_controller.leaves import data
 

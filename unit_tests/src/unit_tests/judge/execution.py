@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
-from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
+from behavior_controller.bt.values.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution.events import (

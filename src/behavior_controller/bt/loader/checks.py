@@ -1,18 +1,20 @@
-"""What keeps a node from being made: its type, children, ports, literals, scripts (BT.CPP 12.3).
+"""Finds what keeps a mission from being loaded: its trees, and of a node its type, children, ports,
+literals, scripts (BT.CPP 12.3).
 
 What depends on an instance (types of entries, paths of SubTrees) is found when the tree is built.
 """
 import re
-from typing import Callable
+from typing import Callable, Optional, Sequence
 
-from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader import rules
 from behavior_controller.bt.engine import ports
-from behavior_controller.bt.script import values
-from behavior_controller.bt.loader.document import EXPLICIT, Element
+from behavior_controller.bt.values import values
+from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
-from behavior_controller.bt.script.values import ValueFault
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role, argument
-from behavior_controller.bt.linter.structure import (
+from behavior_controller.bt.values.values import ValueFault
+from behavior_controller.bt.engine.registry import (
+    Direction, Kind, NodeSpec, Port, Registry, Role, argument)
+from behavior_controller.bt.loader.structure import (
     AROUND_THEM, CONDITIONS, Trees, is_port_name, remaps_all)
 from behavior_controller.text import did_you_mean
 
@@ -266,3 +268,26 @@ def _meant(text: str, port: Port, type_name: str) -> str:
 def condition_meant(name: str) -> str:
     """Return ``did you mean _…?`` if an attribute is a condition that lacks its underscore."""
     return did_you_mean("_" + name, CONDITIONS, likeness=0.8)
+
+
+def check(documents: Sequence[Document], registry: Registry, main_tree: Optional[str] = None,
+          strict: bool = False) -> Trees:
+    """Check ``documents``, included ones first, the mission itself last, as BehaviorTree.CPP's
+    loader does, and find every fault in one pass. ``main_tree`` overrides the file's choice.
+
+    Without ``strict`` two things load that BehaviorTree.CPP refuses. If nothing names the main
+    tree, it is the only one that no other tree calls (Groot2 drops the attribute when it saves).
+    The ID of a tree may contain blanks and dots (as in published missions), with a warning.
+    """
+    trees = Trees(registry, "" if strict else " .")
+    for document in documents:
+        trees.add(document)
+    trees.choose_main(main_tree, not strict)
+    trees.check_calls()
+    nodes = Nodes(trees)
+    for tree_id, tree in trees.bodies:
+        trees.findings.refuses_late = tree_id in trees.used and trees.trees[tree_id] is tree
+        for element in tree.below:
+            nodes.check(element)
+    trees.findings.refuses_late = False
+    return trees

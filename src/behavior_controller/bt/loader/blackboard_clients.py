@@ -11,10 +11,10 @@ from py_trees.blackboard import Blackboard as Shown
 from py_trees.blackboard import Client
 from py_trees.common import Access
 
-from behavior_controller.bt.linter.facts import Flow
+from behavior_controller.bt.loader.flow import Flow
 from behavior_controller.bt.engine.node import Node
-from behavior_controller.bt.engine.blackboard import Blackboard
-from behavior_controller.bt.registry import Registry
+from behavior_controller.bt.values.blackboard import Blackboard
+from behavior_controller.bt.engine.registry import Registry
 
 _ShownEntry = Tuple[Blackboard, str, str]
 """An entry by its place and name here, and by its name there."""

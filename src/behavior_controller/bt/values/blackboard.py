@@ -2,8 +2,8 @@
 (BT.CPP section 9)."""
 from typing import Any, Dict, Optional, Tuple
 
-from behavior_controller.bt.script import values
-from behavior_controller.bt.script.values import ANY, BT_ANY, GENERIC, TEXT, ValueFault
+from behavior_controller.bt.values import values
+from behavior_controller.bt.values.values import ANY, BT_ANY, GENERIC, TEXT, ValueFault
 
 
 class Entry:

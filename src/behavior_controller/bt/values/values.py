@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 from itertools import starmap
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
-from behavior_controller.bt.status import BY_NAME, NAMES, NUMBERS
+from behavior_controller.bt.values.status import BY_NAME, NAMES, NUMBERS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.foreign_code import described, is_ctrl_c
 

@@ -1,0 +1,191 @@
+"""The node types that a mission may use: their names, kinds, ports, and how to make one."""
+import enum
+import sys
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
+
+from py_trees.behaviour import Behaviour
+
+from behavior_controller.bt.engine.possible_results import Outcome
+from behavior_controller.bt.values.values import PortType, TYPES
+from behavior_controller.text import did_you_mean
+
+
+class Kind(enum.Enum):
+    """The kind of a node type, in Groot2's terms."""
+
+    ACTION = "Action"
+    CONDITION = "Condition"
+    CONTROL = "Control"
+    DECORATOR = "Decorator"
+    SUBTREE = "SubTree"
+
+
+class Direction(enum.Enum):
+    """The direction of a port, in Groot2's terms."""
+
+    IN = "input_port"
+    OUT = "output_port"
+    INOUT = "inout_port"
+
+
+class Role(enum.Enum):
+    """What the text of a port is."""
+
+    DATA = "a value, or {entry}"
+    SCRIPT = "a script"
+    WATCHED = "an entry, with or without braces"
+    WRITES = "the name of an entry that is written"
+    NAMES = "the name of an entry whose value does not matter"
+    CHILDREN = "a number of children"
+    CHOICE = "what is compared with the cases"
+    CASE = "a text that chooses a child"
+
+
+class Port(NamedTuple):
+    """A typed attribute of a node type.
+
+    ``type`` is a name of ``values.TYPES`` or a PortType, ``literal`` the type of a literal if that
+    differs. ``default`` is text as it would stand in the file, or None for no default.
+    ``is_optional``: the node needs no value. ``names`` are names of an instance that replace a
+    missing value; all other names have no meaning. ``if_zero`` describes the effect of 0 for a
+    number of children.
+    """
+
+    name: str
+    type: str = "any"
+    direction: Direction = Direction.IN
+    default: Optional[str] = None
+    description: str = ""
+    role: Role = Role.DATA
+    is_optional: bool = False
+    literal: str = ""
+    names: Tuple[str, ...] = ()
+    if_zero: str = ""
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One node type, with facts for the checks. ``factory(name)`` makes a node without anything
+    that runs.
+
+    ``warning`` is shown to the author of a mission that uses it. ``names`` are the allowed names of
+    an instance if its name is its argument; see ``argument``. With the defaults, nothing is known
+    of a node type, and the linter is silent.
+    """
+
+    id: str
+    kind: Kind
+    factory: Callable[[str], Behaviour]
+    ports: Tuple[Port, ...] = ()
+    description: str = ""
+    warning: str = ""
+    names: Tuple[str, ...] = ()
+    outcome: Optional[Outcome] = None  # how it can end; None: in any way
+    is_instant: bool = False  # it adds no waiting to that of its children
+    fewest_children: int = 1  # of a control
+    child_counts: Tuple[int, ...] = ()  # with another number of children it fails when it is ticked
+    children: str = ""  # what they are, for a message
+    # the end of a child (SUCCEEDS or FAILS) after which the next child is ticked
+    next_after: int = 0
+    is_reactive: bool = False  # it begins with its first child at every tick
+    last_is_apart: bool = False  # the last child is ticked for other reasons
+    # BehaviorTree.CPP refuses children that are written <Action ID="…">
+    refuses_explicit: bool = False
+    at_most_one: str = ""  # the type of which only one child may be
+    rounds: str = ""  # the port with the number of times that the child is run
+    repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
+    pause: str = ""  # the port with the milliseconds for which it waits
+    may_fail_at_once: bool = False  # however often it is tried: what it needs may be gone
+    is_recovery: bool = False  # it recovers from the failure of a node before it
+    is_stub: bool = False  # only a palette has it: it can be checked, not run
+
+    @cached_property
+    def port_named(self) -> Dict[str, Port]:
+        """The ports by their names."""
+        return {port.name: port for port in self.ports}
+
+    @cached_property
+    def child_range(self) -> Tuple[int, int]:
+        """The fewest and the most children that it can have."""
+        if self.kind is Kind.CONTROL:
+            return self.fewest_children, sys.maxsize
+        return (1, 1) if self.kind is Kind.DECORATOR else (0, 0)
+
+    @property
+    def summary(self) -> str:
+        """What it does, and what an instance must be called."""
+        return self.description + (f" Named {', '.join(self.names)}." if self.names else "")
+
+
+_SPEC_FIELDS: Dict[str, Tuple[type, ...]] = {"kind": (Kind,), "id": (str,), "description": (str,)}
+_PORT_FIELDS = {"name": (str,), "type": (str,), "direction": (Direction,),
+                "default": (str, type(None)), "description": (str,)}
+
+
+def _check_fields(what: str, record: object, kinds: Dict[str, Tuple[type, ...]]) -> None:
+    """Raise ValueError, which names it, if a field of ``record`` has a value of another type."""
+    for field, allowed in kinds.items():
+        value = getattr(record, field)
+        if not isinstance(value, allowed):
+            wrong = f"the {field} of the {what} is {value!r}"
+            raise ValueError(f"{wrong}, and not of the type {allowed[0].__name__}")
+
+
+def argument(name: str) -> str:
+    """Return the argument that an instance's name means: case and surrounding blanks are ignored.
+    """
+    return name.strip().lower()
+
+
+class Registry:
+    """Node types by name. A duplicate name, a field or a port of a wrong type raise ``ValueError``.
+    """
+
+    def __init__(self, specs: Iterable[NodeSpec] = ()):
+        self._specs: Dict[str, NodeSpec] = {}
+        self._types: Dict[str, PortType] = {}
+        self.extend(specs)
+
+    def extend(self, specs: Iterable[NodeSpec]) -> None:
+        """Add each of ``specs``."""
+        for spec in specs:
+            if spec.id in self._specs:
+                raise ValueError(f"the node type {spec.id} is registered twice")
+            _check_fields(f"node type {spec.id!r}", spec, _SPEC_FIELDS)
+            if isinstance(spec.ports, Port) or {type(port) for port in spec.ports} - {Port}:
+                wrong = f"the ports of the node type {spec.id} are not a tuple of Port"
+                raise ValueError(f"{wrong}; with one port it needs a comma")
+            for port in spec.ports:
+                _check_fields(f"port {port.name} of {spec.id}", port, _PORT_FIELDS)
+                self._check_type(port, spec)
+            names = [port.name for port in spec.ports]
+            if len(set(names)) < len(names):
+                raise ValueError(f"two ports of the node type {spec.id} have the same name")
+            self._specs[spec.id] = spec
+
+    def _check_type(self, port: Port, spec: NodeSpec) -> None:
+        if isinstance(port.type, PortType):
+            if self._types.setdefault(port.type, port.type) is not port.type:
+                wrong = f"the type {port.type} of the port {port.name} of {spec.id}"
+                raise ValueError(f"{wrong} is not the one of that name that other ports have; "
+                                 "make one PortType and use it for all")
+        elif port.type not in TYPES:
+            # a float is no Location, though the names are a little alike
+            hint = did_you_mean(port.type, TYPES) or did_you_mean(port.type, self._types, 0.75)
+            hint = hint or "there are: " + " ".join(TYPES)
+            wrong = f"the port {port.name} of {spec.id} has the unknown type {port.type}"
+            raise ValueError(f"{wrong} ({hint}; a type of your own is a PortType)")
+
+    def find(self, node_id: str) -> Optional[NodeSpec]:
+        """Return the node type of that name, or None."""
+        return self._specs.get(node_id)
+
+    def __getitem__(self, node_id: str) -> NodeSpec:
+        """Return the node type of a checked mission."""
+        return self._specs[node_id]
+
+    def all(self) -> List[NodeSpec]:
+        """Return every node type, in the order of registration."""
+        return list(self._specs.values())

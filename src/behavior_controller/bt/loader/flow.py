@@ -1,0 +1,280 @@
+"""Which entries a mission reads and writes, and which of them are the same: by remapping, ``@`` and
+SubTrees."""
+from functools import cached_property
+from typing import Dict, Iterator, List, Mapping, NamedTuple, Optional, Set, Tuple
+
+from behavior_controller.bt.loader.structure import CONDITIONS, given, is_port_name, remaps_all
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.engine.node import PRE_CONDITIONS
+from behavior_controller.bt.loader.document import Element
+from behavior_controller.bt.engine.registry import Direction, Kind, Port, Registry, Role
+from behavior_controller.bt.script.operators import ScriptError, leading_number
+from behavior_controller.bt.script.parser import (
+    Assignment, Operand, Script, ScriptSyntaxError, compile_script)
+from behavior_controller.bt.values.values import GENERIC, TEXT, TYPES
+
+NUMERAL = "numeral"
+"""The kind of a text that is a number to a comparison, though not to a calculation."""
+
+SOME_TEXT = "some text"
+"""The kind of a text that only the running mission knows."""
+
+# what happens to an entry
+READ = "read"
+WRITTEN = "written"
+CREATED = "created"  # without a script, or by := in one
+TOUCHED = "touched"  # written, and not only by scripts and texts of the file
+UNCREATED = "uncreated"  # a warning says that nothing creates it
+EXCUSED = "excused"  # a warning is about it: that nothing writes it is no further mistake
+
+
+class Access(NamedTuple):
+    """The first place where an entry is read, or is written; ``at`` is where in the attribute's
+    value."""
+
+    element: Element
+    attribute: str
+    at: int = 0
+    script: Optional[Script] = None
+
+
+class Use(NamedTuple):
+    """A script and its place. ``is_condition``: its value decides something."""
+
+    tree: str
+    element: Element
+    attribute: str
+    script: Script
+    is_condition: bool
+
+
+class Value(NamedTuple):
+    """A value of known text that is written to an entry: by an assignment of a script, or as a
+    text."""
+
+    name: str  # under which it is written
+    element: Element
+    attribute: str
+    kind: str  # text, number, NUMERAL; empty: not known
+    word: str
+    assignment: Optional[Assignment] = None
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it is calculated from the entry itself, and so has the kind that this has."""
+        return self.assignment is not None and self.assignment.is_own
+
+
+class EntryFacts:
+    """One entry, under all names that trees have for it."""
+
+    def __init__(self, name: "Name"):
+        self.names = [name]
+        self.uses: Set[str] = set()  # READ, WRITTEN …
+        self.types: Set[str] = set()  # of the ports that refer to it
+        self.values: List[Value] = []
+
+    @cached_property
+    def known_values(self) -> List[Value]:
+        """All values that are written to it, in the order of the files; empty if it is written
+        otherwise too."""
+        values = [] if TOUCHED in self.uses else self.values
+        return sorted(values, key=lambda value: (value.element.document.file, value.element.number))
+
+    @cached_property
+    def kind(self) -> str:
+        """The kind of what it holds; empty if that is not known."""
+        if TOUCHED in self.uses and self.types == {TEXT}:
+            return SOME_TEXT
+        kinds = {value.kind for value in self.known_values if not value.is_own}
+        return kinds.pop() if len(kinds) == 1 else ""
+
+    @cached_property
+    def is_number(self) -> bool:
+        """Whether it holds a number, also by the type of the ports that refer to it."""
+        types = self.types.difference(GENERIC)
+        is_numeric = all(TYPES[name].number is not None for name in types)
+        return self.kind == "number" or bool(types) and is_numeric
+
+
+class Name:
+    """What one tree does with an entry, under the name that it has there."""
+
+    def __init__(self, tree: str, name: str):
+        self.tree = tree
+        self.name = name
+        self.entry = EntryFacts(self)
+        self.mentions = 0  # how often the tree itself names it; not what its callers give it
+        self.read: Optional[Access] = None
+        self.write: Optional[Access] = None  # by a node
+        # the tree writes it itself, or a tree that it calls; not what its callers give it
+        self.is_own = False
+
+    def join(self, other: "Name") -> None:
+        """Note that both names mean the same entry."""
+        small, large = sorted((self.entry, other.entry), key=lambda entry: len(entry.names))
+        if small is not large:
+            large.uses |= small.uses
+            large.types |= small.types
+            large.values += small.values
+            large.names += small.names
+            for name in small.names:
+                name.entry = large
+
+
+class Flow:
+    """What a mission reads and writes. ``trees`` are the elements of each, called trees before
+    those that call them; ``models`` the ports of trees that have a model."""
+
+    def __init__(self, trees: Mapping[str, List[Element]], main: str,
+                 models: Mapping[str, List[Port]], registry: Registry):
+        self._main = main
+        # tree -> its names; those with ``@`` are of the main tree
+        self.names: Dict[str, Dict[str, Name]] = {tree: {} for tree in [*trees, main]}
+        self.scripts: List[Use] = []
+        self.is_known = True  # False: a script or a name comes from the blackboard itself
+        for tree, elements in trees.items():
+            for element in elements:
+                if element.tag == "SubTree":
+                    self._call(tree, element, models.get(element.attributes["ID"], []))
+                else:
+                    spec = registry[element.type_id]
+                    for port in spec.ports:
+                        self._port(tree, element, port, spec.kind is not Kind.ACTION)
+                for name in CONDITIONS:
+                    text = element.attributes.get(name)
+                    if text is not None:
+                        self._script(tree, element, name, text, name in PRE_CONDITIONS)
+
+    def name(self, tree: str, name: str) -> Name:
+        """Return what ``tree`` does with the entry that is called ``name`` there."""
+        if name.startswith("@"):
+            tree, name = self._main, name[1:]
+        names = self.names[tree]
+        if name not in names:
+            names[name] = Name(tree, name)
+        return names[name]
+
+    def all(self) -> Iterator[Name]:
+        """Yield the names of each tree."""
+        for names in self.names.values():
+            yield from names.values()
+
+    def used(self, tree: str) -> List[str]:
+        """Return the names that ``tree`` uses itself."""
+        return [name.name for name in self.names[tree].values() if name.mentions]
+
+    def needs(self, tree: str) -> List[str]:
+        """Return the entries that ``tree`` reads, and that it leaves to its callers to write."""
+        return [name for name, use in sorted(self.names[tree].items())
+                if use.mentions and use.read and not use.is_own and is_port_name(name)]
+
+    def _mention(self, tree: str, name: str) -> Name:
+        result = self.name(tree, name)
+        result.mentions += 1
+        return result
+
+    def _read(self, tree: str, name: str, access: Access) -> None:
+        result = self._mention(tree, name)
+        result.read = result.read or access
+        result.entry.uses.add(READ)
+
+    def _write(self, tree: str, name: str, access: Access, *uses: str) -> Name:
+        result = self._mention(tree, name)
+        result.is_own = True
+        result.write = result.write or access
+        result.entry.uses.update((WRITTEN, *uses))
+        return result
+
+    def _port(self, tree: str, element: Element, port: Port, is_condition: bool) -> None:
+        """Note what a port reads and writes; ``is_condition``: the script that it may hold decides
+        something."""
+        text = element.attributes.get(port.name, port.default)
+        if text is None or port.role is Role.NAMES:
+            return
+        name, is_given = ports.reference(text, port.name), port.name in element.attributes
+        place = Access(element, port.name)
+        if name is None and port.role is Role.WATCHED:
+            name = text
+        if name is not None:
+            if port.direction is not Direction.OUT and (is_given or not port.is_optional):
+                self._read(tree, name, place)
+            if port.direction is not Direction.IN and port.role is not Role.WRITES:
+                self._write(tree, name, place, CREATED, TOUCHED)
+            entry = self.name(tree, name).entry
+            if is_given:  # when the tree is made
+                entry.uses.add(CREATED)
+            if is_given or port.direction is not Direction.IN:
+                entry.types.add(port.type)
+        if port.role in (Role.SCRIPT, Role.WRITES) and name is not None:
+            self.is_known = False
+        elif port.role is Role.SCRIPT:
+            self._script(tree, element, port.name, text, is_condition)
+        elif port.role is Role.WRITES:
+            value = element.attributes.get("value", "")
+            if ports.reference(value, "value") is None:
+                written = self._write(tree, text, place, CREATED)
+                kind = _kind_of_text(value)
+                written.entry.values.append(Value(text, element, "value", kind, value))
+            else:
+                self._write(tree, text, place, CREATED, TOUCHED)
+
+    def _script(self, tree: str, element: Element, attribute: str, text: str,
+                is_condition: bool) -> None:
+        try:
+            script = compile_script(text)
+        except ScriptSyntaxError:
+            return  # an empty one
+        self.scripts.append(Use(tree, element, attribute, script, is_condition))
+        for name, at in script.facts.read.items():
+            self._read(tree, name, Access(element, attribute, at, script))
+        for assignment in script.facts.assignments:
+            if not assignment.name:
+                continue
+            place = Access(element, attribute, assignment.position)
+            entry = self._write(tree, assignment.name, place).entry
+            if assignment.sign == ":=":
+                entry.uses.add(CREATED)
+            if assignment.sign in (":=", "="):
+                kind, word = literal_kind(assignment.value), assignment.value.word
+                entry.values.append(
+                    Value(assignment.name, element, attribute, kind, word, assignment))
+
+    def _call(self, tree: str, call: Element, model: List[Port]) -> None:
+        called = call.attributes["ID"]
+        texts = given(call, model)
+        for name, text in texts.items():
+            outer = None if text is None else ports.subtree_reference(text, name)
+            if outer is not None:
+                self._remap(called, name, tree, outer, call)
+            elif text is not None:
+                self.name(called, name).entry.uses.update((WRITTEN, CREATED, TOUCHED))
+        for name in sorted(self.names[called]) if remaps_all(call) else ():
+            if name[0] != "_" and name not in texts:
+                self._remap(called, name, tree, name, call)
+
+    def _remap(self, called: str, inner: str, tree: str, outer: str, call: Element) -> None:
+        """Note that ``inner`` of the called tree is ``outer`` of the tree that calls it."""
+        name, outer_name = self.name(called, inner), self._mention(tree, outer)
+        if name.is_own:
+            outer_name.is_own = True
+        elif name.read:
+            outer_name.read = outer_name.read or Access(call, inner)
+        name.join(outer_name)
+
+
+def literal_kind(value: Operand) -> str:
+    """Return the kind of an operand of a script, if that is a literal."""
+    if value.kind == "text":
+        return _kind_of_text(value.word[1:-1]) if value.word else ""
+    return value.kind if value.kind == "number" else ""
+
+
+def _kind_of_text(text: str) -> str:
+    if text in ("true", "false"):
+        return NUMERAL
+    try:
+        leading_number(text)
+    except ScriptError:
+        return "text"
+    return NUMERAL
