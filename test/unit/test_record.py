@@ -245,14 +245,14 @@ def test_the_value_of_an_entry_is_one_short_line(value, expected):
     assert len(entry_text(121 * "x")) <= 120
 
 
-def test_of_a_node_are_kept_its_pause_and_whether_a_condition_decides_if_it_runs():
+def test_of_a_node_are_kept_its_pause_and_what_follows_it():
     rig = Rig("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence name='all' _while='true'>"
               "<Sleep msec='1500'/><Sleep msec='{pause}'/><Delay delay_msec='250'>"
               "<AlwaysSuccess _skipIf='false'/></Delay></Sequence></BehaviorTree></root>")
-    assert [(node.type, node.parent, node.pause, node.has_condition)
+    assert [(node.type, node.parent, node.pause, node.next)
             for node in shown(rig.tree).nodes] == [
-        ("Sequence", 0, 0.0, True), ("Sleep", 1, 1.5, False), ("Sleep", 1, 0.0, False),
-        ("Delay", 1, 0.25, False), ("AlwaysSuccess", 4, 0.0, True)]
+        ("Sequence", 0, 0.0, (0,)), ("Sleep", 1, 1.5, (3,)), ("Sleep", 1, -1.0, ()),
+        ("Delay", 1, 0.25, (0,)), ("AlwaysSuccess", 4, 0.0, (0,))]
 
 
 def test_that_a_topic_is_still_heard_is_recorded_if_it_is(tmp_path):

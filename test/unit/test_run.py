@@ -26,7 +26,7 @@ EMPTY = ("", "")
 BEGIN = [
     TreeShown("M", [
         TreeNode("all", "Sequence", "all", 0),
-        TreeNode("all/go", "Navigate", "go", 1),
+        TreeNode("all/go", "Navigate", "go", 1, next=(3,)),
         TreeNode("all/help", "HandleFallBack", "help", 1)
     ]),
     RunStarted("/m/tour.xml", [("all/go", "Navigate"), ("all/help", "HandleFallBack")], {},

@@ -8,6 +8,11 @@ import urllib.request
 import pytest
 from msgspec.structs import asdict, replace
 
+from behavior_controller import bt
+from behavior_controller.bt.engine.builtins import AlwaysSuccess
+from behavior_controller.bt.engine.controls import Sequence
+from behavior_controller.bt.engine.decorators import ForceSuccess
+from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS, of_child
 from behavior_controller.config import settings
 from behavior_controller.execution import events
 from behavior_controller.execution.events import (
@@ -353,7 +358,7 @@ def test_what_comes_next_is_said_if_it_is_certain(following, expected):
 @pytest.mark.parametrize("mission, what_follows", [
     ("<Sequence><Script code='x := 1'/><Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>"
      "</Sequence>", "the end of the visit"),
-    ("<Inverter><WelcomeSpeech/></Inverter>", "")])
+    ("<Inverter><WelcomeSpeech/></Inverter>", "the end of the visit")])
 def test_after_the_last_step_the_visit_ends(mission, what_follows):
     assert ticked(mission, 1, lambda request: None).card.next == what_follows
 
@@ -445,56 +450,101 @@ SPEAKS = ASKED = Exchange(7, "/say", Say("hello"), 120.0, 0, words="saying “he
 DRIVING = Exchange(8, "/go", GoTo(ARM), 120.0, 0, words="driving to the arm")
 
 
-def rows(*tree):
-    """Return the nodes of a tree that is written as (type, child...); leaves are their types. A
-    type with a question mark has a pre-condition."""
-    found = []
-
-    def add(node, parent):
-        kind, *children = [node] if isinstance(node, str) else node
-        name = kind.strip("?")
-        found.append(TreeNode(name, name, name, parent, has_condition=kind.endswith("?")))
-        number = len(found)
-        for child in children:
-            add(child, number)
-
-    add(tree, 0)
-    return tuple(found)
+# leaves that take time, and decorators and a control of another package
+TYPES = bt.Registry(bt.builtin_specs() + [
+    *[bt.NodeSpec(name, bt.Kind.ACTION, AlwaysSuccess) for name in "ABCD"],
+    bt.NodeSpec("Own", bt.Kind.DECORATOR, ForceSuccess),
+    bt.NodeSpec("OwnNot", bt.Kind.DECORATOR, ForceSuccess, outcome=FAILS),
+    bt.NodeSpec("OwnLoop", bt.Kind.DECORATOR, ForceSuccess, outcome=of_child(0, FAILS),
+                repeats_on=SUCCEEDS),
+    bt.NodeSpec("OwnControl", bt.Kind.CONTROL, Sequence),
+    bt.NodeSpec("OwnChain", bt.Kind.CONTROL, Sequence, advances_on=SUCCEEDS),
+    bt.NodeSpec("OwnWait", bt.Kind.ACTION, AlwaysSuccess, (bt.Port("for"),), pause="for")])
 
 
-IN_TURN = ["Sequence", "SequenceWithMemory", "ReactiveSequence", "AsyncSequence"]
-AS_CHILD = ["Fallback", "ReactiveFallback", "AsyncFallback", "ForceSuccess", "SubTree", "Timeout",
-            "Delay", "RetryUntilSuccessful", "RunOnce"]
+def rows(body):
+    """Return the nodes of a tree as the record has them."""
+    return tuple(tree_shown(bt.load_text(
+        "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>" + body +
+        "</BehaviorTree><BehaviorTree ID='S'><A/></BehaviorTree></root>", TYPES)).nodes)
 
 
-@pytest.mark.parametrize("tree, uid, expected", [
-    *[((kind, "A", "B"), 2, "B") for kind in IN_TURN],
-    *[(("Sequence", (kind, "A"), "B"), 3, "B") for kind in AS_CHILD],
-    *[(("Sequence", "A", leaf, "B"), 2, "B")
-      for leaf in ("Script", "SetBlackboard", "UnsetBlackboard", "AlwaysSuccess")],
-    (("Sequence", "A", "B"), 3, "the end of the visit"),
-    (("Sequence", "A", "B"), 1, "the end of the visit"),
-    (("Sequence", "A", "B"), 0, ""),
-    (("Sequence", "A", "B"), 4, ""),
-    (("Fallback", "A", "B"), 2, "the end of the visit"),
-    (("Sequence", ("Fallback", "A", "B"), "C"), 3, "C"),
-    (("Sequence", ("Sequence", "A", "B"), "C"), 4, "C"),
-    (("Sequence", ("Parallel", "A", "B"), "C"), 3, ""),
-    (("Sequence", ("Inverter", "A"), "B"), 3, ""),
-    (("KeepRunningUntilFailure", ("Sequence", "A", "B")), 4, "A"),
-    (("KeepRunningUntilFailure", ("Sequence", "A", "B")), 3, "B"),
-    (("Sequence", "A", ("Sequence", ("Inverter", "B"), "C")), 2, "B"),
-    (("Sequence", "A", ("Sequence", "Script", "B")), 2, "B"),
-    (("Sequence", "A", ("Fallback", "AlwaysSuccess", "B"), "C"), 2, "C"),
-    (("Sequence", "A", "Script"), 2, "the end of the visit"),
-    (("Sequence", "A", "B?"), 2, ""),
-    (("Sequence", "A?", "B"), 2, "B"),
-    (("Sequence", "A", ("Sequence?", "B")), 2, ""),
-    (("Sequence", "A", ("Sequence", "B?")), 2, ""),
-    (("Sequence", "A", ("Sequence", "B", "C?")), 2, "B"),
-    (("Sequence", "A", ("Switch2", "B", "C")), 2, "")])
-def test_what_follows_a_node_that_succeeds(tree, uid, expected):
-    assert next_node(State(nodes=rows(*tree)), uid) == expected
+def around(kind, body="<A/>"):
+    """Return an element with its attributes around ``body``."""
+    return "<{}>{}</{}>".format(kind, body, kind.split()[0])
+
+
+END = "the end of the visit"
+SWITCH = "Switch2 variable='{x}' case_1='1' case_2='2'"
+CASES = "<A/><B/><C/>"
+
+
+@pytest.mark.parametrize("body, leaf, expected", [
+    *[(around(kind, "<A/><B/>"), "A", "B") for kind in (
+        "Sequence", "SequenceWithMemory", "ReactiveSequence", "AsyncSequence", "OwnChain",
+        "IfThenElse", "WhileDoElse")],
+    # nodes that succeed when their child does
+    *[("<Sequence>{}<B/></Sequence>".format(around(kind)), "A", "B") for kind in (
+        "Fallback", "ReactiveFallback", "AsyncFallback", "ForceSuccess", "Timeout msec='9'",
+        "Delay delay_msec='9'", "RetryUntilSuccessful num_attempts='3'", "RunOnce",
+        "Precondition if='x'", "Precondition if='x' else='SKIPPED'", "Repeat num_cycles='1'",
+        "SkipUnlessUpdated entry='{x}'", "WaitValueUpdate entry='{x}'", "Own", "Parallel")],
+    ("<Sequence><SubTree ID='S'/><B/></Sequence>", "A", "B"),
+    # and those after whose child the same leaf may come again
+    *[("<Sequence>{}<B/></Sequence>".format(around(kind)), "A", "A or B") for kind in (
+        "Repeat num_cycles='3'", "Repeat num_cycles='{n}'", "LoopString queue='a;b'",
+        "LoopInt queue='{q}'")],
+    ("<LoopString queue='a;b'><Sequence><A/><B/></Sequence></LoopString>", "B", "A or " + END),
+    ("<LoopString queue='a;b'><Sequence><A/><B/></Sequence></LoopString>", "A", "B"),
+    *[("<Sequence>{}<C/></Sequence>".format(around(kind, "<Sequence><A/><B/></Sequence>")), "B", "A")
+      for kind in ("KeepRunningUntilFailure", "Repeat num_cycles='-1'", "OwnLoop")],
+    # a child's success may be a failure
+    *[("<Fallback><Sequence>{}<B/></Sequence><C/></Fallback>".format(around(kind)), "A", "C")
+      for kind in ("Inverter", "ForceFailure", "OwnNot")],
+    ("<Sequence><Inverter><A/></Inverter><B/></Sequence>", "A", END),
+    ("<RetryUntilSuccessful num_attempts='2'><Inverter><A/></Inverter></RetryUntilSuccessful>",
+     "A", "A or " + END),
+    ("<Sequence><TryCatch><A/><B/><C/></TryCatch><D/></Sequence>", "A", "B"),
+    ("<Sequence><TryCatch><A/><B/><C/></TryCatch><D/></Sequence>", "B", "D"),
+    ("<Fallback><TryCatch><A/><B/><C/></TryCatch><D/></Fallback>", "C", "D"),
+    ("<Sequence><IfThenElse><A/><B/><C/></IfThenElse><D/></Sequence>", "B", "D"),
+    ("<Sequence>{}<D/></Sequence>".format(around(SWITCH, CASES)), "B", "D"),
+    # leaves that take no time are passed
+    *[("<Sequence><A/>{}<B/></Sequence>".format(leaf), "A", "B") for leaf in (
+        "<Script code='x:=1'/>", "<SetBlackboard output_key='x' value='1'/>",
+        "<UnsetBlackboard key='x'/>", "<AlwaysSuccess/>",
+        "<Fallback><AlwaysSuccess/><C/></Fallback>")],
+    ("<Fallback><Sequence><A/><AlwaysFailure/><B/></Sequence><C/></Fallback>", "A", "C"),
+    ("<Sequence><A/><Script code='x:=1'/></Sequence>", "A", END),
+    ("<KeepRunningUntilFailure><Script code='x:=1'/></KeepRunningUntilFailure>", "Script", ""),
+    ("<Sequence><A/><B/></Sequence>", "B", END),
+    ("<Sequence><A/><B/></Sequence>", "Sequence", END),
+    ("<Fallback><A/><B/></Fallback>", "A", END),
+    ("<Sequence><Fallback><A/><B/></Fallback><C/></Sequence>", "A", "C"),
+    ("<Sequence><A/><Sequence><Inverter><B/></Inverter><C/></Sequence></Sequence>", "A", "B"),
+    # open: what runs at once, what a condition or a value decides, a control that says nothing
+    *[("<Sequence>{}<C/></Sequence>".format(around(kind, "<A/><B/>")), "A", "")
+      for kind in ("Parallel", "ParallelAll", "OwnControl")],
+    ("<Sequence><A/><B _skipIf='x'/></Sequence>", "A", ""),
+    ("<Sequence><A _skipIf='x'/><B/></Sequence>", "A", "B"),
+    ("<Sequence><A/><Sequence _while='x'><B/></Sequence></Sequence>", "A", ""),
+    ("<Sequence><A/><Sequence><B _successIf='x'/></Sequence></Sequence>", "A", ""),
+    ("<Sequence><A/><Sequence><B/><C _skipIf='x'/></Sequence></Sequence>", "A", "B"),
+    ("<Sequence><A/><Precondition if='x'><B/></Precondition></Sequence>", "A", ""),
+    ("<Sequence><D/>{}</Sequence>".format(around(SWITCH, CASES)), "D", "")])
+def test_what_follows_a_node_that_succeeds(body, leaf, expected):
+    nodes = rows(body)
+    uid = next(uid for uid, node in enumerate(nodes, 1) if node.type == leaf)
+    assert next_node(State(nodes=nodes), uid) == expected
+
+
+def test_no_node_follows_one_that_the_tree_lacks():
+    assert [next_node(State(nodes=rows("<A/>")), uid) for uid in (0, 2)] == ["", ""]
+
+
+def test_what_follows_in_loops_within_loops_is_found_quickly():
+    deep = 60 * "<Repeat num_cycles='2'><Fallback>" + "<A/>" + 60 * "</Fallback></Repeat>"
+    assert next_node(State(nodes=rows("<Sequence>" + deep + "<B/></Sequence>")), 122) == "A or B"
 
 
 @pytest.mark.parametrize("robot, expected", [
@@ -703,23 +753,25 @@ def test_what_fails_in_a_pause_is_to_be_repaired_unless_more_is_known(awaited, r
      Card("idle", "between two steps", "visitor 3 · exhibit 2 of 5, arm")),
     (State(exchanges=(ASKED, replace(ASKED, service="/other"))),
      Card("step", "saying “hello”", "", 120.0, waits_for="the answer of /say")),
-    (State(nodes=rows("Sequence", "A", "B"), letters="RR-", running={2: 120.0}),
+    (State(nodes=rows("<Sequence><A/><B/></Sequence>"), letters="RR-", running={2: 120.0}),
      Card("busy", "runs A", "", 120.0, next="B", uid=2)),
-    (State(nodes=rows("Sequence", "A", "B"), letters="RS-"),
+    (State(nodes=rows("<Sequence><A/><B/></Sequence>"), letters="RS-"),
      Card("busy", "runs Sequence", next="the end of the visit", uid=1)),
-    (State(nodes=rows("Sleep"), letters="R", running={1: 120.0}),
+    (State(nodes=rows("<Sleep msec='{ms}'/>"), letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, next="the end of the visit", uid=1)),
-    (State(nodes=rows("Sequence", "Sleep", "A"), letters="RR-"),
+    (State(nodes=rows("<Sequence><Sleep msec='{ms}'/><A/></Sequence>"), letters="RR-"),
      Card("asleep", "asleep", next="A", uid=2)),
-    (State(nodes=(TreeNode("d", "Delay", "d", 0, 4.5),), letters="R", running={1: 120.0}),
+    (State(nodes=rows("<Delay delay_msec='4500'><A/></Delay>")[:1], letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
-    (State(nodes=(TreeNode("d", "Delay", "d", 0, 4.5),), letters="R"),
+    (State(nodes=rows("<Delay delay_msec='4500'><A/></Delay>")[:1], letters="R"),
      Card("asleep", "asleep", next="the end of the visit", uid=1)),
-    (State(nodes=(TreeNode("d", "Wait", "d", 0, 4.5),), letters="R", running={1: 120.0}),
-     Card("busy", "runs d (Wait)", "", 120.0, next="the end of the visit", uid=1)),
+    (State(nodes=rows("<OwnWait for='4500'/>"), letters="R", running={1: 120.0}),
+     Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
+    (State(nodes=rows("<A name='d'/>"), letters="R", running={1: 120.0}),
+     Card("busy", "runs d (A)", "", 120.0, next="the end of the visit", uid=1)),
     (State(nodes=(TreeNode("d", "Wait", "", 0),), letters="R"),
-     Card("busy", "runs Wait", next="the end of the visit", uid=1)),
-    (State(nodes=rows("A"), held={9: 100.0, 1: 120.0}),
+     Card("busy", "runs Wait", uid=1)),
+    (State(nodes=rows("<A/>"), held={9: 100.0, 1: 120.0}),
      Card("held", "held by a breakpoint of Groot2 at A", "", 120.0,
           waits_for="its release in Groot2", uid=1)),
     (State(held={1: 120.0}),
@@ -741,7 +793,7 @@ def test_the_card_of_a_model(state, expected):
     (Step("waiting", 100.0, 0.0, 2, True),
      Card("wait", "waiting", "", 100.0, next="B", uid=2))])
 def test_the_card_of_a_step(step, expected):
-    state = State(nodes=rows("Sequence", "A", "B"), steps=(step,), exchanges=(ASKED,))
+    state = State(nodes=rows("<Sequence><A/><B/></Sequence>"), steps=(step,), exchanges=(ASKED,))
     assert card(state) == expected
     due = "the end of the safe state"
     assert card(replace(state, due=due)) == replace(expected, next=due)

@@ -25,10 +25,24 @@ class MissionSpec(NodeSpec):
     """
     is_farewell: bool = False  # it makes no sense after the visitor has left
     farewells: Tuple[str, ...] = ()  # names of an instance that make it a farewell
+    # the mode of attention that it sets; "": the one that its name says; None: it sets none
+    sets_mode: Optional[str] = None
+    setting: str = ""  # the field of the settings that it answers, as a condition
+    says_phrase: bool = False  # the phrase of the culture file whose number is its name
 
     def says_goodbye(self, name: str) -> bool:
         """Return whether an instance of that name is a farewell."""
         return self.is_farewell or argument(name) in self.farewells
+
+    def mode(self, name: str) -> str:
+        """Return the mode of attention that an instance of that name sets; empty: none."""
+        return argument(name) if self.sets_mode == "" else self.sets_mode or ""
+
+    def needs(self, entry: str) -> bool:
+        """Return whether the node cannot do without that entry of the whole mission, if the file
+        gives it no other."""
+        return any(port.direction is not Direction.OUT and not port.is_optional
+                   and port.default == whole_mission(entry) for port in self.ports)
 
     def writes(self, entry: str) -> bool:
         """Return whether the node writes that entry of the whole mission, if the file gives it no

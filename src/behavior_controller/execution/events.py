@@ -293,11 +293,11 @@ class TreeNode(Struct, frozen=True):
     """One node of a tree.
 
     ``parent`` is its parent's number, counted from 1 in the tree's order; the root's is 0.
-    ``pause`` is the seconds for which it pauses; 0: it does not, or they are not known.
-    ``has_condition``: a pre-condition decides whether it is ticked. ``label`` and ``kind`` are what
-    it is called in a drawing of the tree; ``is_bare``: it only says how the mission is put
-    together. ``subtree`` is the path of the SubTree that it belongs to, and ``place`` where the
-    mission file has it.
+    ``pause`` is the seconds for which it pauses; 0: it does not; -1: the file does not say them.
+    ``next`` are the numbers of the leaves that may follow when it succeeds, 0 for the end of the
+    visit; none: the file leaves it open. ``label`` and ``kind`` are what it is called in a drawing
+    of the tree; ``is_bare``: it only says how the mission is put together. ``subtree`` is the path
+    of the SubTree that it belongs to, and ``place`` where the mission file has it.
     """
 
     path: str
@@ -305,7 +305,7 @@ class TreeNode(Struct, frozen=True):
     name: str
     parent: int
     pause: float = 0.0
-    has_condition: bool = False
+    next: Tuple[int, ...] = ()
     label: str = ""
     kind: str = ""
     is_bare: bool = False

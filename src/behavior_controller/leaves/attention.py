@@ -140,7 +140,7 @@ MODES: Tuple[Tuple[str, str, str, Tuple[Port, ...]], ...] = (
 )
 
 SPECS = tuple(
-    leaf_spec(name, OvertAttentionMode, text, ports, {"state": state})
+    leaf_spec(name, OvertAttentionMode, text, ports, {"state": state}, sets_mode=state)
     for name, state, text, ports in MODES) + (
         leaf_spec("EnableAnimateBehavior", AnimateBehavior, "Starts lifelike movement.",
                   arguments={"state": "enabled"}),

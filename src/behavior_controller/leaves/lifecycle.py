@@ -35,5 +35,5 @@ class IsASREnabled(InstantCondition):
 SPECS = (
     leaf_spec("START_OF_TREE", StartOfTree, "Shows that a visitor's pass begins.",
               outcome=SUCCEEDS),
-    leaf_spec("IsASREnabled", IsASREnabled, "Is speech recognised?"),
+    leaf_spec("IsASREnabled", IsASREnabled, "Is speech recognised?", setting="asr_enabled"),
 )

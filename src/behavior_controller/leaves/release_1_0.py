@@ -176,10 +176,10 @@ SPECS = (
     leaf_spec("SayText", SayText, "Says a utility phrase, by its number.",
               choices={str(number): {"number": number, "is_question": number in _QUESTIONS}
                        for number in UTILITY_PHRASES},
-              farewells=_FAREWELLS),
+              farewells=_FAREWELLS, says_phrase=True),
     leaf_spec("SetOvertAttentionMode", OvertAttentionMode, "Sets the mode of attention.",
               (GESTURE_TARGET.read("target", is_optional=True),),
-              choices={state: {"state": state} for _, state, _, _ in MODES}),
+              choices={state: {"state": state} for _, state, _, _ in MODES}, sets_mode=""),
     leaf_spec("SetAnimateBehavior", AnimateBehavior, "Starts or stops lifelike movement.",
               choices={state: {"state": state} for state in ("enabled", "disabled")}),
     leaf_spec("SetSpeechEvent", SetSpeechEvent, "Switches speech recognition on or off.",

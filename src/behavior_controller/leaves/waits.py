@@ -4,10 +4,8 @@ import itertools
 import math
 from typing import Any, List, Optional, Tuple
 
-from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS, by
-from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.decorators import KeepRunningUntilFailure, Timeout
 from behavior_controller.bt import Kind, Node
+from behavior_controller.bt.engine.possible_results import FAILS
 
 MOST_BESIDE = 100
 """The most nodes of a round, without the condition: no round drawn by hand has so many."""
@@ -16,13 +14,12 @@ MOST_BESIDE = 100
 def is_asked_again(node: Any) -> bool:
     """Return whether a control asks this node again while a later one runs, which it would halt if
     it were RUNNING."""
-    while node.parent is not None:
-        parent, is_last = node.parent, node is node.parent.children[-1]
-        if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and not is_last:
+    # the mission may be a part of a tree of py_trees
+    while isinstance(node.parent, Node):
+        spec, children = node.parent.spec, node.parent.children
+        if spec.is_reactive and node in (children[:-1] if spec.advances_on else children[:1]):
             return True
-        if isinstance(parent, WhileDoElse) and node is parent.children[0]:
-            return True
-        node = parent
+        node = node.parent
     return False
 
 
@@ -36,25 +33,24 @@ def wait_for(condition: Any) -> Optional[float]:
     """
     node, outcome = condition, FAILS
     round_takes, wait = 0.0, None
-    # the mission may be a part of a tree of py_trees
     while isinstance(node.parent, Node):
         parent, place = node.parent, node.parent.children.index(node)
-        goes_on = not parent.spec.next_after or outcome & parent.spec.next_after
+        spec = parent.spec
+        goes_on = not spec.advances_on or outcome & spec.advances_on
         later = parent.children[place + 1:] if goes_on else []
         takes, does_more = _in_turn(parent.children[:place] + later)
         round_takes += takes + _pause(parent)
-        if isinstance(parent, ReactiveFallback) and _in_turn(later)[0]:
+        if spec.is_reactive and spec.advances_on == FAILS and _in_turn(later)[0]:
             wait = round_takes
-        is_loop = isinstance(parent, KeepRunningUntilFailure)
-        if outcome & _repeats_on(parent) and (round_takes or is_loop):
-            wait = round_takes = _number(parent, parent.spec.rounds) * (round_takes or 1.0)
-        if isinstance(parent, Timeout):
-            round_takes = min(round_takes, _number(parent, "msec") / 1000.0)
+        if outcome & spec.repeats_on and (
+                round_takes or not (spec.rounds or spec.ends(parent.attributes, [outcome]))):
+            wait = round_takes = _number(parent, spec.rounds) * (round_takes or 1.0)
+        if spec.limit:
+            round_takes = min(round_takes, _number(parent, spec.limit) / 1000.0)
             wait = None if wait is None else round_takes
         if does_more:
             break
-        outcomes = [outcome, *map(_outcome_of, later)]
-        node, outcome = parent, by(parent.spec.outcome, parent.attributes, outcomes)
+        node, outcome = parent, spec.ends(parent.attributes, [outcome, *map(_ends, later)])
     return wait
 
 
@@ -73,7 +69,7 @@ def _in_turn(siblings: List[Any]) -> Tuple[float, bool]:
 
 
 def _seconds(node: Any) -> float:
-    takes_time = _repeats_on(node) or not node.spec.is_instant and node.spec.kind in (
+    takes_time = node.spec.repeats_on or not node.spec.is_instant and node.spec.kind in (
         Kind.ACTION, Kind.DECORATOR)
     return math.inf if takes_time and not _pause(node) else _pause(node)
 
@@ -89,14 +85,10 @@ def _number(node: Any, port: str) -> float:
     return int(text) if text.isdecimal() and int(text) else math.inf
 
 
-def _repeats_on(node: Any) -> int:
-    return SUCCEEDS if isinstance(node, KeepRunningUntilFailure) else node.spec.repeats_on
-
-
 def _does_more(node: Any) -> bool:
     """Return whether a node has the robot do something, rather than ask or pause."""
     return node.spec.kind is Kind.ACTION and not node.spec.is_instant and not node.spec.pause
 
 
-def _outcome_of(node: Any) -> int:
-    return by(node.spec.outcome, node.attributes, list(map(_outcome_of, node.children)))
+def _ends(node: Any) -> int:
+    return node.spec.ends(node.attributes, list(map(_ends, node.children)))

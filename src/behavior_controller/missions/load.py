@@ -10,6 +10,7 @@ from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.bt.linter.walker import lint
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt import Clock, Registry, Tree
+from behavior_controller.bt.engine.registry import argument
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader import rules
@@ -23,7 +24,6 @@ from behavior_controller.robot.declarations import Interface, Service, Topic
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.robot.requests import Say
 from behavior_controller.leaves.base import MissionContext
-from behavior_controller.leaves.release_1_0 import SayText
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.settings import OPERATOR, Settings, defaults
 from behavior_controller.text import did_you_mean
@@ -145,8 +145,10 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
     """
     faults = unsupported(tree, settings.interface)
     for node in tree.nodes:
-        if knowledge and isinstance(node, SayText) and node.number not in knowledge.phrases:
-            text = f"the culture file has no utility phrase {node.number}"
+        spec, number = node.spec, argument(node.name)
+        if (knowledge and isinstance(spec, MissionSpec) and spec.says_phrase
+                and int(number) not in knowledge.phrases):
+            text = f"the culture file has no utility phrase {number}"
             faults.append(node.element.fault(
                 rules.PHRASE_MISSING, text, knowledge.sources[1].file, "name"))
     return list(dict.fromkeys(faults)) + foresee(tree, settings)

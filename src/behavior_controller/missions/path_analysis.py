@@ -8,26 +8,21 @@ import itertools
 from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Set, Tuple
 
 from behavior_controller.bt.loader import rules
-from behavior_controller.bt.engine.possible_results import ANY, FAILS, SKIPS, SUCCEEDS, by, chosen
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
+from behavior_controller.bt.engine.possible_results import ANY, EACH, FAILS, SKIPS, SUCCEEDS
+from behavior_controller.bt.engine.registry import Kind
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import Fault
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Prompt
-from behavior_controller.leaves.attention import MODES, OvertAttentionMode
+from behavior_controller import leaves
 from behavior_controller.leaves.base import MissionLeaf
-from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import CURRENT_EXHIBIT, VISITOR_RESPONSE
-from behavior_controller.leaves.dialogue import IsVisitorResponseYes, IsYesNoUttered
-from behavior_controller.leaves.lifecycle import IsASREnabled
-from behavior_controller.leaves.release_1_0 import HasVisitorResponded
 from behavior_controller.config.settings import Settings
 
 DEEPEST, LARGEST = 150, 2_000
 """Levels and elements of a mission beyond which its paths are not followed: no mission drawn by
 hand has so many."""
-
-_ENDS = (SUCCEEDS, FAILS, SKIPS)
 
 
 class PathState(NamedTuple):
@@ -62,11 +57,12 @@ def foresee(tree: Tree, settings: Settings) -> List[Fault]:
 
 def _of_one(node: Any, states: Set[PathState], settings: Settings) -> Iterator[Fault]:
     """Yield the warnings about a mission leaf that is reached with ``states``."""
-    if isinstance(node, TopicCondition) and states and settings.interface.tells(node.sense):
+    if (isinstance(node, MissionLeaf) and node.sense is not None and states
+            and settings.interface.tells(node.sense)):
         mode = settings.interface.evidence(node.sense).mode
         modes = {state.mode for state in states}
         if mode and mode not in modes:
-            setter = next(name for name, state, _, _ in MODES if state == mode)
+            setter = next(spec.id for spec in leaves.mission_specs() if spec.sets_mode == mode)
             others = " or ".join(sorted(modes - {""}))
             hint = f"the mode set last before it is {others}; {setter} sets that one"
             if not others:
@@ -88,8 +84,10 @@ def _without_recognition(nodes: List[Any], heard: Dict[Any, Set[PathState]],
     stops = [node for node in nodes
              if isinstance(node, MissionLeaf) and node.spec.writes(CURRENT_EXHIBIT.name)]
     if any(heard[node] for node in stops) and not any(deaf[node] for node in stops):
-        asked = [node for node in nodes if isinstance(node, IsVisitorResponseYes) and heard[node]]
-        node = (asked + stops)[0]
+        asked = [node for node in nodes
+                 if isinstance(node, MissionLeaf) and _needs_answer(node) and heard[node]]
+        # rather one that is reached and never succeeds
+        node = (sorted(asked, key=lambda node: not deaf[node]) + stops)[0]
         how = "never succeeds" if deaf[node] else "is never reached"
         text = (f"with asrEnabled false {node.registration_id} {how}, and the mission never comes "
                 "to its stops")
@@ -137,51 +135,53 @@ class _Follower:
 
     def _inside(self, node: Any, states: States) -> Ways:
         """Follow what a node with children does, until no child is reached with further states."""
-        reached: List[Set[PathState]] = [set() for _ in node.children]
-        reached[0].update(states)
+        spec, count = node.spec, len(node.children)
+        first = spec.first(count)
+        reached = [set(states) if index in first else set() for index in range(count)]
         ways: Ways = set()
         before = -1
         while sum(map(len, reached)) > before:
             before = sum(map(len, reached))
             for index, child in enumerate(node.children):
                 for end, state in self._ways(child, frozenset(reached[index])):
-                    ends, following = _routes(node, index, end)
+                    ends, following = spec.after(node.attributes, count, index, end)
                     ways |= _each(ends, [state])
                     if ends == ANY:
                         state = state._replace(missed_by="")
                     for other in following:
                         reached[other].add(state)
-            if node.spec.is_reactive:
-                reached[0] |= self._during(node)
-        if len(node.children) == 1:
+            if spec.is_reactive or len(first) > 1:
+                for index in first:
+                    reached[index] |= self._during(node)
+        if count == 1:
             # the ends that it has by itself, whatever its child does: a Timeout, for one
-            by_itself = by(node.spec.outcome, node.attributes, [0])
+            by_itself = spec.ends(node.attributes, [0])
             ways |= _each(by_itself, _forgotten(self._during(node)))
         return ways
 
     def _leaf(self, node: Any, state: PathState) -> Ways:
-        can_end = by(node.spec.outcome, node.attributes, [])
+        can_end = node.spec.ends(node.attributes, [])
         if isinstance(node, MissionLeaf):
             return {(end, self._after(node, state, end)) for end in (SUCCEEDS, FAILS)
                     if end & can_end and self._may(node, state, end)}
-        if can_end not in _ENDS:  # it may be a look for the visitor
+        if can_end not in EACH:  # it may be a look for the visitor
             state = state._replace(missed_by="")
         return _each(can_end, [state])
 
     @staticmethod
     def _may(node: MissionLeaf, state: PathState, end: int) -> bool:
         """Return whether a mission leaf can end with ``end`` in that state."""
-        if isinstance(node, IsASREnabled):
+        if node.spec.setting == "asr_enabled":
             return (end == SUCCEEDS) == state.is_heard
-        if end == SUCCEEDS and isinstance(node, (IsVisitorResponseYes, HasVisitorResponded)):
-            return state.has_answer
-        return end == FAILS or not isinstance(node, IsYesNoUttered) or state.is_heard
+        if end == FAILS or node.spec.kind is not Kind.CONDITION:
+            return True
+        is_deaf = Sense.UTTERANCE in node.spec.listens and not state.is_heard
+        return not is_deaf and (state.has_answer or not _needs_answer(node))
 
     def _after(self, node: MissionLeaf, state: PathState, end: int) -> PathState:
         """Return ``state`` after a mission leaf has ended with ``end``. A mode that could not be
         set counts as set: no mission counts on such a failure."""
-        if isinstance(node, OvertAttentionMode):
-            state = state._replace(mode=node.state)
+        state = state._replace(mode=node.spec.mode(node.name) or state.mode)
         if end == FAILS:
             is_look = node.sense in (Sense.VISITOR, Sense.PRESENCE)
             return state._replace(missed_by=node.registration_id) if is_look else state
@@ -193,31 +193,14 @@ class _Follower:
         return state._replace(has_answer=state.has_answer or is_stored)
 
 
-def _routes(node: Any, index: int, end: int) -> Tuple[int, Iterable[int]]:
-    """Return how ``node`` can end when its child ``index`` has ended with ``end``, and the children
-    that it can tick then."""
-    spec, count = node.spec, len(node.children)
-    if spec.next_after:
-        last = count - 2 if spec.last_is_apart else count - 1
-        if index > last:
-            return FAILS, ()
-        if not end & (spec.next_after | SKIPS):
-            return (0, [count - 1]) if spec.last_is_apart else (end, ())
-        return (spec.next_after, ()) if index == last else (0, [index + 1])
-    if spec.outcome is chosen:
-        following = 1 if end == SUCCEEDS else 2
-        if index:
-            return end, ()
-        return (0, [following]) if following < count and end != SKIPS else (end & FAILS, ())
-    if count == 1:
-        ends = by(spec.outcome, node.attributes, [end])
-        return ends, () if ends and not end & spec.repeats_on else [0]
-    return ANY, range(count)  # it may run any of its children in any order
+def _needs_answer(node: MissionLeaf) -> bool:
+    """Return whether a condition is false while no answer is stored."""
+    return node.spec.kind is Kind.CONDITION and node.spec.needs(VISITOR_RESPONSE.name)
 
 
 def _each(ends: int, states: Iterable[PathState]) -> Ways:
     """Return each of the flags ``ends`` with each of ``states``."""
-    return set(itertools.product([end for end in _ENDS if end & ends], states))
+    return set(itertools.product([end for end in EACH if end & ends], states))
 
 
 def _forgotten(states: Iterable[PathState]) -> States:

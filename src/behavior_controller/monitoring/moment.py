@@ -5,7 +5,7 @@ the model of the run and from nothing else.
 """
 from typing import Iterator, List, Tuple
 
-from behavior_controller.execution.events import HealthChanged, Paused, TreeNode
+from behavior_controller.execution.events import HealthChanged, Paused
 from behavior_controller.execution.health import FAILING, GONE, NEW, SHORT, SILENT
 from behavior_controller.execution.state import HOME, Robot, State, Step
 from behavior_controller.monitoring.parts import Card, Kind, RobotLine
@@ -17,17 +17,6 @@ from behavior_controller.text import clean
 
 MOST_NAMED = 4
 """How many nodes an instruction names; of more it says the number."""
-
-IN_TURN = {"Sequence", "SequenceWithMemory", "ReactiveSequence", "AsyncSequence"}
-"""The controls that go on to their next child when one succeeds."""
-
-AS_CHILD = {"Fallback", "ReactiveFallback", "AsyncFallback", "ForceSuccess", "SubTree", "Timeout",
-            "Delay", "RetryUntilSuccessful", "RunOnce"}
-"""The nodes that succeed when a child does."""
-
-AT_ONCE = {"Script", "SetBlackboard", "UnsetBlackboard", "AlwaysSuccess"}
-"""The leaves that succeed and have the robot do nothing."""
-
 
 # ----------------------------------------------------------------------------------------- the card
 
@@ -87,9 +76,9 @@ def _of_tree(state: State, where: str) -> Card:
     if uid:
         node, since = state.nodes[uid - 1], state.running.get(uid)
         what, following = "runs " + _name(state, uid), next_node(state, uid)
-        if node.type not in ("Sleep", "Delay"):
+        if not node.pause:
             return Card("busy", what, where, since, next=following, uid=uid)
-        until = since + node.pause if since is not None and node.pause else None
+        until = since + node.pause if since is not None and node.pause > 0.0 else None
         return Card("asleep", "asleep", where, since, until, next=following, uid=uid)
     if state.visit is None:
         words = "starting: " + state.starting if state.starting else "nothing runs"
@@ -107,43 +96,12 @@ def _name(state: State, uid: int) -> str:
 
 
 def next_node(state: State, uid: int) -> str:
-    """Return the name of the first leaf that follows when node ``uid`` succeeds, or that the visit
-    ends; empty if the tree leaves that open.
+    """Return the name of the leaf that follows when node ``uid`` succeeds, or of the two that may,
+    or that the visit ends; empty if the tree leaves that open.
     """
-    nodes = state.nodes
-    while 0 < uid <= len(nodes):
-        parent = nodes[uid - 1].parent
-        if not parent:
-            return "the end of the visit"
-        kind = nodes[parent - 1].type
-        later = (other for other in range(uid + 1, len(nodes) + 1)
-                 if kind in IN_TURN and nodes[other - 1].parent == parent)
-        for sibling in later:
-            return _first_leaf(state, sibling)
-        if kind == "KeepRunningUntilFailure":  # it begins again
-            return _first_leaf(state, uid)
-        if kind not in IN_TURN and kind not in AS_CHILD:
-            return ""
-        uid = parent
-    return ""
-
-
-def _first_leaf(state: State, uid: int) -> str:
-    """Return the name of the leaf that does something first if node ``uid`` is ticked; empty if
-    that is open.
-    """
-    nodes = state.nodes
-    # in document order the first child follows its parent
-    while uid < len(nodes) and nodes[uid].parent == uid and not _is_open(nodes[uid - 1]):
-        uid += 1
-    if _is_open(nodes[uid - 1]):
-        return ""
-    return next_node(state, uid) if nodes[uid - 1].type in AT_ONCE else _name(state, uid)
-
-
-def _is_open(node: TreeNode) -> bool:
-    """Whether a pre-condition, or the value of an entry, decides whether its first child runs."""
-    return node.has_condition or node.type.startswith("Switch")
+    following = state.nodes[uid - 1].next if 0 < uid <= len(state.nodes) else ()
+    return " or ".join(_name(state, other) if other else "the end of the visit"
+                       for other in following)
 
 
 # ---------------------------------------------------------------------------------------- the robot

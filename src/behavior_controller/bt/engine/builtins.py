@@ -88,6 +88,12 @@ class SetBlackboard(SyncActionLeaf):
         return SUCCESS
 
 
+def _of_write(attributes: possible.Attributes, _children: List[int]) -> int:
+    """Return how a SetBlackboard can end: it fails if the entry that it copies is empty."""
+    is_copy = ports.reference(attributes.get("value", "="), "value") is not None
+    return possible.OF_A_LEAF if is_copy else possible.SUCCEEDS
+
+
 class UnsetBlackboard(SyncActionLeaf):
     """Remove an entry from the blackboard of this tree instance; SUCCESS even if it does not exist.
     """
@@ -118,18 +124,12 @@ class WasEntryUpdated(decorators.Watching, SyncActionLeaf):
         return SUCCESS if self.is_updated() else FAILURE
 
 
-_NEXT_AFTER: Dict[Any, int] = {
-    possible.in_sequence: possible.SUCCEEDS, possible.in_fallback: possible.FAILS,
-    possible.in_sequence_before_the_last: possible.SUCCEEDS}
-"""The end of a child after which the next child is ticked, by how the node can end."""
-
-
 def _spec(factory: Any, outcome: Optional[possible.Outcome] = None, node_id: str = "",
           is_instant: bool = True, **facts: Any) -> NodeSpec:
     """Return the node type of a class, with the first line of what it does."""
     return NodeSpec(node_id or factory.__name__, factory.KIND, factory, factory.PORTS,
                     docstring(factory).split("\n")[0], outcome=outcome, is_instant=is_instant,
-                    next_after=_NEXT_AFTER.get(outcome, 0), **facts)
+                    **facts)
 
 
 def _loop(node_id: str, item_type: str, over: str, literal: str = "") -> NodeSpec:
@@ -139,7 +139,8 @@ def _loop(node_id: str, item_type: str, over: str, literal: str = "") -> NodeSpe
     if_empty = Port("if_empty", "NodeStatus", default="SUCCESS", description=at_end)
     value = Port("value", item_type, Direction.OUT, None, "the item of this round")
     return NodeSpec(node_id, Kind.DECORATOR, decorators.Loop, (queue, if_empty, value),
-                    f"Loop over {over}.", outcome=possible.for_each_item)
+                    f"Loop over {over}.", outcome=possible.for_each_item,
+                    repeats_on=possible.SUCCEEDS | possible.SKIPS)
 
 
 def _switch(cases: int) -> NodeSpec:
@@ -152,39 +153,39 @@ def _switch(cases: int) -> NodeSpec:
                     children="one for each case and the default")
 
 
-_BRANCHES: Dict[str, Any] = {"outcome": possible.chosen, "child_counts": (2, 3),
+_IN_SEQUENCE: Dict[str, Any] = {"advances_on": possible.SUCCEEDS}
+_IN_FALLBACK: Dict[str, Any] = {"advances_on": possible.FAILS}
+_BRANCHES: Dict[str, Any] = {"first_child_chooses": True, "child_counts": (2, 3),
                              "children": "condition, then, else"}
 _OR_SKIPS, _OR_FAILS = (possible.of_child(possible.SUCCEEDS, possible.FAILS, always=end)
                         for end in (possible.SKIPS, possible.FAILS))
 _SPECS = (
-    _spec(controls.Sequence, possible.in_sequence),
-    _spec(controls.AsyncSequence, possible.in_sequence),
-    _spec(controls.SequenceWithMemory, possible.in_sequence),
-    _spec(controls.ReactiveSequence, possible.in_sequence, is_reactive=True,
-          refuses_explicit=True, at_most_one=controls.AsyncSequence.__name__),
-    _spec(controls.Fallback, possible.in_fallback),
-    _spec(controls.AsyncFallback, possible.in_fallback),
-    _spec(controls.ReactiveFallback, possible.in_fallback, is_reactive=True),
+    _spec(controls.Sequence, **_IN_SEQUENCE),
+    _spec(controls.AsyncSequence, **_IN_SEQUENCE),
+    _spec(controls.SequenceWithMemory, **_IN_SEQUENCE),
+    _spec(controls.ReactiveSequence, is_reactive=True, refuses_explicit=True,
+          at_most_one=controls.AsyncSequence.__name__, **_IN_SEQUENCE),
+    _spec(controls.Fallback, **_IN_FALLBACK),
+    _spec(controls.AsyncFallback, **_IN_FALLBACK),
+    _spec(controls.ReactiveFallback, is_reactive=True, **_IN_FALLBACK),
     _spec(controls.IfThenElse, **_BRANCHES),
     _spec(controls.WhileDoElse, is_reactive=True, **_BRANCHES),
     _spec(controls.Parallel, possible.in_parallel),
     _spec(controls.ParallelAll, possible.ANY),
-    _spec(controls.TryCatch, possible.in_sequence_before_the_last, last_is_apart=True,
-          fewest_children=2, children="the last is the one that catches"),
+    _spec(controls.TryCatch, last_child_is_handler=True, fewest_children=2,
+          children="the last is the one that catches", **_IN_SEQUENCE),
     *map(_switch, range(2, 7)),
     _spec(decorators.Inverter, possible.of_child(possible.FAILS, possible.SUCCEEDS)),
     _spec(decorators.ForceSuccess, possible.of_child(possible.SUCCEEDS, possible.SUCCEEDS)),
     _spec(decorators.ForceFailure, possible.of_child(possible.FAILS, possible.FAILS)),
     _spec(decorators.KeepRunningUntilFailure, possible.of_child(0, possible.FAILS, 0),
-          is_instant=False),
-    _spec(decorators.Repeat, possible.repeated, rounds="num_cycles",
-          repeats_on=possible.SUCCEEDS),
-    _spec(decorators.RetryUntilSuccessful, possible.retried, rounds="num_attempts",
-          repeats_on=possible.FAILS),
+          is_instant=False, repeats_on=possible.SUCCEEDS | possible.SKIPS),
+    _spec(decorators.Repeat, rounds="num_cycles", repeats_on=possible.SUCCEEDS),
+    _spec(decorators.RetryUntilSuccessful, rounds="num_attempts", repeats_on=possible.FAILS),
     _spec(decorators.RunOnce, _OR_SKIPS),
     _spec(decorators.Precondition, possible.with_precondition),
     _spec(decorators.Delay, possible.of_any_child, is_instant=False, pause="delay_msec"),
-    _spec(decorators.Timeout, _OR_FAILS),
+    _spec(decorators.Timeout, _OR_FAILS, limit="msec"),
     _loop("LoopInt", "int", "integers", "vec_int"),
     _loop("LoopBool", "bool", "booleans"),
     _loop("LoopDouble", "double", "reals", "vec_double"),
@@ -194,7 +195,7 @@ _SPECS = (
     _spec(AlwaysSuccess, possible.SUCCEEDS),
     _spec(AlwaysFailure, possible.FAILS),
     _spec(RunScript, possible.SUCCEEDS, "Script"),
-    _spec(SetBlackboard),
+    _spec(SetBlackboard, _of_write),
     _spec(UnsetBlackboard, possible.SUCCEEDS),
     _spec(Sleep, possible.SUCCEEDS, is_instant=False, pause="msec"),
     _spec(WasEntryUpdated),

@@ -2,26 +2,20 @@
 
 A safe estimate: whatever a node may do according to the file counts as possible.
 """
-from functools import partial, reduce
+from functools import reduce
 from operator import or_
-from typing import Callable, List, Mapping, Optional, Union
+from typing import Callable, List, Mapping, Union
 
 SUCCEEDS, FAILS, SKIPS = 1, 2, 4
 OF_A_LEAF = SUCCEEDS | FAILS
 ANY = SUCCEEDS | FAILS | SKIPS
+EACH = (SUCCEEDS, FAILS, SKIPS)
 
 Attributes = Mapping[str, str]
 Outcome = Union[int, Callable[[Attributes, List[int]], int]]
 """How a node can end: always so, or by its attributes and the ends of its children."""
 
 BY_NAME = {"SUCCESS": SUCCEEDS, "FAILURE": FAILS, "SKIPPED": SKIPS}
-
-
-def by(outcome: Optional[Outcome], attributes: Attributes, children: List[int]) -> int:
-    """Return how a node can end, by its ``outcome``; without one nothing is known of it."""
-    if outcome is None:
-        return ANY if children else OF_A_LEAF
-    return outcome(attributes, children) if callable(outcome) else outcome
 
 
 def of_any_child(_attributes: Attributes, children: List[int]) -> int:
@@ -33,42 +27,37 @@ def of_child(succeeded: int, failed: int, skipped: int = SKIPS, always: int = 0)
     """Return the rule of a node that ends so after its child has SUCCEEDED, FAILED or was SKIPPED,
     and with ``always`` whatever the child does."""
     def outcome(_attributes: Attributes, children: List[int]) -> int:
-        after = ((SUCCEEDS, succeeded), (FAILS, failed), (SKIPS, skipped))
+        after = zip(EACH, (succeeded, failed, skipped))
         return reduce(or_, (ends for end, ends in after if children[0] & end), always)
     return outcome
 
 
-def _chain(_attributes: Attributes, children: List[int], goes_on: int, ends: int) -> int:
+def in_chain(children: List[int], advances_on: int) -> int:
+    """Return how a Sequence can end, which advances on SUCCEEDS, or a Fallback, on FAILS."""
     result = some = 0
     skips = SKIPS
     for child in children:
-        result |= child & ends
-        if not child & (goes_on | SKIPS):
+        result |= child & OF_A_LEAF & ~advances_on
+        if not child & (advances_on | SKIPS):
             return result
-        some |= child & goes_on
+        some |= child & advances_on
         skips &= child
     return result | some | skips
 
 
-in_sequence = partial(_chain, goes_on=SUCCEEDS, ends=FAILS)
-in_fallback = partial(_chain, goes_on=FAILS, ends=SUCCEEDS)
+def in_rounds(child: int, rounds: str, repeats_on: int) -> int:
+    """Return how a Repeat can end, which repeats on SUCCEEDS, or a Retry, on FAILS."""
+    may_be_none = rounds != "-1" and not rounds.strip("0").isdigit()
+    may_be_the_last = rounds != "-1" and child & repeats_on
+    return child & ~repeats_on | (repeats_on if may_be_none or may_be_the_last else 0)
 
 
-def in_sequence_before_the_last(attributes: Attributes, children: List[int]) -> int:
-    """Return how a Sequence can end whose last child does not count."""
-    return in_sequence(attributes, children[:-1])
-
-
-def _in_rounds(attributes: Attributes, children: List[int], port: str, goes_on: int,
-               ends: int) -> int:
-    child, count = children[0], attributes.get(port, "")
-    may_be_none = count != "-1" and not count.strip("0").isdigit()
-    may_be_the_last = count != "-1" and child & goes_on
-    return child & (ends | SKIPS) | (goes_on if may_be_none or may_be_the_last else 0)
-
-
-repeated = partial(_in_rounds, port="num_cycles", goes_on=SUCCEEDS, ends=FAILS)
-retried = partial(_in_rounds, port="num_attempts", goes_on=FAILS, ends=SUCCEEDS)
+def of_branches(children: List[int]) -> int:
+    """Return how an IfThenElse can end, whose first child chooses the second or the third."""
+    condition, branches = children[0], children[1:]
+    result = branches[0] if branches and condition & SUCCEEDS else 0
+    otherwise = branches[1] if len(branches) > 1 else FAILS
+    return result | otherwise if condition & FAILS else result
 
 
 def in_parallel(attributes: Attributes, children: List[int]) -> int:
@@ -77,14 +66,6 @@ def in_parallel(attributes: Attributes, children: List[int]) -> int:
         return ANY
     everyone = all(child & (SUCCEEDS | SKIPS) for child in children)
     return (of_any_child(attributes, children) & FAILS) | (SUCCEEDS if everyone else 0)
-
-
-def chosen(_attributes: Attributes, children: List[int]) -> int:
-    """Return how an IfThenElse can end."""
-    condition, branches = children[0], children[1:]
-    result = branches[0] if branches and condition & SUCCEEDS else 0
-    otherwise = branches[1] if len(branches) > 1 else FAILS
-    return result | otherwise if condition & FAILS else result
 
 
 def with_precondition(attributes: Attributes, children: List[int]) -> int:

@@ -3,11 +3,12 @@ import enum
 import sys
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 from py_trees.behaviour import Behaviour
 
-from behavior_controller.bt.engine.possible_results import Outcome
+from behavior_controller.bt.engine.possible_results import (
+    ANY, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, Attributes, Outcome, in_chain, in_rounds, of_branches)
 from behavior_controller.bt.values.values import PortType, TYPES
 from behavior_controller.text import did_you_mean
 
@@ -67,8 +68,8 @@ class Port(NamedTuple):
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One node type, with facts for the checks. ``factory(name)`` makes a node without anything
-    that runs.
+    """One node type, with facts for the checks: how it can end, and which child it ticks next.
+    ``factory(name)`` makes a node without anything that runs.
 
     ``warning`` is shown to the author of a mission that uses it. ``names`` are the allowed names of
     an instance if its name is its argument; see ``argument``. With the defaults, nothing is known
@@ -82,21 +83,26 @@ class NodeSpec:
     description: str = ""
     warning: str = ""
     names: Tuple[str, ...] = ()
-    outcome: Optional[Outcome] = None  # how it can end; None: in any way
+    # how it can end; None: as the fields below say, else in any way
+    outcome: Optional[Outcome] = None
     is_instant: bool = False  # it adds no waiting to that of its children
     fewest_children: int = 1  # of a control
     child_counts: Tuple[int, ...] = ()  # with another number of children it fails when it is ticked
     children: str = ""  # what they are, for a message
-    # the end of a child (SUCCEEDS or FAILS) after which the next child is ticked
-    next_after: int = 0
+    # of a control: the end of a child (SUCCEEDS or FAILS) after which it ticks the next one
+    advances_on: int = 0
     is_reactive: bool = False  # it begins with its first child at every tick
-    last_is_apart: bool = False  # the last child is ticked for other reasons
+    # the last child is ticked only when one before it has ended otherwise; then the node fails
+    last_child_is_handler: bool = False
+    # the second child follows when the first one succeeds, the third one when it fails
+    first_child_chooses: bool = False
     # BehaviorTree.CPP refuses children that are written <Action ID="…">
     refuses_explicit: bool = False
     at_most_one: str = ""  # the type of which only one child may be
     rounds: str = ""  # the port with the number of times that the child is run
-    repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
+    repeats_on: int = 0  # the ends of the child after which it is run again
     pause: str = ""  # the port with the milliseconds for which it waits
+    limit: str = ""  # the port with the milliseconds after which it halts its child, and fails
     may_fail_at_once: bool = False  # however often it is tried: what it needs may be gone
     is_recovery: bool = False  # it recovers from the failure of a node before it
     is_stub: bool = False  # only a palette has it: it can be checked, not run
@@ -112,6 +118,50 @@ class NodeSpec:
         if self.kind is Kind.CONTROL:
             return self.fewest_children, sys.maxsize
         return (1, 1) if self.kind is Kind.DECORATOR else (0, 0)
+
+    @cached_property
+    def roles(self) -> FrozenSet[Role]:
+        """What its ports hold."""
+        return frozenset(port.role for port in self.ports)
+
+    def ends(self, attributes: Attributes, children: List[int]) -> int:
+        """Return how a node can end, given how its children can end."""
+        if self.outcome is not None:
+            return self.outcome(attributes, children) if callable(self.outcome) else self.outcome
+        if self.advances_on:
+            in_turn = children[:-1] if self.last_child_is_handler else children
+            return in_chain(in_turn, self.advances_on)
+        if self.first_child_chooses:
+            return of_branches(children)
+        if self.repeats_on:
+            return in_rounds(children[0], attributes.get(self.rounds, ""), self.repeats_on)
+        return ANY if children else OF_A_LEAF
+
+    def first(self, count: int) -> Sequence[int]:
+        """Return which of its children a node may tick first."""
+        return range(count) if Role.CHOICE in self.roles else range(1)
+
+    def after(self, attributes: Attributes, count: int, index: int,
+              end: int) -> Tuple[int, Sequence[int]]:
+        """Return how a node can end when its child ``index`` of ``count`` has ended with ``end``,
+        and which children it may tick then."""
+        if self.advances_on:
+            last = count - 2 if self.last_child_is_handler else count - 1
+            if index > last:
+                return FAILS, ()
+            if not end & (self.advances_on | SKIPS):
+                return (0, [count - 1]) if self.last_child_is_handler else (end, ())
+            return (self.advances_on, ()) if index == last else (0, [index + 1])
+        if self.first_child_chooses and index == 0:
+            following = 1 if end == SUCCEEDS else 2
+            return (0, [following]) if following < count and end != SKIPS else (end & FAILS, ())
+        if self.first_child_chooses or Role.CHOICE in self.roles:
+            return end, ()
+        if count == 1:
+            ends = self.ends(attributes, [end])
+            is_repeated = end & self.repeats_on and attributes.get(self.rounds) != "1"
+            return ends, [0] if is_repeated or not ends else ()
+        return ANY, range(count)  # it may run any of its children in any order
 
     @property
     def summary(self) -> str:

@@ -173,7 +173,7 @@ def _is_before(facts: MissionFacts, one: Element, other: Element) -> bool:
         inner = next((child for child in around.children if child.number <= one.number
                       and other.number <= child.last), None)
     spec = facts.registry.find(around.type_id)
-    return spec is not None and spec.next_after == SUCCEEDS
+    return spec is not None and spec.advances_on == SUCCEEDS
 
 
 def _no_truth(words: List[str]) -> str:

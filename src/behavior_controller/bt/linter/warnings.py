@@ -9,7 +9,7 @@ from typing import Iterator, Tuple
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.loader.structure import CONDITIONS
-from behavior_controller.bt.engine.possible_results import FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, by
+from behavior_controller.bt.engine.possible_results import FAILS, OF_A_LEAF, SKIPS, SUCCEEDS
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import EXPLICIT, Element
 from behavior_controller.bt.values.values import whole_real
@@ -49,9 +49,9 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
         allowed = " or ".join(map(str, spec.child_counts))
         text = f"{spec.id} has {count} children; it must have {allowed}"
         report(rules.CHILD_COUNT, element, text, f"{spec.children}; it {WILL_FAIL}")
-    if spec.next_after:
+    if spec.advances_on:
         _check_chain(facts, element, spec)
-    if spec.repeats_on:
+    if spec.repeats_on in _REPEATS:
         _check_repeat(facts, element, spec)
     if spec.is_reactive:
         _check_reactive(facts, element, spec)
@@ -176,9 +176,9 @@ def _check_case(facts: MissionFacts, element: Element, port: Port, tree: str) ->
 def _check_chain(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     """Apply the rules of a control that ticks its next child after a certain end of the last one.
     """
-    children = element.children[:-1] if spec.last_is_apart else element.children
-    is_sequence, wanted = spec.next_after == SUCCEEDS, spec.next_after | SKIPS
-    what, wrong, hint = _CHAINS[spec.next_after]
+    children = element.children[:-1] if spec.last_child_is_handler else element.children
+    is_sequence, wanted = spec.advances_on == SUCCEEDS, spec.advances_on | SKIPS
+    what, wrong, hint = _CHAINS[spec.advances_on]
     for child, following in zip(children, children[1:]):
         if not facts.ends[id(child)] & wanted:
             text = f"{_called(following)} is never reached: {_called(child)} before it never {what}"
@@ -236,8 +236,8 @@ def _called(element: Element) -> str:
 
 def _check_reactive(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     """Warn of the first action that succeeds and is done again while a later child runs."""
-    goes_on = (spec.next_after or OF_A_LEAF) | SKIPS
-    for index, child in enumerate(element.children if spec.next_after else element.children[:1]):
+    goes_on = (spec.advances_on or OF_A_LEAF) | SKIPS
+    for index, child in enumerate(element.children if spec.advances_on else element.children[:1]):
         if not any(_may_run(facts, later) for later in element.children[index + 1:]):
             return
         for leaf, ends in _done_first(facts, child):
@@ -267,13 +267,13 @@ def _done_first(facts: MissionFacts, element: Element) -> Iterator[Tuple[Element
         if not spec.is_stub and not spec.is_recovery and _does_more(facts, element, spec):
             yield element, SUCCEEDS
     # else it may leave its child out
-    elif spec.kind is not Kind.DECORATOR or not by(spec.outcome, element.attributes, [0]):
-        is_sequence = spec.next_after == SUCCEEDS
+    elif spec.kind is not Kind.DECORATOR or not spec.ends(element.attributes, [0]):
+        is_sequence = spec.advances_on == SUCCEEDS
         for index, child in enumerate(children if is_sequence else children[:1]):
             after = [facts.ends[id(later)] for later in children[index + 1:]]
             for leaf, ends in _done_first(facts, child):
                 all_ends = [SUCCEEDS] * index + [ends] + after
-                yield leaf, by(spec.outcome, element.attributes, all_ends)
+                yield leaf, spec.ends(element.attributes, all_ends)
 
 
 def _does_more(facts: MissionFacts, leaf: Element, spec: NodeSpec) -> bool:

@@ -4,8 +4,9 @@ from typing import Any, Dict, List, Sequence
 
 from lxml import etree
 
-from behavior_controller.bt.engine.node import PRE_CONDITIONS, Node, label
+from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.ports import reference
+from behavior_controller.bt.engine.successors import Successors
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.linter.palette import tree_nodes_model
 from behavior_controller.bt.loader.structure import CONDITIONS
@@ -20,22 +21,28 @@ def shown(tree: Tree, specs: Sequence[NodeSpec], times: Sequence[str] = (),
     ``times`` the entries whose values are times of the mission's clock, and ``number`` counts the
     trees of the run."""
     types = {node.registration_id for node in tree.nodes}
+    successors = Successors(tree.nodes)
     return TreeShown(
-        tree.id, list(map(_shown_node, tree.nodes)), list(tree.blackboards),
+        tree.id, [_shown_node(node, successors) for node in tree.nodes], list(tree.blackboards),
         {spec.id: spec.summary for spec in specs if spec.id in types}, full_tree(tree, specs),
         list(times), number)
 
 
-def _shown_node(node: Any) -> TreeNode:
-    pause = node.attributes.get(node.spec.pause, "")
+def _shown_node(node: Any, successors: Successors) -> TreeNode:
     name, kind = label(node)
     return TreeNode(
         node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
-        int(pause) / 1000.0 if pause.isdecimal() else 0.0,
-        any(node.attributes.get(name) for name in PRE_CONDITIONS), clean(name), clean(kind),
+        _pause(node), successors.of(node), clean(name), clean(kind),
         node.parent is not None and _is_bare(node.spec, node.name), node.blackboard.path,
         node.place_in_file().rstrip(": "),
         _ports(node))
+
+
+def _pause(node: Node) -> float:
+    if not node.spec.pause:
+        return 0.0
+    milliseconds = node.attributes.get(node.spec.pause, "")
+    return int(milliseconds) / 1000.0 if milliseconds.isdecimal() else -1.0
 
 
 def _is_bare(spec: NodeSpec, name: str) -> bool:

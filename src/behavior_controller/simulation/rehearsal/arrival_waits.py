@@ -8,7 +8,7 @@ import math
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.missions import load as missions
-from behavior_controller.bt.engine.controls import Fallback
+from behavior_controller.bt.engine.possible_results import FAILS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.execution.events import Events
 from behavior_controller.robot.gateway import FakeGateway, FakeTopics
@@ -115,7 +115,8 @@ def _asked_before(node: Any) -> Iterator[Any]:
     """Yield the nodes that have failed when ``node`` is asked: those before it in the Fallbacks
     around it."""
     while node.parent is not None:
-        if isinstance(node.parent, Fallback):
+        spec = node.parent.spec
+        if spec.advances_on == FAILS and not spec.is_reactive:
             for sibling in node.parent.children[:node.parent.children.index(node)]:
                 yield from sibling.iterate()
         node = node.parent

@@ -331,7 +331,7 @@ class Search:
 def _sibling_before(node: Node) -> Optional[Node]:
     """Return the sibling after which a node is ticked; None if it does not wait for another."""
     parent = node.parent
-    if parent is None or not parent.spec.next_after or parent.children[0] is node:
+    if parent is None or not parent.spec.advances_on or parent.children[0] is node:
         return None
     return parent.children[parent.children.index(node) - 1]
 
