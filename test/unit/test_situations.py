@@ -13,6 +13,7 @@ from behavior_controller.bt.engine.builtins import AlwaysSuccess
 from behavior_controller.bt.engine.controls import Sequence
 from behavior_controller.bt.engine.decorators import ForceSuccess
 from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS, of_child
+from behavior_controller.bt.engine.successors import MOST_STEPS
 from behavior_controller.config import settings
 from behavior_controller.execution import events
 from behavior_controller.execution.events import (
@@ -543,8 +544,13 @@ def test_no_node_follows_one_that_the_tree_lacks():
 
 
 def test_what_follows_in_loops_within_loops_is_found_quickly():
-    deep = 60 * "<Repeat num_cycles='2'><Fallback>" + "<A/>" + 60 * "</Fallback></Repeat>"
-    assert next_node(State(nodes=rows("<Sequence>" + deep + "<B/></Sequence>")), 122) == "A or B"
+    deep = 20 * "<Repeat num_cycles='2'><Fallback>" + "<A/>" + 20 * "</Fallback></Repeat>"
+    assert next_node(State(nodes=rows("<Sequence>" + deep + "<B/></Sequence>")), 42) == "A or B"
+
+
+def test_a_way_to_the_next_leaf_that_is_too_long_is_left_open():
+    instant = MOST_STEPS * "<AlwaysSuccess/>"
+    assert next_node(State(nodes=rows("<Sequence><A/>" + instant + "<B/></Sequence>")), 2) == ""
 
 
 @pytest.mark.parametrize("robot, expected", [
