@@ -51,12 +51,14 @@ def drawing() -> str:
     return "\n".join(lines + ["```"])
 
 
-def used() -> Dict[str, Set[str]]:
-    """Return the other rooms that the modules of each room import."""
+def used(depth: int = 1) -> Dict[str, Set[str]]:
+    """Return the other rooms that the modules of each room import; a room is a folder of at most
+    ``depth`` levels below its package."""
     trees = modules()
     uses: Dict[str, Set[str]] = {}
     for name, tree in trees.items():
-        uses.setdefault(_room(name), set()).update(map(_room, _imported(tree, set(trees))))
+        others = {_room(other, depth) for other in _imported(tree, set(trees))}
+        uses.setdefault(_room(name, depth), set()).update(others)
     return {room: others - {room} for room, others in uses.items()}
 
 
@@ -71,18 +73,17 @@ def reached(uses: Dict[str, Set[str]], room: str) -> Set[str]:
     return rooms
 
 
-def _room(name: str) -> str:
+def _room(name: str, depth: int) -> str:
     """Return the folder of a module below its package, ``commands`` or ``base``."""
     package, *inner = name.split(".")
-    if package == "unit_tests":
-        return "/".join([package] + inner[:-1][:1])
-    return inner[0] if inner[1:] else "commands" if inner[0] in COMMANDS else "base"
+    folders = ([package] if package == "unit_tests" else []) + inner[:-1][:depth]
+    return "/".join(folders) or ("commands" if inner[0] in COMMANDS else "base")
 
 
 def _imported(tree: ast.Module, names: Set[str]) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
             for alias in node.names:
-                candidates = (node.module + "." + alias.name, node.module,
-                              node.module + ".__init__")
+                inner = node.module + "." + alias.name
+                candidates = inner, inner + ".__init__", node.module, node.module + ".__init__"
                 yield from [name for name in candidates if name in names][:1]

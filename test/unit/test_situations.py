@@ -477,7 +477,7 @@ def around(kind, body="<A/>"):
 
 END = "the end of the visit"
 SWITCH = "Switch2 variable='{x}' case_1='1' case_2='2'"
-CASES = "<A/><B/><C/>"
+CASES, PAIR = "<A/><B/><C/>", "<Sequence><A/><B/></Sequence>"
 
 
 @pytest.mark.parametrize("body, leaf, expected", [
@@ -495,10 +495,10 @@ CASES = "<A/><B/><C/>"
     *[("<Sequence>{}<B/></Sequence>".format(around(kind)), "A", "A or B") for kind in (
         "Repeat num_cycles='3'", "Repeat num_cycles='{n}'", "LoopString queue='a;b'",
         "LoopInt queue='{q}'")],
-    ("<LoopString queue='a;b'><Sequence><A/><B/></Sequence></LoopString>", "B", "A or " + END),
-    ("<LoopString queue='a;b'><Sequence><A/><B/></Sequence></LoopString>", "A", "B"),
-    *[("<Sequence>{}<C/></Sequence>".format(around(kind, "<Sequence><A/><B/></Sequence>")), "B", "A")
-      for kind in ("KeepRunningUntilFailure", "Repeat num_cycles='-1'", "OwnLoop")],
+    ("<LoopString queue='a;b'>" + PAIR + "</LoopString>", "B", "A or " + END),
+    ("<LoopString queue='a;b'>" + PAIR + "</LoopString>", "A", "B"),
+    *[("<Sequence>{}<C/></Sequence>".format(around(kind, PAIR)), "B", "A") for kind in (
+        "KeepRunningUntilFailure", "Repeat num_cycles='-1'", "OwnLoop")],
     # a child's success may be a failure
     *[("<Fallback><Sequence>{}<B/></Sequence><C/></Fallback>".format(around(kind)), "A", "C")
       for kind in ("Inverter", "ForceFailure", "OwnNot")],
@@ -759,9 +759,9 @@ def test_what_fails_in_a_pause_is_to_be_repaired_unless_more_is_known(awaited, r
      Card("idle", "between two steps", "visitor 3 · exhibit 2 of 5, arm")),
     (State(exchanges=(ASKED, replace(ASKED, service="/other"))),
      Card("step", "saying “hello”", "", 120.0, waits_for="the answer of /say")),
-    (State(nodes=rows("<Sequence><A/><B/></Sequence>"), letters="RR-", running={2: 120.0}),
+    (State(nodes=rows(PAIR), letters="RR-", running={2: 120.0}),
      Card("busy", "runs A", "", 120.0, next="B", uid=2)),
-    (State(nodes=rows("<Sequence><A/><B/></Sequence>"), letters="RS-"),
+    (State(nodes=rows(PAIR), letters="RS-"),
      Card("busy", "runs Sequence", next="the end of the visit", uid=1)),
     (State(nodes=rows("<Sleep msec='{ms}'/>"), letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, next="the end of the visit", uid=1)),
@@ -799,7 +799,7 @@ def test_the_card_of_a_model(state, expected):
     (Step("waiting", 100.0, 0.0, 2, True),
      Card("wait", "waiting", "", 100.0, next="B", uid=2))])
 def test_the_card_of_a_step(step, expected):
-    state = State(nodes=rows("<Sequence><A/><B/></Sequence>"), steps=(step,), exchanges=(ASKED,))
+    state = State(nodes=rows(PAIR), steps=(step,), exchanges=(ASKED,))
     assert card(state) == expected
     due = "the end of the safe state"
     assert card(replace(state, due=due)) == replace(expected, next=due)
