@@ -3,6 +3,11 @@ import math
 
 import pytest
 
+from behavior_controller import bt
+from behavior_controller.bt.engine.builtins import AlwaysSuccess
+from behavior_controller.bt.engine.controls import Fallback
+from behavior_controller.bt.engine.decorators import ForceSuccess
+from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS, of_child
 from behavior_controller.leaves.waits import MOST_BESIDE, is_asked_again, wait_for
 from mission_rig import one_leaf
 
@@ -74,3 +79,40 @@ def test_a_round_of_too_many_nodes_takes_nobody_knows_how_long(number, seconds):
     ("<WhileDoElse><AlwaysSuccess/>" + SEEN + SAYS + "</WhileDoElse>", False)])
 def test_a_condition_is_asked_again_while_a_later_node_runs(mission, is_so):
     assert is_asked_again(condition(mission)) is is_so
+
+
+# what other packages may declare; how these nodes really run does not matter
+OWN = bt.Registry(bt.builtin_specs() + [
+    bt.NodeSpec("Is", bt.Kind.CONDITION, AlwaysSuccess),
+    bt.NodeSpec("OwnRest", bt.Kind.ACTION, AlwaysSuccess, (bt.Port("ms"),), outcome=SUCCEEDS,
+                pause="ms"),
+    bt.NodeSpec("OwnTries", bt.Kind.DECORATOR, ForceSuccess, (bt.Port("tries"),), rounds="tries",
+                repeats_on=FAILS),
+    bt.NodeSpec("OwnForEver", bt.Kind.DECORATOR, ForceSuccess, outcome=of_child(FAILS, 0),
+                repeats_on=FAILS),
+    bt.NodeSpec("OwnLimit", bt.Kind.DECORATOR, ForceSuccess, (bt.Port("ms"),), limit="ms",
+                outcome=of_child(SUCCEEDS, FAILS, always=FAILS)),
+    bt.NodeSpec("OwnEither", bt.Kind.CONTROL, Fallback, advances_on=FAILS, is_reactive=True),
+    bt.NodeSpec("OwnBranches", bt.Kind.CONTROL, Fallback, first_child_chooses=True,
+                is_reactive=True)])
+OWN_ROUND = "<Fallback><Is/><Sequence><OwnRest ms='250'/><AlwaysFailure/></Sequence></Fallback>"
+
+
+@pytest.mark.parametrize("body, seconds, is_again", [
+    ("<OwnTries tries='4'>" + OWN_ROUND + "</OwnTries>", 1.0, False),
+    ("<OwnTries tries='-1'>" + OWN_ROUND + "</OwnTries>", math.inf, False),
+    ("<OwnForEver><Is/></OwnForEver>", math.inf, False),
+    ("<OwnEither><Is/><OwnRest ms='3000'/></OwnEither>", 3.0, True),
+    ("<OwnLimit ms='500'><OwnEither><Is/><OwnRest ms='3000'/></OwnEither></OwnLimit>", 0.5, True),
+    ("<OwnEither><OwnRest ms='3000'/><Is/></OwnEither>", None, False),
+    ("<OwnBranches><Is/><OwnRest ms='3000'/></OwnBranches>", None, True),
+    ("<OwnBranches><AlwaysSuccess/><Is/></OwnBranches>", None, False),
+    # items are counted by the queue
+    ("<LoopInt queue='1;2'><ForceSuccess>" + OWN_ROUND + "</ForceSuccess></LoopInt>", math.inf,
+     False),
+    ("<LoopInt queue='1;2'><ForceSuccess><Is/></ForceSuccess></LoopInt>", None, False)])
+def test_nodes_of_other_packages_wait_as_they_declare(body, seconds, is_again):
+    tree = bt.load_text("<root BTCPP_format='4'><BehaviorTree ID='M'>" + body +
+                        "</BehaviorTree></root>", OWN)
+    node = next(node for node in tree.nodes if node.registration_id == "Is")
+    assert (wait_for(node), is_asked_again(node)) == (seconds, is_again)

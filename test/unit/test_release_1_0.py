@@ -20,7 +20,9 @@ from behavior_controller.robot.requests import (
     AttentionStatus, Faces, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Say,
     SetAnimation, SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered
-from behavior_controller.leaves.base import NOT_ASKED
+from behavior_controller.leaves.base import (
+    NOT_ASKED, InstantCondition, ServiceLeaf, leaf_spec)
+from behavior_controller.leaves.data import VISITOR_RESPONSE
 from behavior_controller.leaves.release_1_0 import SPECS
 from behavior_controller.config.phrases import SPEECHES
 from behavior_controller.text import Source
@@ -897,6 +899,9 @@ NEVER = "{} can never succeed: overtAttention reports {} only in the mode {}"
         "IsMutualGazeDiscovered", "the visitor's gaze", "seeking")),
     ("<TryCatch><AlwaysFailure/>\n<IsMutualGazeDiscovered/></TryCatch>", None, (
         "IsMutualGazeDiscovered", "the visitor's gaze", "seeking")),
+    ("<Switch2 variable='{@x}' case_1='1' case_2='2'>" + mode("seeking") +
+     "\n<IsMutualGazeDiscovered/><AlwaysSuccess/></Switch2>", None, (
+         "IsMutualGazeDiscovered", "the visitor's gaze", "seeking")),
     ("\n<IsVisitorDiscovered/>" + mode("scanning"), RELEASE, (
         "IsVisitorDiscovered", "a visitor", "scanning")),
     (mode("scanning") + "\n<IsVisitorDiscovered/>", RELEASE, None),
@@ -914,6 +919,36 @@ def test_a_node_that_sets_the_mode_is_named():
     tree = load_text(file("<IsMutualGazeDiscovered/>"), leaves.registry(), "m.xml")
     assert [fault.hint for fault in foresee(tree, settings.defaults())] == [
         "no node before it sets that mode, as SeekOvertAttentionMode does"]
+
+
+class Looks(ServiceLeaf):
+    """A leaf of another package that sets a mode."""
+
+    asks = SetAttention
+
+    def request(self):
+        return SetAttention("seeking")
+
+
+class Nodded(InstantCondition):
+    """A condition of another package on the visitor's answer."""
+
+    PORTS = (VISITOR_RESPONSE.read(),)
+
+    def holds(self):
+        return self.get_input("visitorResponse") == "yes"
+
+
+def test_leaves_of_other_packages_count_by_what_they_declare():
+    registry = leaves.registry()
+    registry.extend([leaf_spec("Looks", Looks, "", sets_mode="seeking"),
+                     leaf_spec("Nodded", Nodded, "")])
+    found = foresee(load_text(file(
+        "<Sequence><Looks/><IsMutualGazeDiscovered/><IsYesNoUttered/>\n<Nodded/>"
+        "<RetrieveListOfExhibits/><SelectExhibit/></Sequence>"), registry, "m.xml"),
+        settings.defaults())
+    assert [(fault.line, fault.text) for fault in found] == [(
+        2, "with asrEnabled false Nodded is never reached, and the mission never comes to its stops")]
 
 
 GONE = ("<Fallback><IsVisitorPresent/><ForceFailure><Navigate "

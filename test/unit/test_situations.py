@@ -749,6 +749,9 @@ def test_what_fails_in_a_pause_is_to_be_repaired_unless_more_is_known(awaited, r
     assert card(state).kind == "paused" and card(state).next == "the next visit"
 
 
+DELAY = rows("<Delay delay_msec='4500'><A/></Delay>")[:1]
+
+
 @pytest.mark.parametrize("state, expected", [
     (State(), Card("idle", "nothing runs")),
     (State(visits=(VISIT,)), Card("idle", "between two steps", "visitor 3")),
@@ -767,9 +770,9 @@ def test_what_fails_in_a_pause_is_to_be_repaired_unless_more_is_known(awaited, r
      Card("asleep", "asleep", "", 120.0, next="the end of the visit", uid=1)),
     (State(nodes=rows("<Sequence><Sleep msec='{ms}'/><A/></Sequence>"), letters="RR-"),
      Card("asleep", "asleep", next="A", uid=2)),
-    (State(nodes=rows("<Delay delay_msec='4500'><A/></Delay>")[:1], letters="R", running={1: 120.0}),
+    (State(nodes=DELAY, letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
-    (State(nodes=rows("<Delay delay_msec='4500'><A/></Delay>")[:1], letters="R"),
+    (State(nodes=DELAY, letters="R"),
      Card("asleep", "asleep", next="the end of the visit", uid=1)),
     (State(nodes=rows("<OwnWait for='4500'/>"), letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
