@@ -215,7 +215,7 @@ def read_source(path: str, what: str, hint: str = "") -> Source:
         raise ConfigurationError.of(path, f"{what} cannot be read: {error}", hint) from error
 
 
-class Line:
+class TextLine:
     """A line of a file without its comment, in words; the first word is its key."""
 
     def __init__(self, file: str, number: int, text: str, comment: Pattern[str]):
@@ -239,10 +239,10 @@ class Line:
         return self.text[self.words[index].start():] if index < len(self.words) else ""
 
 
-def lines_of(source: Source, comment: Pattern[str] = COMMENT_LINE) -> Iterator[Line]:
+def lines_of(source: Source, comment: Pattern[str] = COMMENT_LINE) -> Iterator[TextLine]:
     """Yield the lines that have words; ``comment`` finds where a comment begins."""
     for number, text in enumerate(source.text.split("\n"), 1):
-        line = Line(source.file, number, text, comment)
+        line = TextLine(source.file, number, text, comment)
         if line.words:
             yield line
 
@@ -272,7 +272,7 @@ class LineReader:
                            f"more than {MOST_FAULTS} mistakes; the rest is not read")
                 raise ConfigurationError(self.faults)
 
-    def line(self, line: Line) -> None:
+    def line(self, line: TextLine) -> None:
         """Process one line that has words."""
         raise NotImplementedError
 
@@ -306,7 +306,7 @@ class KeyReader(LineReader):
         self.keys = {key.name: key for key in keys}
         self.unused = unused
 
-    def line(self, line: Line) -> None:
+    def line(self, line: TextLine) -> None:
         """Process one line of the file."""
         start: Match[str] = _KEY.match(line.text)  # type: ignore[assignment]
         name, rest, place = start[1], line.text[start.end():], line.place()

@@ -14,8 +14,8 @@ from behavior_controller import folders
 from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.config.config_file import (
-    Key, Line, LineReader, MOST_FAULTS, Place, REQUIRED, Reader, Value, boolean, collected, integer,
-    lines_of, number, one_of, read_source, some_text)
+    Key, LineReader, MOST_FAULTS, Place, REQUIRED, Reader, TextLine, Value, boolean, collected,
+    integer, lines_of, number, one_of, read_source, some_text)
 from behavior_controller.text import Source, count, did_you_mean
 
 LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
@@ -101,7 +101,7 @@ class _EntryReader(LineReader):
         super().read()
         self.finish()
 
-    def line(self, line: Line) -> None:
+    def line(self, line: TextLine) -> None:
         is_known = line.key in self.keys
         entry = self.entry(line) if is_known else line.key
         first = self.lines.setdefault(entry, line.number) if entry else 0
@@ -121,7 +121,7 @@ class _EntryReader(LineReader):
         return sorted(self.faults + self.warnings,
                       key=lambda fault: (not fault.line, fault.line, fault.column))
 
-    def entry(self, line: Line) -> str:
+    def entry(self, line: TextLine) -> str:
         """Return the name of the entry of a known key; empty, with a fault, if it has none."""
         return line.key
 
@@ -129,14 +129,14 @@ class _EntryReader(LineReader):
         """Return a hint about an unknown key; without one it is no mistake."""
         return did_you_mean(key, self.keys, _NEAR)
 
-    def taken(self, line: Line, entry: str) -> Any:
+    def taken(self, line: TextLine, entry: str) -> Any:
         """Return what an entry holds; its faults are added."""
         raise NotImplementedError
 
     def finish(self) -> None:
         """Check what needs several entries, and report missing ones."""
 
-    def value(self, line: Line, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
+    def value(self, line: TextLine, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
         """Return the value of the word at ``index``, or None, with a fault."""
         text = line.words[index].group() if index < len(line.words) else ""
         return self.parsed(read, text, what, line.place(index))
@@ -150,7 +150,7 @@ class _Culture(_EntryReader):
     def meant(self, key: str) -> str:
         return "" if _ANY_PHRASE.fullmatch(key) else super().meant(key)
 
-    def taken(self, line: Line, entry: str) -> Any:
+    def taken(self, line: TextLine, entry: str) -> Any:
         if entry == _LANGUAGE:
             return self.parsed(_LANGUAGE_READER, line.rest(1), _LANGUAGE, line.place(1))
         return line.rest(1)
@@ -185,7 +185,7 @@ class _Environment(_EntryReader):
     def meant(self, key: str) -> str:
         return super().meant(key) or f"the keys: {', '.join(self.keys)}"
 
-    def entry(self, line: Line) -> str:
+    def entry(self, line: TextLine) -> str:
         if line.key == _TOUR:
             return _TOUR
         location = self.value(line, 1, f"the id of {line.key}", _ID)
@@ -194,7 +194,7 @@ class _Environment(_EntryReader):
         self.ids.add(location)
         return f"{line.key} {location}"
 
-    def taken(self, line: Line, entry: str) -> Any:
+    def taken(self, line: TextLine, entry: str) -> Any:
         form = f"the form: {line.key} {_FORMS[line.key]}"
         if line.key == _TOUR:
             return self._tour(line, form)
@@ -207,7 +207,7 @@ class _Environment(_EntryReader):
             self.fault(line.place(), f"{entry} cannot be empty", form)
         return line.rest(2)
 
-    def _tour(self, line: Line, form: str) -> List[Tuple[Optional[int], Place]]:
+    def _tour(self, line: TextLine, form: str) -> List[Tuple[Optional[int], Place]]:
         """Return each id, and its place."""
         stated = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
         listed = range(2, len(line.words))

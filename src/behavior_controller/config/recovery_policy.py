@@ -7,7 +7,7 @@ from typing import Iterable, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.robot.gateway import Cause
-from behavior_controller.config.config_file import Line, LineReader, Place, read_source
+from behavior_controller.config.config_file import LineReader, Place, TextLine, read_source
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.text import Source, did_you_mean
 
@@ -104,7 +104,7 @@ class _PolicyReader(LineReader):
         self.nodes = {spec.id: spec for spec in specs}
         self.rules: List[Rule] = []
 
-    def line(self, line: Line) -> None:
+    def line(self, line: TextLine) -> None:
         words, place = [word.group() for word in line.words], (line.file, line.number, 1)
         if line.key in ("budget", "pause"):
             self._pair(place, line.key, words[1:])
