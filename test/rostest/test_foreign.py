@@ -31,9 +31,9 @@ MANIFEST = """<package format="2"><name>odd</name><version>1.0.0</version><descr
 <maintainer email="a@example.org">a</maintainer><license>BSD</license>
 <export><cssr_system {}="odd.leaves"/></export></package>"""
 LEAF = """import os, signal, sys, threading, time
-from behavior_controller.bt.engine.leaf import ActionLeaf
-from behavior_controller.bt.engine.registry import Kind, NodeSpec
-from behavior_controller.bt.values.status import RUNNING, SUCCESS
+from behavior_controller.extend import ActionLeaf
+from behavior_controller.extend import Kind, NodeSpec
+from behavior_controller.extend import RUNNING, SUCCESS
 
 
 class FixtureOdd(ActionLeaf):
@@ -46,8 +46,8 @@ class FixtureOdd(ActionLeaf):
 SPECS = (NodeSpec("FixtureOdd", Kind.ACTION, FixtureOdd),)
 """
 DECLARATIONS = """import sys
-from behavior_controller.robot.declarations import Service, Success, Topic
-from behavior_controller.robot.requests import Request
+from behavior_controller.extend import Service, Success, Topic
+from behavior_controller.extend import Request
 
 
 def read(message):
@@ -62,7 +62,7 @@ SERVICES = (Service(Bell, "/bell/ring", "bell", "cssr_system/textService", lambd
                     Success("success", True, False), 5.0, "no bell rings", answer=lambda response: sys.exit(7)),)
 TOPICS = (Topic("/bell/heard", "bell", "std_msgs/String", str, read, "no bell is heard", False),)
 """
-RINGS = """from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
+RINGS = """from behavior_controller.extend import ServiceLeaf, leaf_spec
 from odd.declared import Bell
 
 

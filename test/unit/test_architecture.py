@@ -29,7 +29,7 @@ LAYERS = [
     ["ros", "cli", "command"],
     ["simulation"],
     ["missions.blocked_tick", "viewer"],
-    ["monitoring", "missions.runner", "missions.validation"],
+    ["monitoring", "missions.runner", "missions.validation", "extend"],
     ["missions"],
     ["leaves"],
     ["bt.registry", "bt.status"],

@@ -1,6 +1,8 @@
 """Do missions find what other packages add, and is each way of exporting it wrong told in one line?
 """
 import contextlib
+import importlib
+import inspect
 import os
 import re
 import shutil
@@ -13,18 +15,20 @@ from xml.etree import ElementTree
 
 import pytest
 
-from behavior_controller import extensions
+from behavior_controller import extend, extensions
+from behavior_controller.bt import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.bt.engine.registry import Kind
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
 MANIFEST = """<package format="2"><name>{0}</name><version>1.0.0</version><description>d</description>
 <maintainer email="a@example.org">a</maintainer><license>BSD</license><export><cssr_system {1}/></export></package>"""
-LEAF = """from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port
-from behavior_controller.robot.requests import Request, Say
-from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
+LEAF = """from behavior_controller.extend import Kind, NodeSpec, Port
+from behavior_controller.extend import Request, Say
+from behavior_controller.extend import ServiceLeaf, leaf_spec
 """
 
+STATUSES = (IDLE, RUNNING, SUCCESS, FAILURE, SKIPPED)
 
 LEAVES, INTERFACE, PHRASES = 'leaves="a.leaves"', 'interface="a.leaves"', 'phrases="a.leaves"'
 RING = LEAF + """
@@ -33,8 +37,8 @@ class FixtureRing(ServiceLeaf):
     def request(self):
         return Say("ding", "en")
 """
-BELL = """from behavior_controller.robot.declarations import Service, Success, Topic
-from behavior_controller.robot.requests import Request, Say
+BELL = """from behavior_controller.extend import Service, Success, Topic
+from behavior_controller.extend import Request, Say
 class Bell(Request, frozen=True):
     text: str = "ding"
 def bell(name="/bell", **changed):
@@ -43,7 +47,7 @@ def bell(name="/bell", **changed):
         success=Success("success", True, False), absence="no bell rings"), **changed))
 """
 RINGS = "SPECS = (leaf_spec('FixtureRing', FixtureRing, ''),)"
-SPEECH = "from behavior_controller.config.phrases import Speech\n"
+SPEECH = "from behavior_controller.extend import Speech\n"
 
 
 def with_port(fields):
@@ -120,7 +124,7 @@ def test_the_code_of_the_guide_is_a_package_with_its_test(tmp_path):
     subprocess.check_call([sys.executable, "-c", "from greeter.moving import SERVICES"],
                           env=environment(tmp_path, sources))
     done = run_tests(tmp_path / "greeter", tmp_path, sources)
-    assert done.returncode == 0 and "Ran 4 tests" in done.stdout, done.stdout
+    assert done.returncode == 0 and "Ran 5 tests" in done.stdout, done.stdout
 
 
 def test_without_the_package_its_nodes_are_those_of_another_robot(tmp_path):
@@ -145,13 +149,13 @@ def test_without_the_package_its_nodes_are_those_of_another_robot(tmp_path):
     ('leaves="a.leaves"', "class Odd(BaseException): pass\nraise Odd('\\x1b[2J\\x07\\nnext')",
      ["package a", "Odd: \\x1b[2J\\x07 next"]),
     ('phrases="a.leaves"',
-     "from behavior_controller.config.phrases import Speech\nSPEECHES = (Speech('Hi', False, "
+     "from behavior_controller.extend import Speech\nSPEECHES = (Speech('Hi', False, "
      "'Hi.'))",
      ["package a", "SPEECHES is not a tuple", "comma"]),
     ('phrases="a.leaves"', "SPEECHES = ('Hi', 'Ho')",
      ["package a", "'Hi' in SPEECHES is not a Speech"]),
     ('phrases="a.leaves"',
-     "from behavior_controller.config.phrases import Speech\nSPEECHES = (Speech(None, 0, None),)",
+     "from behavior_controller.extend import Speech\nSPEECHES = (Speech(None, 0, None),)",
      ["package a", "a.leaves"]),
     ('leaves="a.leaves"', LEAF + "SPECS = NodeSpec('FixtureLamp', Kind.ACTION, None)",
      ["package a", "SPECS is not a tuple"]),
@@ -205,7 +209,7 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
 @pytest.mark.parametrize("export, module, words", [
     ('leaves="a.leafs"', "", ["No module named 'a.leafs'"]),
     (LEAVES, "from behavior_controller.leaves.bse import X", ["leaves.bse", "(a/leaves.py:1)"]),
-    (LEAVES, "from behavior_controller.leaves.base import X", ["'X'", "(a/leaves.py:1)"]),
+    (LEAVES, "from behavior_controller.extend import X", ["'X'", "(a/leaves.py:1)"]),
     (LEAVES, RING + "SPEC = ()", ["has no SPECS, but SPEC", "(a/leaves.py:9)"]),
     (LEAVES, RING + "SPECS = (leaf_spec('FixtureRing', FixtureRing, 'Rings.'))",
      ["comma", "(a/leaves.py:9)"]),
@@ -241,7 +245,7 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
      ["not a tuple of Port", "(a/leaves.py:10)"]),
     (LEAVES, RING + "FixtureRing.own_evidence = Say\n" + RINGS,
      ["own_evidence", "no Evidence", "(a/leaves.py:10)"]),
-    (LEAVES, RING + "from behavior_controller.robot.declarations import Evidence\n"
+    (LEAVES, RING + "from behavior_controller.extend import Evidence\n"
      "FixtureRing.own_evidence = Evidence('/bell')\n" + RINGS,
      ["own_evidence", "no Evidence", "(a/leaves.py:11)"]),
     (LEAVES, RING + with_port("'n', 'float'"), ["type float (there are: ", " double ",
@@ -276,7 +280,7 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
      ["cannot hold the fields of B", "'Place'", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(simulated_answer='yes'),)",
      ["'yes'", "(simulated_answer)", "(a/leaves.py:5)"]),
-    (INTERFACE, BELL + "from behavior_controller.robot.declarations import Publication\n"
+    (INTERFACE, BELL + "from behavior_controller.extend import Publication\n"
      "SERVICES = (Publication(**vars(bell())),)", ["success is None", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "class B(Request):\n  x = 'y'\nSERVICES = (bell(request=B),)",
      ["B.x has no annotation", "(a/leaves.py:5)"]),
@@ -630,3 +634,83 @@ def test_a_package_is_found_through_a_link_once(tmp_path):
     code, text = run("exportNodeModel", packages=tmp_path / "src",
                      paths=[tmp_path / "else" / "a" / "src"])
     assert code == 0 and 'ID="FixtureLamp"' in text
+
+
+# ------------------------------------------------------------------------------- the public names
+
+KINDS = {
+    "class": lambda thing: isinstance(thing, type) and not issubclass(thing, Exception),
+    "exception": lambda thing: isinstance(thing, type) and issubclass(thing, Exception),
+    "function": inspect.isfunction,
+    "status": lambda thing: thing in STATUSES,
+    "text": lambda thing: isinstance(thing, str),
+    "type": lambda thing: not isinstance(thing, type) and hasattr(thing, "__args__"),
+}
+"""Whether a public name is of a kind that the guide gives it."""
+
+
+def guide():
+    with open(os.path.join(ROOT, "docs", "extending.md"), encoding="utf-8") as file:
+        return file.read()
+
+
+def public_names():
+    """Return name -> kind of each name in the guide's table."""
+    rows = re.findall(r"(?m)^\|[^|]*\| (\w+) \| (`.*) \|$", guide().split("\n## The names\n")[1])
+    assert {kind for kind, _ in rows} == set(KINDS)
+    return {name: kind for kind, names in rows
+            for name in re.findall(r"`(\w+)`", re.sub(r"\(.*?\)", "", names))}
+
+
+@pytest.mark.parametrize("name, kind", public_names().items())
+def test_a_name_of_the_guide_is_there_and_of_its_kind(name, kind):
+    assert KINDS[kind](getattr(extend, name))
+
+
+def test_the_guide_names_each_public_name():
+    assert set(extend.__all__) == set(dir(extend)) == set(public_names())
+
+
+def test_the_guide_and_the_example_import_nothing_else_of_this_package():
+    codes = re.findall(r"(?ms)^ *```python\n(.*?)^ *```$", guide())
+    for place, _, names in os.walk(os.path.join(EXAMPLES, "greeter")):
+        for name in names:
+            with open(os.path.join(place, name), encoding="utf-8") as file:
+                codes += [file.read()]
+    imported = re.findall(r"(?m)^ *(?:from|import) +(behavior_controller\S*)", "\n".join(codes))
+    assert len(imported) > 8 and set(imported) == {"behavior_controller.extend"}
+
+
+def test_a_public_name_that_is_mistyped_is_told_with_the_one_that_was_meant():
+    with pytest.raises(AttributeError, match=r"has no ServiceLaef \(did you mean ServiceLeaf\?\)"):
+        getattr(extend, "ServiceLaef")
+    with pytest.raises(AttributeError, match=r"has no Xyz \(docs/extending.md lists the names\)"):
+        getattr(extend, "Xyz")
+
+
+def test_declarations_are_read_without_the_leaves_and_without_py_trees():
+    loaded = subprocess.check_output(
+        [sys.executable, "-c", "import sys\nfrom behavior_controller.extend import Service, Request"
+         "\nprint(*sys.modules)"], env=environment(ROOT, []), universal_newlines=True).split()
+    assert "behavior_controller.robot.declarations" in loaded
+    assert not {"py_trees", "behavior_controller.leaves", "rospy"} & set(loaded)
+
+
+FORMER = """
+bt: RUNNING SUCCESS FAILURE Decorator
+bt.registry: Direction Kind NodeSpec Port
+leaves.base: InstantAction ServiceLeaf leaf_spec
+leaves.conditions: TopicCondition
+robot.declarations: Action Evidence Publication Service Success Topic
+robot.requests: Answer NO_EFFECT Request Say Words
+robot.gateway: Cause Failure
+config.phrases: Speech
+missions.trial: Trial"""
+"""Where the guide had these names before there was ``extend``: they stay there for a release."""
+
+
+@pytest.mark.parametrize("line", FORMER.split("\n")[1:])
+def test_the_former_places_of_the_names_still_have_them(line):
+    module, names = line.split(": ")
+    former = importlib.import_module("behavior_controller." + module)
+    assert all(getattr(former, name) is getattr(extend, name) for name in names.split())

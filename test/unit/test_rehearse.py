@@ -1170,7 +1170,7 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
         raise RuntimeError("the answer was " + answer.response)
 """))
     interface.write_text(
-        "from behavior_controller.robot.requests import Answer\n" + interface.read_text().replace(
+        "from behavior_controller.extend import Answer\n" + interface.read_text().replace(
             "as they are\")",
             "as they are\",\n"
             "            simulated_answer=lambda request: Answer(response=request.colour))"
@@ -1233,7 +1233,7 @@ def test_all_visitors_are_played():
 
 
 DOOR = """
-from behavior_controller.robot.declarations import Topic
+from behavior_controller.extend import Topic
 
 DOOR = Topic("/door/state", "door", "std_msgs/String", str, lambda message: message.data,
              "the door is not noticed", is_continuous=True{})
@@ -1241,8 +1241,7 @@ TOPICS = (DOOR,)
 """
 
 IS_OPEN = """
-from behavior_controller.leaves.conditions import TopicCondition
-from behavior_controller.robot.declarations import Evidence
+from behavior_controller.extend import Evidence, TopicCondition
 
 from greeter.interface import DOOR
 

@@ -1,10 +1,8 @@
 """The leaves of this package, without ROS: python3 -m unittest discover -s test"""
 import unittest
 
-from behavior_controller.bt import FAILURE, RUNNING, SUCCESS
-from behavior_controller.missions.trial import Trial
-from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, Say
+from behavior_controller.extend import (
+    Answer, Cause, FAILURE, Failure, RUNNING, SUCCESS, Say, Trial)
 
 from greeter.interface import DOORBELL, MoveTo, SetLights, ShowText
 

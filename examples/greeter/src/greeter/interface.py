@@ -2,8 +2,8 @@
 doorbell, an action that drives, and a display."""
 import math
 
-from behavior_controller.robot.declarations import Action, Publication, Service, Success, Topic
-from behavior_controller.robot.requests import NO_EFFECT, Request, Words
+from behavior_controller.extend import (
+    Action, NO_EFFECT, Publication, Request, Service, Success, Topic, Words)
 
 
 class SetLights(Request, frozen=True):

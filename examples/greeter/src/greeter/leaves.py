@@ -2,11 +2,9 @@
 action and display, a condition on our own topic, and a decorator."""
 import time
 
-from behavior_controller.bt import Decorator, Kind, NodeSpec, Port, Result, RUNNING, SUCCESS
-from behavior_controller.robot.requests import Request, Say
-from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
-from behavior_controller.leaves.conditions import TopicCondition
-from behavior_controller.robot.declarations import Evidence
+from behavior_controller.extend import (
+    Decorator, Evidence, Kind, NodeSpec, Port, RUNNING, Request, Result, SUCCESS, Say, ServiceLeaf,
+    TopicCondition, leaf_spec)
 
 from greeter.interface import DOORBELL, MoveTo, SetLights, ShowText
 
