@@ -1,11 +1,26 @@
-"""The family of errors, and the fault: one mistake at one place, in one line.
+"""The fault, which is one mistake at one place in one line, and the family of errors.
 
-    BehaviorControllerError
-    ├── FaultsFound              a file that has mistakes: all of them, found in one pass
-    │   ├── ConfigurationError
-    │   └── MissionError
-    ├── NodesMissing             robot nodes that the start-up check did not find
-    └── bt errors                (script, port, tick) derive from it where they are defined
+Each layer has its own kinds of error; the layer above turns them into its own, and says where:
+
+    layer    raises                                  becomes
+    text     Unreadable                              FaultsFound, with the file
+    values   ValueFault                              ScriptError, PortError, or a Fault
+    script   ScriptSyntaxError                       a Fault of the attribute
+             ScriptError                             TickError, with the node
+    engine   PortError (NoValue, TypeClash)          a Failure of the leaf, a Fault, or TickError
+             ConfigureError                          a Fault of the element
+             NodeError                               TickError, with the node
+             TickError                               FAILURE of the pass
+    loader   MarkupFault                             a Fault of the document
+    files    FaultsFound (ConfigurationError,        exit code 2, each Fault in a line
+             BrokenExtension, MissionError)
+    robot    Unusable, Unsendable                    a Failure of the request
+    ros      Trouble                                 a Failure of the request, or NodesMissing
+             Late                                    ConfigurationError, with what hangs
+             Stopped                                 the exit code of the signal
+    start    NodesMissing                            exit code 1, each node in a line
+
+Any other exception in a leaf is a TickError, and elsewhere an internal error (exit code 4).
 """
 from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple, TypeVar
 

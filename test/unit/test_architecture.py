@@ -158,6 +158,23 @@ def test_no_two_folders_use_each_other_at_any_depth(depth):
     assert cycles(uses) == {pair for pair in CYCLES if set(pair) <= set(uses)}
 
 
+def test_the_table_of_errors_has_each_kind_and_no_other():
+    """An error that a new layer raises has to say what becomes of it."""
+    bases = {node.name: {getattr(base, "id", getattr(base, "attr", "")) for base in node.bases}
+             for name in OURS for node in parse(MODULES[name]).body
+             if isinstance(node, ast.ClassDef)}
+    kinds = {"BehaviorControllerError"}
+    while True:
+        more = {name for name, of in bases.items() if of & kinds} - kinds
+        if not more:
+            break
+        kinds |= more
+    table = ast.get_docstring(parse(MODULES[PRODUCT + ".errors"])).split("\n\n")[2]
+    named = set(re.findall(r"\b[A-Z][a-z]+[A-Za-z]*\b", table))
+    assert kinds - {"BehaviorControllerError"} - named == set()
+    assert named - set(bases) == set()
+
+
 def test_no_two_public_classes_have_one_name():
     """The judge's reference has the same notions as the program, written down independently."""
     owners = {}
