@@ -79,8 +79,8 @@ class FaultsFound(BehaviorControllerError):
 
     @classmethod
     def raise_any(cls, faults: Sequence[Fault]) -> None:
-        """Raise this error if there are faults."""
-        if faults:
+        """Raise this error if there are faults that are no warnings."""
+        if any(not fault.is_warning for fault in faults):
             raise cls(faults)
 
 

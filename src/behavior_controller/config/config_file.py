@@ -271,6 +271,10 @@ class LineReader:
                 self.fault((line.file, line.number, 1),
                            f"more than {MOST_FAULTS} mistakes; the rest is not read")
                 raise ConfigurationError(self.faults)
+        self.finish()
+
+    def finish(self) -> None:
+        """Check what needs several lines, and add faults for missing ones."""
 
     def line(self, line: TextLine) -> None:
         """Process one line that has words."""

@@ -97,10 +97,6 @@ class _EntryReader(LineReader):
         super().__init__(source)
         attempt(self.read, [])  # too many faults: the last one says so
 
-    def read(self) -> None:
-        super().read()
-        self.finish()
-
     def line(self, line: TextLine) -> None:
         is_known = line.key in self.keys
         entry = self.entry(line) if is_known else line.key
@@ -132,9 +128,6 @@ class _EntryReader(LineReader):
     def taken(self, line: TextLine, entry: str) -> Any:
         """Return what an entry holds; its faults are added."""
         raise NotImplementedError
-
-    def finish(self) -> None:
-        """Check what needs several entries, and report missing ones."""
 
     def value(self, line: TextLine, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
         """Return the value of the word at ``index``, or None, with a fault."""
@@ -287,8 +280,7 @@ def read(environment: Optional[Source], culture: Optional[Source], *,
     findings = list(faults)
     for file in (places, chosen):
         findings += file.findings() if file else []
-    if any(not fault.is_warning for fault in findings):
-        raise ConfigurationError(findings)
+    ConfigurationError.raise_any(findings)
     assert chosen and language and places
     return Knowledge(places.exhibits(language), language, chosen.phrases(language),
                      (places.source, chosen.source), tuple(findings))

@@ -86,8 +86,6 @@ def read(source: Source, specs: Iterable[MissionSpec]) -> Policy:
     """As ``load``, given the text of the file."""
     reader = _PolicyReader(source, specs)
     reader.read()
-    if "budget" not in reader.values:
-        reader.fault(None, "the line \"budget <recoveries> <seconds>\" is missing")
     ConfigurationError.raise_any(reader.faults)
     most, seconds = reader.values["budget"]
     pause = reader.values.get("pause", (Policy.first_pause, Policy.longest_pause))
@@ -112,6 +110,10 @@ class _PolicyReader(LineReader):
             self._rule(place, words)
         else:
             self.fault(place, f"{len(words)} words; a rule has 5: node cause retries back-off then")
+
+    def finish(self) -> None:
+        if "budget" not in self.values:
+            self.fault(None, "the line \"budget <recoveries> <seconds>\" is missing")
 
     def _pair(self, place: Place, name: str, words: List[str]) -> None:
         is_pair = len(words) == 2 and all(map(_is_seconds, words)) and name not in self.values

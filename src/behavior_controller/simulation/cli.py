@@ -214,8 +214,7 @@ def _check_robot(interface: Any, options: argparse.Namespace) -> None:
         faults += [Fault(f"argument --{option}", 0, 0,
                          f"the robot {interface.name} has no {kind} {clean(name)}",
                          did_you_mean(name, known) or hint) for name in given if name not in known]
-    if faults:
-        raise ConfigurationError(faults)
+    ConfigurationError.raise_any(faults)
 
 
 # --------------------------------------------------------------------------------------------- main

@@ -63,8 +63,7 @@ class Tree:
                     raise failure_of(node, error, "the setup of ")
                 faults.append(
                     node.element.broken(node.registration_id, "set up", error, type(node)))
-        if faults:
-            raise MissionError(faults)
+        MissionError.raise_any(faults)
 
     def subscribe(self, observer: Observer) -> None:
         """Call ``observer(node, old_status, new_status)`` at every change of a node's status."""

@@ -54,8 +54,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
         compiler.unfold(blackboard if blackboard is not None else Blackboard())
     checked_faults = trees.faults if compiler.faults else lint(trees)
     faults = sorted(dict.fromkeys(compiler.faults + checked_faults), key=by_place)
-    if any(not fault.is_warning for fault in faults):
-        raise MissionError(faults)
+    MissionError.raise_any(faults)
     sources = tuple(Source(document.file, document.text) for document in documents)
     return Tree(trees.main, compiler.nodes, compiler.blackboards, services, faults, sources)
 

@@ -120,8 +120,7 @@ def check_words(arguments: Arguments) -> None:
     faults += [Fault("argument " + word, 0, 0, "the node does not read it",
                      "allowed: _key:=value, /name:=/other_name")
                for word in words if ASSIGNMENT not in word]
-    if faults:
-        raise ConfigurationError(faults)
+    ConfigurationError.raise_any(faults)
 
 
 # ---------------------------------------------------------------------------- what the files decide
