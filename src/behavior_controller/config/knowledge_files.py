@@ -8,7 +8,7 @@ import os
 import re
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
+from typing import Any, List, Mapping, Optional, Sequence, Set, Tuple
 
 from behavior_controller import folders
 from behavior_controller.errors import ConfigurationError, Fault, attempt

@@ -33,13 +33,11 @@ class Board(View):
     shows it.
     """
 
-    def __init__(self, lines: Callable[[], Iterable[Line]], is_live: bool = True):
-        """``lines`` returns those that have come since its last call; a run that is not ``is_live``
-        is over, however it ended."""
+    def __init__(self, lines: Callable[[], Iterable[Line]]):
+        """``lines`` returns those that have come since its last call."""
         super().__init__()
         self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
         self._lines = lines
-        self._is_live = is_live
         self._history = History()
         self._pulsed = 0.0
 
@@ -47,7 +45,6 @@ class Board(View):
         """Note that the controller ends."""
         self.refresh()
         self.stopped = "the controller has stopped"
-        self._is_live = False
         self._touch("now")
 
     # ---------------------------------------------------------------------------- what has happened
@@ -103,7 +100,7 @@ class Board(View):
 
     def alive(self) -> Alive:
         age = None
-        if self._is_live and self.state.alive is not None and not self.ended:
+        if self.state.alive is not None and not self.ended:
             age = round(unix_now() - self.state.alive, 1)
         return Alive(age, age is not None and age >= HANGS, unix_now(), self._history.began,
                      clock_shift())

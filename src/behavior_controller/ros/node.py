@@ -12,10 +12,9 @@ import threading
 from typing import Any, Callable, Deque, Dict, List, NoReturn, Optional, Tuple
 
 import rosgraph
-import rospkg
 import rospy
 
-from behavior_controller import exit_codes, extensions, folders
+from behavior_controller import exit_codes, extensions
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -33,7 +32,7 @@ from behavior_controller.ros.handshakes import (
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.configuration import read_plan, report_faults, valid_values
-from behavior_controller.ros.outputs import NO_RECORD, Outputs
+from behavior_controller.ros.outputs import NO_RECORD, Outputs, default_records
 from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
@@ -179,7 +178,7 @@ class _Node:
         """Say what the robot may still do since the run before, if that was killed: this one does
         not take over. What cannot be found out is not said."""
         def find_out() -> str:
-            place = valid_values()["recordDirectory"] or _default_records()
+            place = valid_values()["recordDirectory"] or default_records()
             return may_be_live(place) if place != NO_RECORD else ""
 
         with contextlib.suppress(Exception):
@@ -242,7 +241,7 @@ class _Node:
         for doubt in extensions.doubts:
             self._console.warn(str(doubt))
         self._console.is_verbose = plan.settings.verbose_mode
-        return plan, plan.settings.record_directory or _default_records()
+        return plan, plan.settings.record_directory or default_records()
 
     def _open_log(self) -> None:
         """Write to rospy's log file from now on, or report why not."""
@@ -315,10 +314,6 @@ def _report_thread(console: Console, error: BaseException) -> None:
         console.tell(
             "error", f"package {package}: a thread of its code has failed: {described(error)}")
         _LOG_FILE.info("a thread of the package %s", package, exc_info=error)
-
-
-def _default_records() -> str:
-    return os.path.join(rospkg.get_log_dir(), folders.RECORDS)
 
 
 # ------------------------------------------------------------------------------------------ the run

@@ -1,13 +1,17 @@
 """What is kept and shown of a run: the files of its record, the viewer, and the ROS interface."""
 import contextlib
+import os
 import socket
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional
 
 import rosgraph.network
+import rospkg
 
+from behavior_controller import folders
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.execution.events import Events, Noticed, RunFinished, Starting
 from behavior_controller.missions.breakpoints import Breakpoints
+from behavior_controller.monitoring.record.files import has_viewer
 from behavior_controller.monitoring.record.recorder import Record, RecordFiles
 from behavior_controller.robot.declarations import Offer
 from behavior_controller.robot.gateway import Topics
@@ -38,6 +42,10 @@ class Outputs:
         """Start the viewer, for this configuration; a name server may hang."""
         page, groot2 = values["monitorPort"], values["groot2Port"]
         if not page and not groot2:
+            return
+        place = values["recordDirectory"] or default_records()
+        if place != NO_RECORD and has_viewer(place):
+            self._tell("info", f"a missionViewer shows the runs in {place}: no other is started")
             return
         for address in (values["monitorAddress"], values["groot2Address"]):
             with contextlib.suppress(OSError, UnicodeError):  # reported by the viewer
@@ -96,6 +104,11 @@ class Outputs:
     def closers(self) -> List[Callable[[], None]]:
         """Return the functions that end all of it; each may take long."""
         return self.record.closers()
+
+
+def default_records() -> str:
+    """Return the folder of the records if the configuration names none."""
+    return os.path.join(rospkg.get_log_dir(), folders.RECORDS)
 
 
 def _url(address: str, port: int) -> str:

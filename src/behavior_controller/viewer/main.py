@@ -7,21 +7,26 @@ import signal
 import sys
 import threading
 import time
-from typing import Callable, Deque, Iterator, List, Optional
+from typing import Callable, Deque, List, Optional
 
-from behavior_controller import exit_codes, ros_arguments
+from behavior_controller import exit_codes, folders, ros_arguments
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import Line, RunFinished, use_clock_of
+from behavior_controller.execution.events import Line, use_clock_of
 from behavior_controller.execution.from_viewer import (
     FromViewer, HookChange, ViewerAlive, ViewerTold, encode)
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.record.codec import Decoder
+from behavior_controller.monitoring.record.files import runs, watched
+from behavior_controller.monitoring.record.reader import LATEST, find_record
 from behavior_controller.monitoring.record.tail import follow
 from behavior_controller.viewer.groot2.publisher import Groot2Publisher
 from behavior_controller.viewer.web_page import Page
 
 PULSE = 1.0
 """Seconds between two signs of life for the controller."""
+
+REST = 0.5
+"""Seconds between two looks for a newer run."""
 
 END_LIMIT = 1.5
 """Seconds for the end to be shown, after that of a controller that is the parent."""
@@ -59,21 +64,30 @@ def _port(text: str) -> int:
 
 
 class Viewer:
-    """Page and Groot2 for one run."""
+    """Page and Groot2 for one run after the other."""
 
-    def __init__(self, chosen: argparse.Namespace, warn: Callable[[str], None], is_live: bool,
+    def __init__(self, chosen: argparse.Namespace, warn: Callable[[str], None],
                  send: Optional[Callable[[HookChange], None]] = None):
         """``send`` gets changes of hooks; without it they are refused."""
-        self._lines: Deque[Line] = collections.deque()
-        self.board = Board(self._taken, is_live)
         self._page: Optional[Page] = None
         self._groot2: Optional[Groot2Publisher] = None
         if chosen.port:
-            self._page = Page(chosen.address, chosen.port, self.board, warn)
+            self._page = Page(chosen.address, chosen.port, self._new_board(), warn)
         if chosen.groot2_port:
             self._groot2 = Groot2Publisher(chosen.groot2_address, chosen.groot2_port, warn, send)
         self.has_page = self._page is not None and self._page.is_served
         self.is_serving = self.has_page or self._groot2 is not None and self._groot2.is_served
+
+    def _new_board(self) -> Board:
+        lines: Deque[Line] = collections.deque()
+        self._lines = lines
+        return Board(lambda: [lines.popleft() for _ in range(len(lines))])
+
+    def begin(self) -> None:
+        """Show another run, whose lines follow."""
+        board = self._new_board()
+        if self._page is not None:
+            self._page.show(board)
 
     def take(self, line: Line) -> None:
         """Show the next event."""
@@ -82,9 +96,10 @@ class Viewer:
         if self._groot2 is not None:
             self._groot2.take(line)
 
-    def _taken(self) -> Iterator[Line]:
-        while self._lines:
-            yield self._lines.popleft()
+    def note_end(self) -> None:
+        """Show that the run is over."""
+        if self._page is not None:
+            self._page.note_end()
 
     def close(self) -> None:
         """Show the end, and stop serving."""
@@ -108,7 +123,7 @@ def _show_parent(chosen: argparse.Namespace) -> int:
         with lock, contextlib.suppress(OSError):  # the controller has ended
             os.write(1, encode(sent))
 
-    viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), True, send)
+    viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)
     threading.Thread(target=_live, args=(send, viewer), daemon=True).start()
     decoder = Decoder("the controller")
     for text in sys.stdin.buffer:
@@ -131,18 +146,37 @@ def _live(send: Callable[[FromViewer], None], viewer: Viewer) -> None:
 
 
 def _show_record(chosen: argparse.Namespace) -> int:
-    """Show a record until Ctrl-C, and what is added to it meanwhile."""
-    def warn(text: str) -> None:
-        print("missionViewer:", text, file=sys.stderr)
-
-    viewer = Viewer(chosen, warn, True)
+    """Show a record, what is added to it meanwhile, and each newer run, until Ctrl-C."""
+    viewer = Viewer(chosen, _print)
     if not viewer.is_serving:
         return exit_codes.UNAVAILABLE
-    try:
-        for line in follow(chosen.record):
-            viewer.take(line)
-    except BehaviorControllerError as error:
-        print(error, file=sys.stderr)
-        return exit_codes.WRONG_INPUT
-    threading.Event().wait()
-    return exit_codes.SUCCESS
+    is_place = chosen.record == LATEST or bool(runs(chosen.record))
+    place = folders.records() if chosen.record == LATEST else chosen.record
+    shown = ""
+    with contextlib.ExitStack() as stack:
+        if is_place and not stack.enter_context(watched(place)):
+            _print(f"another missionViewer shows {place} too: a controller knows of one of them")
+        while True:
+            try:
+                path = find_record(chosen.record)
+                if path != shown:
+                    _show_run(viewer, path)
+            except BehaviorControllerError as error:
+                if not is_place or shown:
+                    print(error, file=sys.stderr)
+                    return exit_codes.WRONG_INPUT
+                path = ""  # there is no run yet
+            shown = path
+            time.sleep(REST)
+
+
+def _show_run(viewer: Viewer, path: str) -> None:
+    _print(f"the run {path}")
+    viewer.begin()
+    for line in follow(path):
+        viewer.take(line)
+    viewer.note_end()
+
+
+def _print(text: str) -> None:
+    print("missionViewer:", text, file=sys.stderr, flush=True)

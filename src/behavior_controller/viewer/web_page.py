@@ -53,6 +53,14 @@ class Page:
         self._thread = LoopThread("page", self._sockets, self._begin)
         self.is_served = self._thread.is_serving
 
+    def show(self, board: Board) -> None:
+        """Show another run, also to browsers that are connected. Any thread may call this."""
+        self._thread.call(setattr, self, "board", board)
+
+    def note_end(self) -> None:
+        """Show that the run is over, however it ended. Any thread may call this."""
+        self._thread.call(lambda: self.board.close())
+
     def close(self) -> None:
         """Send every browser the end of the mission, and stop serving."""
         self._thread.close(self._part)
@@ -209,6 +217,7 @@ class _Stream(_Quiet):
             return
         self.set_header("Content-Type", "text/event-stream; charset=utf-8")
         self.page.streams.add(self)
+        self._board = self.page.board
         self._versions: Dict[str, int] = {}
         self._parts: Dict[str, Any] = {}  # as they were sent
         try:
@@ -229,6 +238,8 @@ class _Stream(_Quiet):
     def _news(self) -> Dict[str, Any]:
         """Return what has changed since the last message."""
         board = self.page.board
+        if board is not self._board:
+            self._board, self._versions = board, {}
         board.refresh()
         seen, self._versions = self._versions, dict(board.versions)
         parts = {name: board.part(name) for name, version in self._versions.items()

@@ -1,7 +1,7 @@
 """Which entries a mission reads and writes, and which of them are the same: by remapping, ``@`` and
 SubTrees."""
 from functools import cached_property
-from typing import Dict, Iterator, List, Mapping, NamedTuple, Optional, Set, Tuple
+from typing import Dict, Iterator, List, Mapping, NamedTuple, Optional, Set
 
 from behavior_controller.bt.loader.structure import CONDITIONS, given, is_port_name, remaps_all
 from behavior_controller.bt.engine import ports

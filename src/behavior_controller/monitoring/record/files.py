@@ -11,7 +11,7 @@ import os
 import re
 import stat
 import time
-from typing import Dict, List
+from typing import Dict, Iterator, List
 
 from behavior_controller.monitoring.record.codec import FORMAT
 
@@ -66,6 +66,32 @@ def is_written(path: str) -> bool:
         except OSError:
             return True
     return False
+
+
+VIEWER = "viewer.lock"
+"""The file in a folder of runs that a viewer locks which shows all of them."""
+
+
+@contextlib.contextmanager
+def watched(place: str) -> Iterator[bool]:
+    """Have ``has_viewer`` be true of a folder of runs meanwhile; yield whether no other viewer
+    does. Raises OSError."""
+    os.makedirs(place, 0o750, exist_ok=True)
+    with open(os.path.join(place, VIEWER), "ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+        else:
+            yield True
+
+
+def has_viewer(place: str) -> bool:
+    """Return whether a viewer shows all runs of a folder."""
+    try:
+        return is_written(os.path.join(place, VIEWER))
+    except OSError:
+        return False
 
 
 def parts(path: str) -> List[str]:
