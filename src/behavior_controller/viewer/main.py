@@ -2,12 +2,16 @@
 import argparse
 import collections
 import contextlib
+import errno
 import os
+import queue
 import signal
 import sys
 import threading
 import time
 from typing import Callable, Deque, List, Optional
+
+from tornado.netutil import bind_sockets
 
 from behavior_controller import exit_codes, folders, ros_arguments
 from behavior_controller.errors import BehaviorControllerError
@@ -27,6 +31,9 @@ PULSE = 1.0
 
 REST = 0.5
 """Seconds between two looks for a newer run."""
+
+PORTS_LIMIT = 10.0
+"""Seconds to wait for the ports of another viewer that ends."""
 
 END_LIMIT = 1.5
 """Seconds for the end to be shown, after that of a controller that is the parent."""
@@ -123,23 +130,59 @@ def _show_parent(chosen: argparse.Namespace) -> int:
         with lock, contextlib.suppress(OSError):  # the controller has ended
             os.write(1, encode(sent))
 
+    texts: "queue.SimpleQueue[bytes]" = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(texts.put,), daemon=True).start()
+    alive = _Alive(send)
+    # the controller may replace another one, whose viewer goes on for a moment
+    ends = time.monotonic() + PORTS_LIMIT
+    while time.monotonic() < ends and not _are_free(chosen):
+        time.sleep(REST)
     viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)
-    threading.Thread(target=_live, args=(send, viewer), daemon=True).start()
+    alive.has_page = viewer.has_page
     decoder = Decoder("the controller")
-    for text in sys.stdin.buffer:
+    for text in iter(texts.get, b""):
         for line in decoder.read(text):
             viewer.take(line)
         if decoder.head.unix_at_zero:
             use_clock_of(decoder.head.unix_at_zero)
-    threading.Timer(END_LIMIT, os._exit, (exit_codes.UNAVAILABLE,)).start()
     viewer.close()
     os._exit(exit_codes.SUCCESS)
 
 
-def _live(send: Callable[[FromViewer], None], viewer: Viewer) -> None:
-    while True:
-        send(ViewerAlive(viewer.has_page))
-        time.sleep(PULSE)
+def _read(put: Callable[[bytes], None]) -> None:
+    """Read the lines of the run to their end, after which the process ends too."""
+    for text in sys.stdin.buffer:
+        put(text)
+    put(b"")
+    time.sleep(END_LIMIT)
+    os._exit(exit_codes.UNAVAILABLE)
+
+
+class _Alive:
+    """Tells the controller once in ``PULSE`` that this process goes on."""
+
+    def __init__(self, send: Callable[[FromViewer], None]):
+        self.has_page = False
+        self._send = send
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def _work(self) -> None:
+        while True:
+            self._send(ViewerAlive(self.has_page))
+            time.sleep(PULSE)
+
+
+def _are_free(chosen: argparse.Namespace) -> bool:
+    """Return whether no other program has the ports."""
+    ports = [(chosen.address, chosen.port), (chosen.groot2_address, chosen.groot2_port),
+             (chosen.groot2_address, chosen.groot2_port + 1)]
+    try:
+        for address, port in ports:
+            for sock in bind_sockets(port, address) if port > 1 else ():
+                sock.close()
+    except OSError as error:
+        return error.errno != errno.EADDRINUSE
+    return True
 
 
 # ------------------------------------------------------------------------------------ of a record
