@@ -261,20 +261,25 @@ def made_by(spec):
 
 def named_classes(tree, classes):
     """Return where a module imports one of ``classes``, or takes it from a module."""
-    modules, found = {}, []
+    imported, found = {}, []
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module.startswith(PRODUCT):
+        if isinstance(node, ast.ImportFrom):
             for alias in node.names:
-                value = getattr(importlib.import_module(node.module), alias.name, None)
-                modules[alias.asname or alias.name] = value
-                found += [(node.lineno, alias.name)] if value in classes else []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            value = getattr(modules.get(node.value.id), node.attr, None)
-            found += [(node.lineno, node.attr)] if value in classes else []
-    return found
+                if (node.module + "." + alias.name).startswith(WITH_NODES):  # others may need ROS
+                    value = getattr(importlib.import_module(node.module), alias.name, None)
+                    imported[alias.asname or alias.name] = value
+                    found += [(node.lineno, alias.name)] if value in classes else []
+
+    def value_of(node):
+        if isinstance(node, ast.Attribute):
+            return getattr(value_of(node.value), node.attr, None)
+        return imported.get(node.id) if isinstance(node, ast.Name) else None
+
+    return found + [(node.lineno, node.attr) for node in ast.walk(tree)
+                    if isinstance(node, ast.Attribute) and value_of(node) in classes]
 
 
+WITH_NODES = (PRODUCT + ".bt", PRODUCT + ".leaves")
 MISSION_LEAVES = [made_by(spec) for spec in leaves.SPECS]
 BUILT_IN = {spec.id: made_by(spec) for spec in builtin_specs()}
 
@@ -294,6 +299,8 @@ def test_a_node_type_is_known_by_its_spec_alone(name):
     ("from behavior_controller.leaves.release_1_0 import SayText", [(1, "SayText")]),
     ("from behavior_controller.leaves.release_1_0 import SayText as Says", [(1, "SayText")]),
     ("from behavior_controller.leaves import dialogue\ndialogue.IsYesNoUttered",
+     [(2, "IsYesNoUttered")]),
+    ("from behavior_controller import leaves\nleaves.dialogue.IsYesNoUttered",
      [(2, "IsYesNoUttered")]),
     ("from behavior_controller.leaves.base import MissionLeaf\nMissionLeaf.spec", [])])
 def test_a_class_is_found_wherever_it_comes_from(source, found):

@@ -948,7 +948,8 @@ def test_leaves_of_other_packages_count_by_what_they_declare():
         "<RetrieveListOfExhibits/><SelectExhibit/></Sequence>"), registry, "m.xml"),
         settings.defaults())
     assert [(fault.line, fault.text) for fault in found] == [(
-        2, "with asrEnabled false Nodded is never reached, and the mission never comes to its stops")]
+        2, "with asrEnabled false Nodded is never reached, and the mission never comes to its "
+           "stops")]
 
 
 GONE = ("<Fallback><IsVisitorPresent/><ForceFailure><Navigate "
