@@ -3,6 +3,7 @@ import dataclasses
 
 import pytest
 
+from behavior_controller.bt import SKIPS, SUCCEEDS, SUCCESS
 from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port, Registry
 
 
@@ -37,3 +38,11 @@ def test_a_second_registration_is_refused():
     registry = Registry([spec("Navigate")])
     with pytest.raises(ValueError, match="Navigate is registered twice"):
         registry.extend([spec("Navigate")])
+
+
+@pytest.mark.parametrize("field", ["advances_on", "repeats_on", "outcome"])
+def test_the_status_of_a_node_is_no_end_of_it(field):
+    with pytest.raises(ValueError, match="the {} of the node type 'Wave' is <?Status.*, and not of "
+                                         "the type int".format(field)):
+        Registry([dataclasses.replace(spec("Wave"), **{field: SUCCESS})])
+    Registry([dataclasses.replace(spec("Wave"), **{field: SUCCEEDS | SKIPS})])

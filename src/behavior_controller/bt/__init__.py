@@ -49,6 +49,7 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.engine.ports import NoValue, PortError
 from behavior_controller.bt.values.values import PortType, ValueFault
+from behavior_controller.bt.engine.possible_results import FAILS, SKIPS, SUCCEEDS
 from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
@@ -56,7 +57,7 @@ from behavior_controller.errors import BehaviorControllerError, Fault, MissionEr
 __all__ = [
     # to declare node types
     "Registry", "builtin_specs", "NodeSpec", "Kind", "Port", "Direction", "PortType",
-    "tree_nodes_model",
+    "SUCCEEDS", "FAILS", "SKIPS", "tree_nodes_model",
     # to write them
     "ActionLeaf", "SyncActionLeaf", "ConditionLeaf", "Decorator", "Control", "Node", "Result",
     "IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED",

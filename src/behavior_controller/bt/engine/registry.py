@@ -1,9 +1,11 @@
 """The node types that a mission may use: their names, kinds, ports, and how to make one."""
+import collections.abc
 import enum
 import sys
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Callable, Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import (Any, Callable, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional,
+                    Sequence, Tuple)
 
 from py_trees.behaviour import Behaviour
 
@@ -169,12 +171,14 @@ class NodeSpec:
         return self.description + (f" Named {', '.join(self.names)}." if self.names else "")
 
 
-_SPEC_FIELDS: Dict[str, Tuple[type, ...]] = {"kind": (Kind,), "id": (str,), "description": (str,)}
+_SPEC_FIELDS: Dict[str, Tuple[Any, ...]] = {
+    "kind": (Kind,), "id": (str,), "description": (str,), "advances_on": (int,),
+    "repeats_on": (int,), "outcome": (int, type(None), collections.abc.Callable)}
 _PORT_FIELDS = {"name": (str,), "type": (str,), "direction": (Direction,),
                 "default": (str, type(None)), "description": (str,)}
 
 
-def _check_fields(what: str, record: object, kinds: Dict[str, Tuple[type, ...]]) -> None:
+def _check_fields(what: str, record: object, kinds: Mapping[str, Tuple[Any, ...]]) -> None:
     """Raise ValueError, which names it, if a field of ``record`` has a value of another type."""
     for field, allowed in kinds.items():
         value = getattr(record, field)
