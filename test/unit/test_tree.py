@@ -1,5 +1,7 @@
 """The tree: exact time under a test clock, waiting, py_trees' tools, depth, and what a mission may
 unfold to."""
+import importlib
+import sys
 import threading
 import time
 
@@ -285,3 +287,22 @@ def test_the_writes_of_one_tree_are_not_those_of_another():
     assert second.changes == changes
     second.tick_once()
     assert second.changes > changes  # those of its subtrees count
+
+
+@pytest.mark.parametrize("options, number", [({}, 0), ({"with_lint": True}, 1)])
+def test_a_tree_has_the_warnings_of_the_linter_if_they_are_wanted(options, number):
+    text = ("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence><AlwaysFailure/><AlwaysSuccess/>"
+            "</Sequence></BehaviorTree></root>")
+    assert [fault.code for fault in load_text(text, REGISTRY, **options).warnings] == (
+        number * ["never-reached"])
+
+
+@pytest.mark.parametrize("old, new, name", [("registry", "engine.registry", "NodeSpec"),
+                                            ("status", "values.status", "SUCCESS")])
+def test_a_module_that_was_moved_is_still_found_and_says_where_it_is(old, new, name):
+    with pytest.warns(FutureWarning, match="bt.{} is now behavior_controller.bt.{}".format(
+            old, new)):
+        sys.modules.pop("behavior_controller.bt." + old, None)
+        moved = importlib.import_module("behavior_controller.bt." + old)
+    there = importlib.import_module("behavior_controller.bt." + new)
+    assert getattr(moved, name) is getattr(there, name)

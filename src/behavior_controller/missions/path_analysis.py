@@ -45,9 +45,10 @@ def foresee(tree: Tree, settings: Settings) -> List[Fault]:
     levels: Dict[Any, int] = {None: 0}
     for node in tree.nodes:  # parents come before their children
         levels[node] = levels[node.parent] + 1
-    nodes = list({id(node.element): node for node in tree.nodes}.values())  # each element once
-    if max(levels.values()) > DEEPEST or len(nodes) > LARGEST:
+    once = {id(node.element): node for node in tree.nodes}
+    if max(levels.values()) > DEEPEST or len(once) > LARGEST:
         return []
+    nodes = [node for node in once.values() if isinstance(node, MissionLeaf)]
     follower = _Follower(tree, settings.tablet_tells)
     heard, deaf = ({node: {state for state in follower.seen_at(node) if state.is_heard is is_heard}
                     for node in nodes} for is_heard in (True, False))
@@ -55,10 +56,9 @@ def foresee(tree: Tree, settings: Settings) -> List[Fault]:
     return faults + list(_without_recognition(nodes, heard, deaf))
 
 
-def _of_one(node: Any, states: Set[PathState], settings: Settings) -> Iterator[Fault]:
+def _of_one(node: MissionLeaf, states: Set[PathState], settings: Settings) -> Iterator[Fault]:
     """Yield the warnings about a mission leaf that is reached with ``states``."""
-    if (isinstance(node, MissionLeaf) and node.sense is not None and states
-            and settings.interface.tells(node.sense)):
+    if node.sense is not None and states and settings.interface.tells(node.sense):
         mode = settings.interface.evidence(node.sense).mode
         modes = {state.mode for state in states}
         if mode and mode not in modes:
@@ -71,21 +71,19 @@ def _of_one(node: Any, states: Set[PathState], settings: Settings) -> Iterator[F
                     f"{node.sense.noun} only in the mode {mode}")
             yield node.element.fault(rules.MODE_MISSING, text, hint)
     missed_by = sorted({state.missed_by for state in states} - {""})
-    if missed_by and isinstance(node, MissionLeaf) and node.spec.says_goodbye(node.name):
+    if missed_by and node.spec.says_goodbye(node.name):
         text = (f"{node.registration_id} says goodbye to a visitor who has left: the mission goes "
                 f"on to it after {missed_by[0]} failed")
         hint = "end the mission, or the branch, with FAILURE before it"
         yield node.element.fault(rules.FAREWELL_TO_NOBODY, text, hint)
 
 
-def _without_recognition(nodes: List[Any], heard: Dict[Any, Set[PathState]],
+def _without_recognition(nodes: List[MissionLeaf], heard: Dict[Any, Set[PathState]],
                          deaf: Dict[Any, Set[PathState]]) -> Iterator[Fault]:
     """Yield a warning if the mission takes its stops with speech recognition alone."""
-    stops = [node for node in nodes
-             if isinstance(node, MissionLeaf) and node.spec.writes(CURRENT_EXHIBIT.name)]
+    stops = [node for node in nodes if node.spec.writes(CURRENT_EXHIBIT.name)]
     if any(heard[node] for node in stops) and not any(deaf[node] for node in stops):
-        asked = [node for node in nodes
-                 if isinstance(node, MissionLeaf) and _needs_answer(node) and heard[node]]
+        asked = [node for node in nodes if _needs_answer(node) and heard[node]]
         # rather one that is reached and never succeeds
         node = (sorted(asked, key=lambda node: not deaf[node]) + stops)[0]
         how = "never succeeds" if deaf[node] else "is never reached"
