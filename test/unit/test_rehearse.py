@@ -609,7 +609,7 @@ def test_runs_without_a_failure_show_a_mission_that_never_succeeds(tmp_path, wor
     (["lab_tour", "lnguage:=English", "asrEnabled"
       ], "argument asrEnabled: this is not of the form name:=value ("),
     (["lab_tour", "seed:=3"], "argument seed:=3: unknown ("),
-    (["lab_tour", "xyz"], "(rosrun unit_tests runTest --help lists all)"),
+    (["lab_tour", "xyz"], "(config/behaviorControllerConfiguration.ini lists all)"),
     (["lab_tour", "--planned", "x:1"
       ], "argument --planned: the robot D5.4.3 has no node x (there are: "),
     (["lab_tour", "--silent", "/faces"], "/faceDetection/data"),

@@ -15,6 +15,7 @@ from typing import (
 from msgspec.structs import asdict
 
 from behavior_controller import exit_codes
+from behavior_controller.config import settings
 from behavior_controller.errors import BehaviorControllerError, ConfigurationError, Fault
 from behavior_controller.missions.load import find
 from behavior_controller.output_files import page_of
@@ -62,7 +63,7 @@ class Plan:
     def __init__(self, options: argparse.Namespace):
         """Raises FaultsFound."""
         self.options, self.kinds = options, options.kinds or KINDS
-        given = parse(options.settings, CONTROLLER)
+        given = parse(options.settings, CONTROLLER, f"config/{settings.FILE_NAME}")
         is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
         path = options.mission if is_file else find(options.mission)
         controller = load_controller(given)

@@ -115,15 +115,15 @@ SHORT = {"mission": "scenarioSpecification", "scenario": "visitorBehaviour", "se
 """Short name -> key."""
 
 
-def parse(words: Sequence[str], names: Collection[str]) -> Dict[str, str]:
+def parse(words: Sequence[str], names: Collection[str], lists_all: str) -> Dict[str, str]:
     """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with
-    every one that is not of the allowed ``names``."""
+    every one that is not of the allowed ``names``, which ``lists_all`` shows."""
     values: Dict[str, str] = {}
     faults: List[Fault] = []
     for word in words:
         name, is_assignment, value = word.partition(ASSIGNMENT)
         key_name = SHORT.get(name, name)
-        text, hint = "", "rosrun unit_tests runTest --help lists all"
+        text, hint = "", lists_all + " lists all"
         if not is_assignment:
             text = "this is not of the form name:=value"
         elif name not in names:

@@ -12,7 +12,7 @@ from unit_tests.robot import options
 from unit_tests.robot.options import Arguments
 from unit_tests.run.controller import command_line
 
-parse = functools.partial(configuration.parse, names=options.NAMES)
+parse = functools.partial(configuration.parse, names=options.NAMES, lists_all=options.HELP)
 
 
 def faults(call, given):
@@ -63,7 +63,7 @@ def test_the_help_fits_the_terminal(monkeypatch):
 def test_what_is_not_for_users_is_refused():
     for name in options.INTERNAL:
         assert "unknown" in faults(parse, [name + ":=x"])[0]
-        assert configuration.parse([name + ":=x"], [name]) == {name: "x"}
+        assert configuration.parse([name + ":=x"], [name], "") == {name: "x"}
 
 
 LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", "silent", "crash",

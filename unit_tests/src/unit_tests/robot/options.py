@@ -67,6 +67,8 @@ ROBOT = tuple(declared.name for declared in KEYS
 NAMES = list(dict.fromkeys(declared.name for declared in KEYS + settings.KEYS + OWN)) + list(SHORT)
 """The names of all arguments that a user may give."""
 
+HELP = "rosrun unit_tests runTest --help"
+
 DECLARED = {LAUNCH_FILE: [*NAMES, *INTERNAL], ROBOT_LAUNCH: [*ROBOT, *USE_REAL.values()]}
 """The arguments of each launch file."""
 
@@ -140,7 +142,7 @@ def read(arguments: Arguments) -> Options:
     what roslaunch was given."""
     command = ros_arguments.parent_command()  # roslaunch ignores what is not declared
     for launch_file, names in DECLARED.items():
-        parse(ros_arguments.given_to_roslaunch(command, "unit_tests", launch_file), names)
+        parse(ros_arguments.given_to_roslaunch(command, "unit_tests", launch_file), names, HELP)
     values = arguments.values
     faults: List[Fault] = []
     test = attempt(lambda: _drawn(load_test(values), values), faults)

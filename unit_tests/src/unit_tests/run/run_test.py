@@ -30,7 +30,7 @@ def main(words: Optional[Sequence[str]] = None) -> int:
             waits = arrival_waits.of_mission(options.read(Arguments([], {})).world)
             print(options.usage(arrival_waits.sufficient(waits) if waits else ""))
             return 0
-        values = configuration.parse(given, options.NAMES)
+        values = configuration.parse(given, options.NAMES, options.HELP)
         if "outputFile" in values:  # the nodes run in another folder
             values["outputFile"] = os.path.abspath(values["outputFile"])
         own = options.read(Arguments([], values))

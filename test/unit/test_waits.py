@@ -4,23 +4,29 @@ import math
 
 import pytest
 
+from behavior_controller.config import settings
 from behavior_controller.missions import load as missions
 from behavior_controller.simulation.rehearsal import arrival_waits
 from behavior_controller.simulation.rehearsal.arrival_waits import Wait
-
-from unit_tests.robot import options
+from behavior_controller.simulation.visitor import ENGAGES, NO_GAZE, SILENT
+from behavior_controller.simulation.world import world
 
 GAZE = Wait("IsMutualGazeDiscovered", 2, 15.0)
 SPEECH = Wait("IsYesNoUttered", 1, 10.0)
 FACE = Wait("IsVisitorDiscovered", 1, 2.0, (GAZE,))
 
 
-def of(mission, tmp_path, monkeypatch):
+def waits(behaviour=ENGAGES, **chosen):
+    """Return the waits of a mission for a visitor of that behaviour."""
+    return arrival_waits.of_mission(world(behaviour, settings.defaults(**chosen)))
+
+
+def of(mission, tmp_path, monkeypatch, **chosen):
     """Return the waits of a mission with these nodes."""
     (tmp_path / "small.xml").write_text(
         '<root BTCPP_format="4"><BehaviorTree ID="Small">{}</BehaviorTree></root>'.format(mission))
     monkeypatch.setattr(missions, "find", lambda name: str(tmp_path / "{}.xml".format(name)))
-    return arrival_waits.of_mission(options.read(options.of_process()).world)
+    return waits(scenarioSpecification="small", **chosen)
 
 
 def test_the_chance_of_two_messages():
@@ -74,8 +80,8 @@ def test_a_chance_that_is_next_to_none_is_no_zero():
     assert GAZE._replace(seconds=1.0).warning(1).endswith("which happens in less than 1 % of waits")
 
 
-def test_the_lowest_rate_of_the_lab_tour(given):
-    found = arrival_waits.of_mission(options.read(options.of_process()).world)
+def test_the_lowest_rate_of_the_lab_tour():
+    found = waits()
     # the tour's Sleeps, and topicMaxAge for what is asked at once
     prompted = SPEECH._replace(after=(SPEECH,))
     assert set(found) == {GAZE, SPEECH, prompted, FACE}
@@ -83,19 +89,11 @@ def test_the_lowest_rate_of_the_lab_tour(given):
     assert arrival_waits.lowest_rate(found) == 19
 
 
-def test_what_a_visitor_never_gives_is_no_matter_of_the_rate(given):
-    given("visitorBehaviour:=noGaze")
-    nodes = {
-        wait.node
-        for wait in arrival_waits.of_mission(options.read(options.of_process()).world)
-    }
-    assert nodes == {"IsYesNoUttered", "IsVisitorDiscovered"}
-    given("visitorBehaviour:=silent")
-    nodes = {
-        wait.node
-        for wait in arrival_waits.of_mission(options.read(options.of_process()).world)
-    }
-    assert nodes == {"IsMutualGazeDiscovered", "IsVisitorDiscovered"}
+@pytest.mark.parametrize("behaviour, nodes", [
+    (NO_GAZE, {"IsYesNoUttered", "IsVisitorDiscovered"}),
+    (SILENT, {"IsMutualGazeDiscovered", "IsVisitorDiscovered"})])
+def test_what_a_visitor_never_gives_is_no_matter_of_the_rate(behaviour, nodes):
+    assert {wait.node for wait in waits(behaviour)} == nodes
 
 
 @pytest.mark.parametrize(
@@ -116,8 +114,7 @@ def test_what_a_visitor_never_gives_is_no_matter_of_the_rate(given):
          "RetryUntilSuccessful>",
          9.0),
     ))
-def test_how_long_a_mission_waits(given, tmp_path, monkeypatch, mission, seconds):
-    given("scenarioSpecification:=small")
+def test_how_long_a_mission_waits(tmp_path, monkeypatch, mission, seconds):
     wait, = of(mission.format("<IsVisitorDiscovered/>"), tmp_path, monkeypatch)
     assert (wait.seconds, wait.messages) == (seconds, 1)
 
@@ -134,18 +131,15 @@ def test_how_long_a_mission_waits(given, tmp_path, monkeypatch, mission, seconds
         # words before the question are old, and nothing waits for words after it
         "<Sequence><IsYesNoUttered/></Sequence>",
     ))
-def test_a_wait_without_a_known_bound_is_left_out(given, tmp_path, monkeypatch, mission):
-    given("scenarioSpecification:=small")
+def test_a_wait_without_a_known_bound_is_left_out(tmp_path, monkeypatch, mission):
     assert of(mission, tmp_path, monkeypatch) == []
 
 
 @pytest.mark.parametrize("seconds", (12.0, 0.5))
-def test_condition_wait_is_a_bound(given, tmp_path, monkeypatch, seconds):
-    given("scenarioSpecification:=small", "conditionWait:={}".format(seconds))
-    wait, = of("<IsYesNoUttered/>", tmp_path, monkeypatch)
+def test_condition_wait_is_a_bound(tmp_path, monkeypatch, seconds):
+    wait, = of("<IsYesNoUttered/>", tmp_path, monkeypatch, conditionWait=seconds)
     assert wait.seconds == seconds
 
 
-def test_a_mission_that_cannot_be_loaded_has_none(given):
-    given("scenarioSpecification:=no_such_mission")
-    assert arrival_waits.of_mission(options.read(options.of_process()).world) == []
+def test_a_mission_that_cannot_be_loaded_has_none():
+    assert waits(scenarioSpecification="no_such_mission") == []
