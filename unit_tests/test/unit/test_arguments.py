@@ -154,14 +154,19 @@ def test_a_language_without_phrases_is_named_beside_a_value_that_is_not_allowed(
     assert "Klingon" in told[1]
 
 
-def test_what_only_another_robot_has_is_named():
+def test_what_only_another_robot_has_is_named_with_its_place(monkeypatch, tmp_path):
     given = {"recogniseBy": "action", "absentServices": "/speechEvent/set_enabled"}
-    assert faults(check, given) == ["recogniseBy: the robot D5.4.3 recognises speech by no action "
-                                    "(leave it out, or choose another robotInterface)",
-                                    "absentServices: the robot D5.4.3 does not have "
-                                    "/speechEvent/set_enabled anyway (leave it out, or choose "
-                                    "another robotInterface)"]
+    told = ["recogniseBy: the robot D5.4.3 recognises speech by no action "
+            "(leave it out, or choose another robotInterface)",
+            "absentServices: the robot D5.4.3 does not have /speechEvent/set_enabled anyway "
+            "(leave it out, or choose another robotInterface)"]
+    assert faults(check, given) == ["argument " + line for line in told]
     check(dict(given, robotInterface="release-1.0"))
+    file = tmp_path / "test.ini"
+    file.write_text("arrivalRate inf\nverboseMode false\n" + "".join(
+        "{} {}\n".format(*pair) for pair in given.items()))
+    monkeypatch.setattr(options, "path", lambda: str(file))
+    assert faults(check, {}) == ["{}: {}".format(file, line) for line in told]
 
 
 def test_the_controller_gets_its_own_keys_and_what_the_test_needs():

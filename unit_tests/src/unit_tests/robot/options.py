@@ -157,7 +157,7 @@ def read(arguments: Arguments) -> Options:
     if controller is not None:
         behaviour = test.visitor_behaviour if test is not None else ENGAGES
         around = attempt(partial(world, behaviour, controller), faults)
-        faults += _not_of_robot(test, controller.interface) if test is not None else ()
+        faults += _not_of_robot(test, controller.interface, values) if test is not None else ()
     if faults or test is None or around is None:
         raise ConfigurationError(faults)
     return Options(arguments, test, around)
@@ -175,12 +175,16 @@ def _output_faults(report: str) -> Sequence[Fault]:
     return []
 
 
+def path() -> str:
+    """Return the path of the configuration of the test."""
+    return os.path.join(folders.share(), "config", FILE_NAME)
+
+
 def load_test(values: Mapping[str, str]) -> Configuration:
     """Return the configuration of the test. Raises ConfigurationError, also for an unknown
     argument."""
     others = (CONTROLLER - TEST).union(INTERNAL, OF_THE_TEST)
-    path = os.path.join(folders.share(), "config", FILE_NAME)
-    source = read_source(path, "the configuration")
+    source = read_source(path(), "the configuration")
     given = _chosen(values, set(values) - others)
     return filled(Configuration, collected(source, KEYS, {}, given).result())
 
@@ -200,14 +204,16 @@ def _drawn(test: Configuration, values: Mapping[str, str]) -> Configuration:
     return dataclasses.replace(test, random_seed=seed, visitor_behaviour=behaviour)
 
 
-def _not_of_robot(test: Configuration, interface: Interface) -> List[Fault]:
+def _not_of_robot(test: Configuration, interface: Interface,
+                  values: Mapping[str, str]) -> List[Fault]:
     """Return a fault for each key of the test that does not apply to the controller's robot."""
     reasons = [("absentServices", "does not have {} anyway".format(name))
                for name in test.absent_services
                if name not in (service.name for service in interface.services)]
     if test.recognise_by == ACTION and not any(topic.action for topic in interface.topics):
         reasons.insert(0, ("recogniseBy", "recognises speech by no action"))
-    return [Fault(name, 0, 0, "the robot {} {}".format(interface.name, why),
+    return [Fault(("argument " if name in values else path() + ": ") + name, 0, 0,
+                  f"the robot {interface.name} {why}",
                   "leave it out, or choose another robotInterface") for name, why in reasons]
 
 
