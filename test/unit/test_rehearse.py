@@ -1,5 +1,6 @@
 """rehearseMission: each planted mistake is found by its name, and nothing in the lab tour."""
 import html
+import importlib.util
 import io
 import json
 import math
@@ -1111,7 +1112,8 @@ def test_a_rehearsal_needs_neither_ros_nor_the_test_package():
     assert done.returncode == exit_codes.SUCCESS and "nothing was found" in done.stdout
 
 
-@pytest.mark.skipif(shutil.which("rosrun") is None, reason="needs the workspace's shell")
+@pytest.mark.skipif(importlib.util.find_spec("cssr_system") is None,
+                    reason="needs the workspace's shell")
 def test_the_former_place_of_the_command_names_the_new_one():
     done = subprocess.run(["rosrun", "unit_tests", "rehearseMission", "--version"], check=True,
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8")
