@@ -3,6 +3,7 @@ owes its reader."""
 import ast
 import functools
 import importlib
+import importlib.util
 import os
 import pkgutil
 import re
@@ -173,6 +174,61 @@ def test_the_table_of_errors_has_each_kind_and_no_other():
     named = set(re.findall(r"\b[A-Z][a-z]+[A-Za-z]*\b", table))
     assert kinds - {"BehaviorControllerError"} - named == set()
     assert named - set(bases) == set()
+
+
+# a dotted name, perhaps with arguments; "mission.1.jsonl" is none
+REFERENCE = re.compile(r"``([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+)(?:\([^`]*\))?``")
+
+
+def names_in(definition):
+    """Return the names that a module or a class defines, with those that methods set."""
+    found = set()
+    for node in ast.walk(definition):
+        if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+            found.add(node.name)
+        elif isinstance(node, (ast.Name, ast.Attribute)) and isinstance(node.ctx, ast.Store):
+            found.add(getattr(node, "id", getattr(node, "attr", "")))
+    return found
+
+
+@functools.lru_cache(maxsize=None)
+def defined():
+    """Return the names that each module, by its dotted name, and each class defines."""
+    found = {name: names_in(parse(path)) for name, path in MODULES.items()}
+    for path in MODULES.values():
+        for node in parse(path).body:
+            if isinstance(node, ast.ClassDef):
+                found.setdefault(node.name, set()).update(names_in(node))
+    return found
+
+
+def is_stale(reference, module):
+    """Return whether a dotted name in ``module`` is neither a module nor defined by what is before
+    its last dot: a module or a class, an object of ``module``, or another library."""
+    owner, _, name = reference.rpartition(".")
+    if any(("." + known).endswith("." + reference) for known in MODULES):
+        return False
+    owners = [names for known, names in defined().items() if ("." + known).endswith("." + owner)]
+    if not owners and owner in defined()[module]:
+        owners = [set().union(*defined().values())]
+    if not owners and importlib.util.find_spec(owner.split(".")[0]) is not None:
+        return not hasattr(importlib.import_module(owner), name)
+    return not any(name in names for names in owners)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_a_name_in_double_backquotes_is_that_of_something(name):
+    with open(os.path.join(ROOT, MODULES[name]), encoding="utf-8") as file:
+        references = set(REFERENCE.findall(file.read()))
+    assert {reference for reference in references if is_stale(reference, name)} == set()
+
+
+@pytest.mark.parametrize("reference, stale", [
+    ("ros.services", True), ("records.Words", True), ("bt.rules", True), ("Call.dropped", True),
+    ("os.pathh", True), ("bt.linter.rules", False), ("requests.Words", False), ("Call.drop", False),
+    ("os.path", False), ("gateway.requests", False), ("gateway.nowhere", True)])
+def test_a_reference_to_what_is_gone_is_stale(reference, stale):
+    assert is_stale(reference, PRODUCT + ".missions.trial") == stale
 
 
 def test_no_two_public_classes_have_one_name():

@@ -79,7 +79,7 @@ class RunStarted(Happening, frozen=True):
 class StepStarted(OfNode, frozen=True):
     """A mission leaf begins a request, or begins to wait for a condition.
 
-    ``words`` and ``what`` describe for people what the robot does now: see ``records.Words``.
+    ``words`` and ``what`` describe for people what the robot does now: see ``requests.Words``.
     ``limit`` is the seconds that it may take; 0: no limit, or an unknown one. A wait is over when
     something else begins. ``goes_on``: the robot has answered, and goes on with the step under way.
     """

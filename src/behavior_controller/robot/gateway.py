@@ -2,9 +2,9 @@
 and ROS.
 
 A leaf hands a request record to ``Gateway.start`` and gets a ``Call``, which is finished once with
-an ``Answer`` or a ``Failure`` and then wakes the tree. Nothing here waits. ``ros.services`` and
-``ros.topics`` implement it for ROS; ``FakeGateway`` and ``FakeTopics`` are for tests, rendering and
-replay.
+an ``Answer`` or a ``Failure`` and then wakes the tree. Nothing here waits. ``ros.service_client``
+and ``ros.subscriber`` implement it for ROS; ``FakeGateway`` and ``FakeTopics`` are for tests,
+rendering and replay.
 """
 import enum
 from typing import Callable, Dict, Hashable, List, Mapping, Optional, Tuple, Union

@@ -50,7 +50,7 @@ class Finding(NamedTuple):
 class RobotCall(NamedTuple):
     """A call that reached a node of the robot: the node, the number of the call there, the leaf
     that made it, the fields of the request, whether it was carried out, and what it met
-    (``play.situation``)."""
+    (``Situations``)."""
 
     node: str
     number: int
