@@ -1,6 +1,7 @@
 """Hooks without a wire: the list that clients see, and what the tick thread makes of it, also when
 both change at once."""
 import itertools
+import types
 
 import pytest
 
@@ -10,8 +11,13 @@ from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import TickError
 from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SKIPPED, SUCCESS
-from behavior_controller.viewer.groot2.breakpoints import (
-    AFTER, BEFORE, BREAKPOINT, Hook, HookPlace, Hooks, REPLACE, Unlocking)
+from behavior_controller.execution.events import BreakpointChanged
+from behavior_controller.execution.from_viewer import (
+    AFTER, BEFORE, BREAKPOINT, REPLACE, SET, Hook, HookChange, HookPlace, Unlocking)
+from behavior_controller.missions import breakpoints
+from behavior_controller.missions.breakpoints import Breakpoints
+from behavior_controller.monitoring.record.tree_shown import shown
+from behavior_controller.viewer.groot2.hook_list import HookList
 
 
 class Probe(ActionLeaf):
@@ -52,13 +58,31 @@ SPECS = builtin_specs() + [
 ]
 
 
+class Hooks(HookList):
+    """The list of hooks of a tree, and its nodes, which follow: what each of both sends reaches the
+    other at once. ``held`` has for each event of a breakpoint whether it holds its node."""
+
+    def __init__(self, tree, tell=lambda line: None):
+        self.held = []
+        self.nodes = Breakpoints(self._take, tell)
+        self.nodes.show(tree)
+        super().__init__(shown(tree, SPECS), self.nodes.change)
+
+    def _take(self, event):
+        if isinstance(event, BreakpointChanged):
+            assert (event.uid, event.path) == (1, self.tree.nodes[0].path)
+            self.held.append(event.is_held)
+        else:
+            self.end(event)
+
+
 def hooked(body):
     """Return a tree, its hooks, and the lines that the operator is told."""
     tree = load_text(
         "<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(body),
         Registry(SPECS))
     lines = []
-    return tree, Hooks(tree, lambda uid: None, lines.append, lambda event: None), lines
+    return tree, Hooks(tree, lines.append), lines
 
 
 def test_a_hook_that_went_by_itself_while_it_was_unlocked_is_gone():
@@ -130,13 +154,11 @@ def test_a_hook_does_not_let_an_instant_action_run_on():
 @pytest.mark.parametrize("halt", ["halt_node", "interrupt"])
 def test_a_node_that_waits_before_its_work_has_none_to_halt(halt):
     tree, hooks, _ = hooked("<Probe/>")
-    events = []
-    hooks.held = events.append
     hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
     assert tree.tick_exactly_once() is RUNNING
     getattr(tree.root, halt)()
     assert tree.is_idle and tree.root.halted == 0
-    assert [event.is_held for event in events] == [True, False]
+    assert hooks.held == [True, False]
 
 
 def test_a_node_that_works_is_halted_whatever_waits_for_its_end():
@@ -158,17 +180,14 @@ def test_the_operator_is_told_that_a_hook_is_removed():
 
 def steps(body, *actions):
     """Carry out each action, then tick; return the results, the lines about hooks without what all
-    of them begin with, the hooks, and the events of breakpoints."""
+    of them begin with, and the hooks."""
     tree, hooks, lines = hooked(body)
-    results, events = [], []
-    hooks.held = events.append
+    results = []
     for action in actions:
         action(hooks)
         results.append(tree.tick_exactly_once())
-    path = tree.root.full_path
-    assert all((event.uid, event.path) == (1, path) for event in events)
-    short = [line.replace("Groot2: ", "").replace(path + " ", "") for line in lines]
-    return results, short, hooks, events
+    short = [line.replace("Groot2: ", "").replace(tree.root.full_path + " ", "") for line in lines]
+    return results, short, hooks
 
 
 def sets(position=BEFORE, mode=BREAKPOINT, once=False, enabled=True, status="FAILURE"):
@@ -251,7 +270,7 @@ def test_what_hooks_do_tick_by_tick_and_what_the_operator_is_told(actions, resul
     assert found[:2] == (results, lines)
     # the probe itself is never RUNNING
     waits = [False] + [result is RUNNING for result in results]
-    assert [event.is_held for event in found[3]] == [key for key, _ in itertools.groupby(waits)][1:]
+    assert found[2].held == [key for key, _ in itertools.groupby(waits)][1:]
 
 
 def test_hooks_that_are_disabled_are_still_there():
@@ -282,16 +301,52 @@ def test_a_node_without_hooks_is_left_alone_again():
 
 
 def test_a_change_of_hooks_wakes_the_tree_and_a_breakpoint_that_is_reached_is_reported_once():
-    tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Probe/></BehaviorTree></root>",
-                     Registry(SPECS))
-    reached = []
-    hooks = Hooks(tree, reached.append, lambda line: None, lambda event: None)
+    tree, hooks, _ = hooked("<Probe/>")
     tree.wake.test_and_clear()
     hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
     assert tree.wake.test_and_clear()
-    assert [tree.tick_exactly_once() for _ in range(3)] == [RUNNING] * 3 and reached == [1]
+    assert [tree.tick_exactly_once() for _ in range(3)] == [RUNNING] * 3 and hooks.held == [True]
     tree.halt()
-    assert tree.tick_exactly_once() is RUNNING and reached == [1, 1]
+    assert tree.tick_exactly_once() is RUNNING and hooks.held == [True, False, True]
+
+
+def test_a_viewer_that_ends_leaves_no_hook():
+    tree, hooks, lines = hooked("<Sequence><Probe/></Sequence>")
+    hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED"),
+                  Hook(2, AFTER, REPLACE, False, True, "FAILURE")])
+    assert tree.tick_exactly_once() is RUNNING
+    tree.wake.test_and_clear()
+    hooks.nodes.remove_all(": the viewer has ended")
+    assert tree.wake.test_and_clear() and tree.tick_exactly_once() is SUCCESS
+    assert hooks.held == [True, False] and not any(node.hook for node in tree.nodes)
+    assert [line.endswith("is removed: the viewer has ended") for line in lines] == [
+        False, False, True, True]
+
+
+def test_a_change_that_was_made_for_the_tree_before_changes_nothing():
+    tree, hooks, lines = hooked("<Probe/>")
+    following = hooked("<Probe/>")[0]
+    hooks.nodes.show(following)
+    hooks.insert([Hook(1, BEFORE, REPLACE, False, True, "FAILURE")])
+    assert [tree.tick_exactly_once(), following.tick_exactly_once()] == [SUCCESS] * 2
+    assert lines == []
+    hooks.nodes.change(HookChange(SET, Hook(1, BEFORE, REPLACE, False, True, "FAILURE"), 2, 2))
+    assert following.tick_exactly_once() is FAILURE
+
+
+def test_of_changes_the_operator_is_told_twenty_in_a_second(monkeypatch):
+    now = [50.0]
+    monkeypatch.setattr(breakpoints, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
+    tree, hooks, lines = hooked("<Probe/>")
+    for _ in range(25):
+        hooks.insert([Hook(1, BEFORE, REPLACE, False, True, "SKIPPED")])
+    tree.sleep(0.0)  # the tick thread carries it out
+    assert all("is set" in line for line in lines[:20]) and lines[20:] == [
+        "Groot2: more changes of breakpoints and replacements within this second"]
+    now[0] = 51.0
+    hooks.remove_all()
+    tree.sleep(0.0)
+    assert len(lines) == 22 and "is removed" in lines[21]
 
 
 def test_a_node_that_worked_before_it_waited_is_halted():

@@ -11,7 +11,8 @@ from behavior_controller.execution.events import HealthChanged
 from behavior_controller.robot.gateway import Call, Cause, Failure
 from behavior_controller.execution.health import GONE, Health
 from behavior_controller.robot.requests import Answer, Say
-from behavior_controller.viewer.groot2.breakpoints import Hook, Hooks
+from behavior_controller.execution.from_viewer import SET, Hook, HookChange
+from behavior_controller.missions.breakpoints import Breakpoints
 from mission_rig import one_leaf
 
 CHANGE = HealthChanged("service", "/say", "", False, "gone", "")
@@ -92,11 +93,12 @@ def test_another_thread_cannot_cancel_a_timer():
 
 def test_another_thread_may_enqueue_and_wake():
     rig, seen = used(), []
-    hooks = Hooks(rig.tree, seen.append, seen.append, seen.append)
+    hooks = Breakpoints(seen.append, seen.append)
+    hooks.show(rig.tree)
     assert elsewhere(lambda: [
         rig.clock.now(), rig.clock.post(lambda: seen.append("posted")), rig.tree.wake.emit(),
         rig.mission.health.report(GONE, CHANGE), rig.mission.health.hear("/faces", 5.0),
-        hooks.insert([Hook(1, 0, 1, False, True, "FAILURE")]), hooks.all()]) is None
+        hooks.change(HookChange(SET, Hook(1, 0, 1, False, True, "FAILURE"), 1, 1))]) is None
     assert seen == [] and rig.tree.root.hook is None
     rig.tick()
     rig.mission.health.publish(rig.mission.events)

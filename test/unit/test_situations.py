@@ -26,11 +26,13 @@ from behavior_controller.execution.state import (
     UNDER_WAY, Exchange, Robot, State, Step, Stop as Place, Visit)
 from behavior_controller.leaves.recovery import RETURN_LIMIT
 from behavior_controller.monitoring import board as board_module
-from behavior_controller.viewer.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
+from behavior_controller.execution.from_viewer import (
+    BEFORE, BREAKPOINT, SET, Hook, HookChange)
+from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.monitoring.moment import card, next_node, robot_line
 from behavior_controller.monitoring.parts import Card, RobotLine, card_line
-from behavior_controller.monitoring.record.recorder import (
-    Entries, shown as tree_shown, traversed, written)
+from behavior_controller.monitoring.record.feed import Entries, traversed, written
+from behavior_controller.monitoring.record.tree_shown import shown as tree_shown
 from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
@@ -52,7 +54,7 @@ class Situation:
 
     def __init__(self, rig):
         self.rig = rig
-        self.run = Run([Line(rig.clock.now(), tree_shown(rig.tree))])
+        self.run = Run([Line(rig.clock.now(), tree_shown(rig.tree, ()))])
         rig.mission.events.subscribe(self._take)
         self.entries = Entries(rig.tree)
         rig.tree.follow(self._follow)
@@ -171,8 +173,9 @@ def topic_frozen():
 def breakpoint_of_groot2():
     rig = one_leaf("<Sequence><WelcomeSpeech/><SayGoodByeSpeech/></Sequence>")
     played = Situation(rig)
-    hooks = Hooks(rig.tree, lambda uid: None, lambda text: None, rig.mission.events.emit)
-    hooks.insert([Hook(3, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
+    hooks = Breakpoints(rig.mission.events.emit, lambda text: None)
+    hooks.show(rig.tree)
+    hooks.change(HookChange(SET, Hook(3, BEFORE, BREAKPOINT, False, True, "SKIPPED"), 1, 1))
     rig.clock.run_posted()
     rig.tick()
     rig.clock.advance(7.0)
@@ -464,10 +467,10 @@ TYPES = bt.Registry(bt.builtin_specs() + [
 
 
 def rows(body):
-    """Return the nodes of a tree as the record has them."""
-    return tuple(tree_shown(bt.load_text(
+    """Return a tree as the record has it."""
+    return tree_shown(bt.load_text(
         "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>" + body +
-        "</BehaviorTree><BehaviorTree ID='S'><A/></BehaviorTree></root>", TYPES)).nodes)
+        "</BehaviorTree><BehaviorTree ID='S'><A/></BehaviorTree></root>", TYPES), ())
 
 
 def around(kind, body="<A/>"):
@@ -536,21 +539,21 @@ CASES, PAIR = "<A/><B/><C/>", "<Sequence><A/><B/></Sequence>"
 def test_what_follows_a_node_that_succeeds(body, leaf, expected):
     nodes = rows(body)
     uid = next(uid for uid, node in enumerate(nodes, 1) if node.type == leaf)
-    assert next_node(State(nodes=nodes), uid) == expected
+    assert next_node(State(tree=nodes), uid) == expected
 
 
 def test_no_node_follows_one_that_the_tree_lacks():
-    assert [next_node(State(nodes=rows("<A/>")), uid) for uid in (0, 2)] == ["", ""]
+    assert [next_node(State(tree=rows("<A/>")), uid) for uid in (0, 2)] == ["", ""]
 
 
 def test_what_follows_in_loops_within_loops_is_found_quickly():
     deep = 20 * "<Repeat num_cycles='2'><Fallback>" + "<A/>" + 20 * "</Fallback></Repeat>"
-    assert next_node(State(nodes=rows("<Sequence>" + deep + "<B/></Sequence>")), 42) == "A or B"
+    assert next_node(State(tree=rows("<Sequence>" + deep + "<B/></Sequence>")), 42) == "A or B"
 
 
 def test_a_way_to_the_next_leaf_that_is_too_long_is_left_open():
     instant = MOST_STEPS * "<AlwaysSuccess/>"
-    assert next_node(State(nodes=rows("<Sequence><A/>" + instant + "<B/></Sequence>")), 2) == ""
+    assert next_node(State(tree=rows("<Sequence><A/>" + instant + "<B/></Sequence>")), 2) == ""
 
 
 @pytest.mark.parametrize("robot, expected", [
@@ -749,7 +752,7 @@ def test_what_fails_in_a_pause_is_to_be_repaired_unless_more_is_known(awaited, r
     assert card(state).kind == "paused" and card(state).next == "the next visit"
 
 
-DELAY = rows("<Delay delay_msec='4500'><A/></Delay>")[:1]
+DELAY = TreeShown("", rows("<Delay delay_msec='4500'><A/></Delay>").nodes[:1])
 
 
 @pytest.mark.parametrize("state, expected", [
@@ -762,25 +765,25 @@ DELAY = rows("<Delay delay_msec='4500'><A/></Delay>")[:1]
      Card("idle", "between two steps", "visitor 3 · exhibit 2 of 5, arm")),
     (State(exchanges=(ASKED, replace(ASKED, service="/other"))),
      Card("step", "saying “hello”", "", 120.0, waits_for="the answer of /say")),
-    (State(nodes=rows(PAIR), letters="RR-", running={2: 120.0}),
+    (State(tree=rows(PAIR), letters="RR-", running={2: 120.0}),
      Card("busy", "runs A", "", 120.0, next="B", uid=2)),
-    (State(nodes=rows(PAIR), letters="RS-"),
+    (State(tree=rows(PAIR), letters="RS-"),
      Card("busy", "runs Sequence", next="the end of the visit", uid=1)),
-    (State(nodes=rows("<Sleep msec='{ms}'/>"), letters="R", running={1: 120.0}),
+    (State(tree=rows("<Sleep msec='{ms}'/>"), letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, next="the end of the visit", uid=1)),
-    (State(nodes=rows("<Sequence><Sleep msec='{ms}'/><A/></Sequence>"), letters="RR-"),
+    (State(tree=rows("<Sequence><Sleep msec='{ms}'/><A/></Sequence>"), letters="RR-"),
      Card("asleep", "asleep", next="A", uid=2)),
-    (State(nodes=DELAY, letters="R", running={1: 120.0}),
+    (State(tree=DELAY, letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
-    (State(nodes=DELAY, letters="R"),
+    (State(tree=DELAY, letters="R"),
      Card("asleep", "asleep", next="the end of the visit", uid=1)),
-    (State(nodes=rows("<OwnWait for='4500'/>"), letters="R", running={1: 120.0}),
+    (State(tree=rows("<OwnWait for='4500'/>"), letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
-    (State(nodes=rows("<A name='d'/>"), letters="R", running={1: 120.0}),
+    (State(tree=rows("<A name='d'/>"), letters="R", running={1: 120.0}),
      Card("busy", "runs d (A)", "", 120.0, next="the end of the visit", uid=1)),
-    (State(nodes=(TreeNode("d", "Wait", "", 0),), letters="R"),
+    (State(tree=TreeShown("", [TreeNode("d", "Wait", "", 0)]), letters="R"),
      Card("busy", "runs Wait", uid=1)),
-    (State(nodes=rows("<A/>"), held={9: 100.0, 1: 120.0}),
+    (State(tree=rows("<A/>"), held={9: 100.0, 1: 120.0}),
      Card("held", "held by a breakpoint of Groot2 at A", "", 120.0,
           waits_for="its release in Groot2", uid=1)),
     (State(held={1: 120.0}),
@@ -802,7 +805,7 @@ def test_the_card_of_a_model(state, expected):
     (Step("waiting", 100.0, 0.0, 2, True),
      Card("wait", "waiting", "", 100.0, next="B", uid=2))])
 def test_the_card_of_a_step(step, expected):
-    state = State(nodes=rows(PAIR), steps=(step,), exchanges=(ASKED,))
+    state = State(tree=rows(PAIR), steps=(step,), exchanges=(ASKED,))
     assert card(state) == expected
     due = "the end of the safe state"
     assert card(replace(state, due=due)) == replace(expected, next=due)

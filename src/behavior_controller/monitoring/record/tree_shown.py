@@ -15,9 +15,9 @@ from behavior_controller.execution.events import PortText, TreeNode, TreeShown
 from behavior_controller.text import clean
 
 
-def shown(tree: Tree, specs: Sequence[NodeSpec], times: Sequence[str] = (),
+def shown(tree: Tree, specs: Sequence[NodeSpec] = (), times: Sequence[str] = (),
           number: int = 1) -> TreeShown:
-    """Return the event for a tree that is going to run. ``specs`` are all registered node types,
+    """Return the event for a tree that is going to run. ``specs`` are the node types to describe,
     ``times`` the entries whose values are times of the mission's clock, and ``number`` counts the
     trees of the run."""
     types = {node.registration_id for node in tree.nodes}

@@ -24,7 +24,8 @@ from behavior_controller.execution.run import Run
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.missions import load as missions
 from behavior_controller.missions.runner import PACE, Runner, Running
-from behavior_controller.monitoring.record.recorder import Entries, shown, traversed, written
+from behavior_controller.monitoring.record.feed import Entries, traversed, written
+from behavior_controller.monitoring.record.tree_shown import shown
 from behavior_controller.robot.requests import Request
 
 from behavior_controller.simulation.rehearsal import blocked_leaf
