@@ -33,14 +33,15 @@ from behavior_controller.viewer import status_tool
 from behavior_controller.monitoring.view import PARTS
 from behavior_controller.monitoring.moment import robot_line
 from behavior_controller.monitoring.parts import Card, RobotLine, card_line, changes, patched
-from behavior_controller.monitoring.record import moments as moments_module, recorder
+from behavior_controller.monitoring.record import feed, moments as moments_module, recorder
 from behavior_controller.monitoring.record.moments import Moments
 from behavior_controller.monitoring.record.reader import read_record
 from behavior_controller.monitoring.record.timeline import Bar
 from mission_rig import LiveBoard, Rig, board_of, one_leaf, refusal, service_of, visitor_who
 from recorded_tours import recorded_day
 
-RUN = RunStarted("some/where/lab_tour.xml", [], {}, Sources((), Source("", ""), Source("", ""), ""))
+RUN = RunStarted("some/where/lab_tour.xml", [], {}, Sources((), Source("", ""), Source("", ""), ""),
+                 {offer.name: offer.kind for offer in INTERFACE.offers})
 ENDED = "all passes are done; last pass: SUCCESS; attention and lifelike movement are off"
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone",
                           "it cannot drive")
@@ -51,6 +52,7 @@ def let_time_stand(monkeypatch, now):
     monkeypatch.setattr(board_module, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
     for module in (board_module, recorder.events):
         monkeypatch.setattr(module, "unix_now", lambda: 1_000_000.0 + now[0])
+    monkeypatch.setattr(recorder.events, "unix_at", lambda at: 1_000_000.0 + at)
 
 
 def time_of_day(at):
@@ -137,7 +139,7 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
 
 @pytest.mark.parametrize(
     "before, event, changed",
-    [([], RUN, "mission now story"), ([], PassStarted(1, 0.0), "now story timeline"),
+    [([], RUN, "health mission now story"), ([], PassStarted(1, 0.0), "now story timeline"),
      ([PassStarted(1, 0.0)], PassFinished(1, "SUCCESS", 1.0), "now story visits"),
      ([], PassFinished(1, "SUCCESS", 1.0), ""),
      ([], StepStarted(1, "x", "x", "driving", "", 0.0, False), "now timeline"),
@@ -455,18 +457,21 @@ def test_the_newest_sentences_are_kept():
     assert [line["number"] for line in board.part("story")["sentences"]] == list(range(103, 203))
 
 
-def test_calls_and_the_age_of_topics_are_part_of_the_health():
-    rig = Rig()
+def test_calls_and_the_age_of_topics_are_part_of_the_health(monkeypatch):
+    now = [50.0]
+    let_time_stand(monkeypatch, now)
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    rig.mission.health.last_arrivals["/faceDetection/data"] = 47.0
     board = board_of(rig)
-    before = board.versions["health"]
-    rig.mission.health.ended("/textToSpeech/say_text", 0.2516, 60.0, True)
-    rig.mission.health.last_arrivals["/faceDetection/data"] = time.monotonic() - 3.0
-    board.refresh()
-    assert board.versions["health"] > before
+    rig.mission.events.emit(RUN)
+    rig.tick()
+    now[0] = 50.2516
+    rig.gateway.calls[0].finish(refusal(Say("")))
+    rig.tick()
     parts = board.part("health")
     said, seen = parts["/textToSpeech/say_text"], parts["/faceDetection/data"]
     assert (said["calls"], said["failures"], said["seconds"], said["age"]) == (1, 1, 0.252, None)
-    assert 3.0 <= seen["age"] < 5.0
+    assert seen["age"] == 3.3
     goal = parts["/robotNavigation/set_goal"]
     assert (goal["calls"], goal["failures"], goal["seconds"], goal["age"]) == (0, 0, None, None)
 
@@ -506,6 +511,7 @@ def test_the_age_of_a_sign_of_life_is_told_in_tenths_of_a_second(monkeypatch):
     rig = one_leaf("<Sleep msec='9000'/>")
     rig.mission.health.last_arrivals["/faceDetection/data"] = 50.0
     board = board_of(rig)
+    rig.mission.events.emit(RUN)
     found = []
     for now[0] in (50.0, 51.26, 52.9, 53.0):
         found.append(board.part("alive"))
@@ -576,17 +582,18 @@ def test_what_the_robot_says_stays_on_its_line():
         status_tool.lines(msgspec.convert(state, status_tool.ShownState), True))
 
 
-def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_oldest_events(monkeypatch):
-    monkeypatch.setattr(recorder, "MOST_WAITING", 3)
+def test_lines_that_are_missing_are_told(monkeypatch):
+    monkeypatch.setattr(feed, "MOST_WAITING", 3)
     rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
+    board.refresh()
     for number in range(9):
         rig.mission.events.emit(Noticed("info", f"line {number}"))
     board.refresh()
     rig.mission.events.emit(Noticed("info", "the last line"))
     told = [line["text"] for line in board.part("story")["sentences"]]
-    assert told == ["line 0", "line 1", "7 events are missing", "the last line"]
-    assert board.state.lost == 7
+    assert told == ["line 0", "line 1", "line 2", "6 events are missing", "the last line"]
+    assert board.state.lost == 6
 
 
 def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():
@@ -689,6 +696,7 @@ def test_a_time_of_the_mission_s_clock_is_shown_as_the_time_of_day(monkeypatch):
     ("questionAskedAt", "soon", True, "soon"), ("questionAskedAt", "1e300", True, "1e300")])
 def test_which_entries_are_shown_as_a_time_of_day(name, text, has_visit, expected):
     shown = view.View()
+    shown.take(1_000_100.0, TreeShown("", [], times=["questionAskedAt", "attentionSetAt"]))
     if has_visit:
         shown.take(1_000_110.0, PassStarted(1, 10.0))
     shown.take(1_000_110.0, EntriesWritten([(name, text)]))

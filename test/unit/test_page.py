@@ -36,7 +36,7 @@ from behavior_controller.monitoring.story import condition, counted, how_it_ende
 from behavior_controller.viewer.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
 from free_ports import free_port
-from mission_rig import LiveBoard, Rig, one_leaf, refusal, visitor_who
+from mission_rig import Rig, board_of, one_leaf, refusal, visitor_who
 from test_story import RUNS, Teller, rig_of
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
@@ -53,10 +53,7 @@ class Show:
     def __init__(self, rig, address="127.0.0.1"):
         self.rig, self.warnings = rig, []
         self.port = free_port()
-        self.page = Page(address, self.port,
-                         LiveBoard(rig),
-                         self.warnings.append)
-        self.page.board.show(rig.tree)
+        self.page = Page(address, self.port, board_of(rig), self.warnings.append)
         self.url = "http://127.0.0.1:{}/".format(self.port)
 
     def fetch(self, path="", method="GET", host=None):
@@ -184,7 +181,8 @@ def test_the_page_counts_the_time_of_a_step_by_itself(show, browser):
     shown.rig.tick()
     wait_until(lambda: re.match("[0-9]+ s of at most 60 s$", text(browser, "#elapsed")))
     first = int(text(browser, "#elapsed").split()[0])
-    wait_until(lambda: int(text(browser, "#elapsed").split()[0]) >= first + 2)
+    wait_until(lambda: shown.rig.clock.advance(0.05) or  # else the tick thread hangs
+               int(text(browser, "#elapsed").split()[0]) >= first + 2)
     assert browser.execute_script("return byId('limit').max") == 60
     shown_as, value = browser.execute_script(
         "return [byId('elapsed').textContent, byId('limit').value]")
@@ -869,10 +867,12 @@ def is_stale(browser):
 SERVED = """
 import sys, threading, time
 from mission_rig import one_leaf
+from test_board import RUN
 from test_page import Show
 from behavior_controller.robot.d543 import FACES
 rig = one_leaf("<Sleep msec='900000'/>")
 shown = Show(rig)
+rig.mission.events.emit(RUN)
 print(shown.port, flush=True)
 while True:
     rig.tick()
@@ -926,10 +926,8 @@ def test_the_end_of_the_mission_is_told_and_the_next_one_is_shown(show, browser)
     wait_until(lambda: browser.execute_script("return !hasConnection"))
     assert doubt(browser) == "The mission has ended: all passes are done; last pass: SUCCESS."
     rig = one_leaf("<Sequence><Sleep msec='9000'/><WelcomeSpeech/></Sequence>")
-    following = Page("127.0.0.1", shown.port,
-                     LiveBoard(rig), pytest.fail)
+    following = Page("127.0.0.1", shown.port, board_of(rig), pytest.fail)
     try:
-        following.show(rig.tree)
         wait_until(
             lambda: browser.execute_script("return items.length") == 3 and "ended" not in doubt(
                 browser), 15.0)
@@ -1292,9 +1290,8 @@ def test_a_port_that_is_taken_is_one_line(show):
     shown = show(Rig())
     warnings = []
     page = Page("127.0.0.1", shown.port,
-                LiveBoard(shown.rig),
+                board_of(shown.rig),
                 warnings.append)
-    page.show(shown.rig.tree)
     assert not page.is_served
     page.close()
     assert warnings == [

@@ -537,9 +537,9 @@ CASES, PAIR = "<A/><B/><C/>", "<Sequence><A/><B/></Sequence>"
     ("<Sequence><A/><Precondition if='x'><B/></Precondition></Sequence>", "A", ""),
     ("<Sequence><D/>{}</Sequence>".format(around(SWITCH, CASES)), "D", "")])
 def test_what_follows_a_node_that_succeeds(body, leaf, expected):
-    nodes = rows(body)
-    uid = next(uid for uid, node in enumerate(nodes, 1) if node.type == leaf)
-    assert next_node(State(tree=nodes), uid) == expected
+    tree = rows(body)
+    uid = next(uid for uid, node in enumerate(tree.nodes, 1) if node.type == leaf)
+    assert next_node(State(tree=tree), uid) == expected
 
 
 def test_no_node_follows_one_that_the_tree_lacks():

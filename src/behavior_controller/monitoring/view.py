@@ -154,15 +154,15 @@ class View(story.Story):
 
 
 PARTS: Dict[str, Tuple[str, ...]] = {
-    "mission": ("started", "nodes"),
+    "mission": ("started", "tree"),
     "statuses": ("letters", "recoveries"),
     "now": ("starting", "started", "finished", "held", "suspended", "due", "steps", "exchanges",
-            "robot", "visits", "safe_state", "nodes", "failures"),
+            "robot", "visits", "safe_state", "tree", "failures"),
     "story": ("visits",),
     "visits": ("outcomes", "incomplete", "finished"),
     "timeline": ("steps", "visit_count"),
-    "blackboard": ("entries",),
-    "health": ("robot",),
+    "blackboard": ("entries", "tree"),
+    "health": ("started", "robot"),
     "alive": ()}
 """All parts of the board in the order in which they are sent, and the fields of the model that each
 shows."""
