@@ -72,7 +72,7 @@ def building_of(known: knowledge_files.Knowledge) -> Building:
     return Building(known.tour, known.tour[-1], known.tour[0])
 
 
-class _Place(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+class _Place(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A place as the file has it, with the fields of an Exhibit; home needs no descriptions and no
     gesture."""
 
@@ -83,7 +83,7 @@ class _Place(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     gesture: Point = Point(0.0, 0.0, 0.0)
 
 
-class _Places(msgspec.Struct, forbid_unknown_fields=True):
+class _Places(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     exhibits: Tuple[_Place, ...]
     entrance: _Place
     home: _Place
