@@ -231,6 +231,15 @@ def test_a_reference_to_what_is_gone_is_stale(reference, stale):
     assert is_stale(reference, PRODUCT + ".missions.trial") == stale
 
 
+def test_one_module_reads_what_a_person_configures_line_by_line():
+    readers = {}
+    for name in OURS:
+        if name.startswith(PRODUCT + ".config."):
+            with open(os.path.join(ROOT, MODULES[name]), encoding="utf-8") as file:
+                readers[name] = re.findall(r"read_text\(|split\(\"\\n\"|splitlines\(", file.read())
+    assert {name for name, calls in readers.items() if calls} == {PRODUCT + ".config.config_file"}
+
+
 def test_no_two_public_classes_have_one_name():
     """The judge's reference has the same notions as the program, written down independently."""
     owners = {}
