@@ -13,7 +13,7 @@ from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, QueryKnowledge,
     Say, SetAttention)
 from behavior_controller.monitoring.record import recorder as record_module
-from mission_rig import FileRecord, ENTRANCE, HOME, Rig, service_of, written
+from mission_rig import ENTRANCE, HOME, FileRecord, Rig, service_of, written
 
 NAMES = ("Robot arm", "Sea chest", "Loom", "Weather balloon", "Printing press")
 EXHIBITS = tuple(

@@ -15,10 +15,11 @@ from behavior_controller.robot.gateway import Cause, Failure, FakeGateway, FakeT
 from behavior_controller.robot.d543 import INTERFACE, SPEECH
 from behavior_controller.robot.requests import Answer, Exhibit, Location, Point, Say
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record import recorder as module
-from behavior_controller.monitoring.record.recorder import (
-    Entries, Feed, Record, entry_text, shown)
-from mission_rig import Rig, one_leaf
+from behavior_controller.monitoring.record import feed as feed_module, recorder as module
+from behavior_controller.monitoring.record.feed import Entries, Feed, entry_text
+from behavior_controller.monitoring.record.recorder import LineQueue, Record, RecordFiles
+from behavior_controller.monitoring.record.tree_shown import shown
+from mission_rig import FileRecord, Rig, one_leaf, written
 
 
 def lines(record):
@@ -26,13 +27,13 @@ def lines(record):
     record.close()
     with open(record.path, encoding="utf-8") as file:
         header, *found = [json.loads(line) for line in file]
-    assert (header["format"], header["version"], header["pid"]) == ("behaviorController record", 10,
+    assert (header["format"], header["version"], header["pid"]) == ("behaviorController record", 11,
                                                                     os.getpid())
     return [line["event"] for line in found]
 
 
 def test_events_are_written_as_they_happen(tmp_path):
-    record = Record(str(tmp_path / "new folder"), complain=None).open()
+    record = FileRecord(str(tmp_path / "new folder")).open()
     record(
         RunStarted(
             "/m.xml", [("a", "Navigate")], {"asrEnabled": True},
@@ -57,7 +58,7 @@ def test_events_are_written_as_they_happen(tmp_path):
 def test_a_folder_that_cannot_be_written_is_one_complaint(tmp_path):
     (tmp_path / "file").write_text("")
     complaints = []
-    record = Record(str(tmp_path / "file"), complaints.append).open()
+    record = FileRecord(str(tmp_path / "file"), complaints.append).open()
     record(PassFinished(1, "SUCCESS", 1.0))
     record.close()
     assert not (record.is_kept or record.path)
@@ -73,24 +74,27 @@ def test_a_record_waits_no_longer_for_the_disk_than_until_it_is_open_or_has_fail
     if not is_writable:
         (tmp_path / "place").write_text("")
     began = time.monotonic()
-    record = Record(str(tmp_path / "place"), lambda complaint: None).open()
+    record = FileRecord(str(tmp_path / "place"), lambda complaint: None).open()
     assert time.monotonic() - began < 5.0 and bool(record.path) is is_writable
     record.close()
     record(PassFinished(1, "SUCCESS", 1.0))
     assert list(record.lines()) == [] and not record.is_kept  # nothing is kept for it
 
 
-def test_until_it_is_opened_the_disk_is_as_it_was(tmp_path):
-    record = Record(str(tmp_path), complain=None)
+def test_what_happened_before_it_was_opened_is_handed_over_too():
+    queue = LineQueue()
+    record = Record(queue)
     record(PassFinished(1, "SUCCESS", 1.0))
-    record.close()
-    assert os.listdir(tmp_path) == []
+    assert list(queue.take()) == []
+    record.open().close()
+    assert [line.event for line in queue.take()] == [PassFinished(1, "SUCCESS", 1.0)]
 
 
 def test_what_happened_is_in_the_file_before_the_node_ends(tmp_path):
-    record = Record(str(tmp_path), complain=None).open()
+    record = FileRecord(str(tmp_path)).open()
     # a disk may hang
-    assert [thread.daemon for thread in threading.enumerate() if thread.name == "record"] == [True]
+    assert [thread.daemon for thread in threading.enumerate() if
+            thread.name.startswith("record")] == [True, True]
     record(PassFinished(1, "SUCCESS", 1.0))
     ends = time.monotonic() + 10.0
     while not os.path.exists(record.path) or os.path.getsize(record.path) < 160:
@@ -103,11 +107,12 @@ def test_what_happened_is_in_the_file_before_the_node_ends(tmp_path):
     record.close()
 
 
-def test_what_does_not_fit_into_the_queue_is_counted_where_it_is_missing(tmp_path, monkeypatch):
+def test_what_does_not_fit_into_the_queue_of_a_disk_is_counted_where_it_is_missing(
+        tmp_path, monkeypatch):
     monkeypatch.setattr(module, "REST", 60.0)  # until it is closed, as if the disk were that slow
     monkeypatch.setattr(module, "MOST_WAITING", 10)
     complaints = []
-    record = Record(str(tmp_path), complaints.append).open()
+    record = FileRecord(str(tmp_path), complaints.append).open()
     for number in range(12):
         record(PassFinished(number, "SUCCESS", 1.0))
     found = [line.get("number", line["_type"]) for line in lines(record)]
@@ -116,8 +121,44 @@ def test_what_does_not_fit_into_the_queue_is_counted_where_it_is_missing(tmp_pat
                           "mission goes on"]
 
 
+class HungDisk:
+    """A disk whose first write does not return."""
+
+    def __init__(self, monkeypatch):
+        self.is_met, self._returns = threading.Event(), threading.Event()
+        monkeypatch.setattr(module.files.os, "pwrite", self._hang)
+
+    def _hang(self, file, data, place):
+        self.is_met.set()
+        self._returns.wait(60.0)
+        return len(data)
+
+    def return_at_last(self):
+        self._returns.set()
+
+
+def test_a_disk_that_hangs_keeps_no_other_output_and_not_the_end_of_the_run(tmp_path, monkeypatch):
+    disk, queue = HungDisk(monkeypatch), LineQueue()
+    record = FileRecord(str(tmp_path)).open()
+    assert disk.is_met.wait(10.0)
+    record.add(queue)
+    found, began = [], time.monotonic()
+    for number in range(3):  # also after it has hung for a while
+        record(PassFinished(number, "SUCCESS", 1.0))
+        while len(found) <= number:
+            assert time.monotonic() - began < 10.0
+            found += [line.event.number for line in queue.take()]
+    record(PassFinished(3, "SUCCESS", 1.0))
+    began = time.monotonic()
+    record.close()
+    assert time.monotonic() - began < 2 * module.CLOSING + 0.5 and record.is_kept
+    assert found + [line.event.number for line in queue.take()] == [0, 1, 2, 3]
+    disk.return_at_last()
+    written(record)
+
+
 def test_a_feed_says_where_events_are_missing(monkeypatch):
-    monkeypatch.setattr(module, "MOST_WAITING", 10)
+    monkeypatch.setattr(feed_module, "MOST_WAITING", 10)
     feed, found = Feed(), []
     for number in range(20):
         if number == 12:  # some of them are taken
@@ -134,7 +175,7 @@ def test_a_feed_says_where_events_are_missing(monkeypatch):
 
 
 def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):
-    record = Record(str(tmp_path), complain=None).open()
+    record = FileRecord(str(tmp_path)).open()
     answers = {}
     robot = FakeGateway(lambda: None, answers.get)
     gateway = ObservedGateway(robot, INTERFACE, record)
@@ -149,7 +190,7 @@ def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):
 
 
 def test_a_recorded_robot_drops_calls_and_wakes_as_it_does(tmp_path):
-    record, woken = Record(str(tmp_path), complain=None).open(), []
+    record, woken = FileRecord(str(tmp_path)).open(), []
     robot, topics = FakeGateway(), FakeTopics(lambda: 7.0, lambda: woken.append(True))
     ObservedGateway(robot, INTERFACE, record).start(Say("now")).drop()
     assert robot.dropped == [Say("now")]
@@ -172,7 +213,7 @@ def test_entries_are_recorded_when_they_were_written_and_when_they_have_gone(tmp
               "msec='9000'/></Sequence></BehaviorTree><BehaviorTree ID='Inner'><Script code='b := "
               "4'/></BehaviorTree></root>")
     board = rig.tree.blackboard
-    record = Record(str(tmp_path), complain=None).open()
+    record = FileRecord(str(tmp_path)).open()
     record.show(rig.tree)
 
     def tick(**entries):
@@ -187,9 +228,9 @@ def test_entries_are_recorded_when_they_were_written_and_when_they_have_gone(tmp
     tick(a=1)
     tick(a=None)
     tick(c=[Location(1.0, 2.0, 3.0)] * 99)
-    written = [dict(line["entries"]) for line in lines(record) if line["_type"] == "EntriesWritten"]
-    assert written[:-1] == [{"a": "1", "inner/b": "4"}, {"a": "1"}, {"a": "1"}, {"a": None}]
-    assert list(written[-1]) == ["c"] and 100 < len(written[-1]["c"]) <= 120
+    texts = [dict(line["entries"]) for line in lines(record) if line["_type"] == "EntriesWritten"]
+    assert texts[:-1] == [{"a": "1", "inner/b": "4"}, {"a": "1"}, {"a": "1"}, {"a": None}]
+    assert list(texts[-1]) == ["c"] and 100 < len(texts[-1]["c"]) <= 120
 
 
 def test_what_was_written_to_entries_is_known_once():
@@ -207,9 +248,9 @@ def test_what_was_written_to_entries_is_known_once():
 
 def test_a_place_that_cannot_be_and_odd_texts_stop_nothing(tmp_path):
     complaints = []
-    Record(str(tmp_path / "a\0b"), complaints.append).open().close()
+    FileRecord(str(tmp_path / "a\0b"), complaints.append).open().close()
     assert len(complaints) == 1 and "the mission goes on" in complaints[0]
-    record = Record(str(tmp_path / "odd"), complain=None).open()
+    record = FileRecord(str(tmp_path / "odd")).open()
     record(Noticed("error", "\ud800 \x1b \U0001f916"))
     assert lines(record)[0]["text"] == "\ud800 \x1b \U0001f916"
 
@@ -226,7 +267,7 @@ class Unprintable:
 def test_a_line_that_cannot_be_written_is_missing_and_the_rest_is_there(tmp_path, monkeypatch,
                                                                        odd):
     monkeypatch.setattr(module, "LONGEST_LINE", 1000)
-    record = Record(str(tmp_path), complain=None).open()
+    record = FileRecord(str(tmp_path)).open()
     record(Noticed("info", "one"))
     record(odd)
     record(Noticed("info", "two"))
@@ -250,13 +291,13 @@ def test_of_a_node_are_kept_its_pause_and_what_follows_it():
               "<Sleep msec='1500'/><Sleep msec='{pause}'/><Delay delay_msec='250'>"
               "<AlwaysSuccess _skipIf='false'/></Delay></Sequence></BehaviorTree></root>")
     assert [(node.type, node.parent, node.pause, node.next)
-            for node in shown(rig.tree).nodes] == [
+            for node in shown(rig.tree, []).nodes] == [
         ("Sequence", 0, 0.0, (0,)), ("Sleep", 1, 1.5, (3,)), ("Sleep", 1, -1.0, ()),
         ("Delay", 1, 0.25, (0,)), ("AlwaysSuccess", 4, 0.0, (0,))]
 
 
 def test_that_a_topic_is_still_heard_is_recorded_if_it_is(tmp_path):
-    record = Record(str(tmp_path), complain=None).open()
+    record = FileRecord(str(tmp_path)).open()
     hears = types.SimpleNamespace(is_hearing=lambda topic: answers.pop())
     answers, topics = [False, True, False], record.topics(hears)
     assert [topics.is_hearing(SPEECH) for _ in range(3)] == [False, True, False]
@@ -265,7 +306,7 @@ def test_that_a_topic_is_still_heard_is_recorded_if_it_is(tmp_path):
 
 
 def test_each_message_is_recorded_once_at_the_reading_that_saw_it_first(tmp_path):
-    record, rig = Record(str(tmp_path), complain=None).open(), one_leaf("<AlwaysSuccess/>")
+    record, rig = FileRecord(str(tmp_path)).open(), one_leaf("<AlwaysSuccess/>")
     robot = FakeTopics(lambda: 7.0, lambda: None)
     topics = record.topics(robot)
     record.show(rig.tree)
@@ -282,16 +323,18 @@ def test_each_message_is_recorded_once_at_the_reading_that_saw_it_first(tmp_path
 
 
 def test_of_a_tree_that_is_shown_are_recorded_its_nodes_its_traversals_and_what_it_reads(tmp_path):
-    record, rig = Record(str(tmp_path), complain=None).open(), one_leaf("<AlwaysSuccess/>")
+    record, rig = FileRecord(str(tmp_path)).open(), one_leaf("<AlwaysSuccess/>")
     robot = FakeTopics(lambda: 7.0, lambda: None)
     topics = record.topics(robot)
     robot.publish(SPEECH, "a")
     for tree in (one_leaf("<AlwaysFailure/>").tree, rig.tree):  # the next mission reads it anew
         record.show(tree)
         topics.recent(SPEECH)
-    rig.tree.halt()  # between two traversals
     rig.tick()
+    rig.tree.halt()  # between two traversals
     found = lines(record)
     assert [line["_type"] for line in found] == [
-        "TreeShown", "Message", "TreeShown", "Message", "Tick"]
-    assert found[-1]["changes"] == [[1, "S"]] and found[-1]["at"] == rig.clock.now()
+        "TreeShown", "SignOfLife", "Message", "TreeShown", "Message", "Tick", "Tick"]
+    assert [(tick["first"], tick["changes"], tick["at"]) for tick in found[-2:]] == [
+        (True, [[1, "S"]], rig.clock.now()), (None, [[1, "-"]], rig.clock.now())]
+    assert [found[place]["number"] for place in (0, 3)] == [1, 2]

@@ -2,6 +2,7 @@
 import contextlib
 import errno
 import fcntl
+import itertools
 import json
 import os
 import shutil
@@ -15,16 +16,19 @@ import pytest
 
 from behavior_controller.errors import MissionError
 from behavior_controller.execution.events import (
-    EntriesWritten, HealthChanged, Lost, Message, Noticed, PassFinished, PassStarted, TreeShown)
+    EntriesWritten, HealthChanged, Lost, Message, Noticed, PassFinished, PassStarted, Tick,
+    TreeNode, TreeShown)
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record import files, recorder as module
+from behavior_controller.monitoring.record.codec import Decoder
 from behavior_controller.monitoring.record.files import make_room, new_folder, runs
 from behavior_controller.missions.replay import replay
 from behavior_controller.monitoring.record.command import main
+from behavior_controller.monitoring.record.outset import Outset
 from behavior_controller.monitoring.record.reader import read_record
 from mission_rig import FileRecord, recorded, visitor_who
 
-HEADER = '{"format": "behaviorController record", "version": 10, "pid": 7, "time": 1.5}\n'
+HEADER = '{"format": "behaviorController record", "version": 11, "pid": 7, "time": 1.5}\n'
 EARLIER = "20260101-0000{:02}_1"
 
 
@@ -80,8 +84,8 @@ def test_a_record_that_a_process_writes_stays_however_old_it_is(tmp_path):
 
 def test_the_record_of_a_living_node_is_locked_and_that_of_a_killed_one_is_not(tmp_path):
     code = ("import sys, time\n"
-            "from behavior_controller.monitoring.record.recorder import Record\n"
-            "record = FileRecord(sys.argv[1], print).open()\n"
+            "from behavior_controller.monitoring.record.recorder import RecordFiles\n"
+            "record = RecordFiles(sys.argv[1], print)\n"
             "print(record.path, flush=True)\n"
             "time.sleep(60)")
     node = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE,
@@ -192,15 +196,15 @@ def test_a_file_ends_between_two_visits_if_possible(tmp_path, small):
             text = file.read()
         repeated = text[:text.index('"PassStarted"')]
         assert '"TreeShown"' in repeated and '"RunStarted"' in repeated
-        assert '"Tick"' not in repeated
+        assert '"first":' not in repeated.replace('"first":null', "")
         assert len(text) < 200_000 + len(repeated)
 
 
 def test_the_oldest_visits_go_first_and_the_rest_is_replayed_and_shown(tmp_path, small, capsys):
     expected = whole(tmp_path, 8)
-    path = small(tmp_path, 8, 150_000, 500_000)
+    path = small(tmp_path, 8, 150_000, 800_000)
     parts = files.parts(path)
-    assert sum(map(os.path.getsize, parts)) < 500_000
+    assert sum(map(os.path.getsize, parts)) < 800_000
     found = events_of(path)
     first = next(event.number for event in found if isinstance(event, PassStarted))
     assert 2 < first < 8
@@ -240,22 +244,34 @@ def test_of_one_visit_that_is_larger_than_all_files_the_end_is_kept(tmp_path, sm
 
 
 def test_what_a_further_file_repeats_is_what_still_holds(tmp_path):
-    outset = module.Outset()
+    outset, times = Outset(), itertools.count(1.0)
     gone = HealthChanged("service", "/a", "", False, "gone", "", "gone")
     tree, nodes = TreeShown("M", []), TreeShown("N", [])
     for event in (tree, gone, nodes, Message("/t", 3, 1, 1.0), Message("/t", 2, 2, 2.0),
                   HealthChanged("service", "/b", "", False, "gone", "", "gone"),
-                  EntriesWritten([("a", "1"), ("b", "2")]), EntriesWritten([("a", None)]),
+                  EntriesWritten([("a", "1"), ("b", "2")], {"a": 1, "b": 2}), EntriesWritten([("a", None)]),
                   PassStarted(7, 1.0), PassFinished(7, "SUCCESS", 1.0),
                   HealthChanged("service", "/b", "", True, "back", "", "gone")):
-        outset.take(event)
-    head, *lines = map(json.loads, outset.head(12, 5.0).splitlines())
+        outset.take(next(times), event)
+    head, *lines = map(json.loads, outset.head(12, 50.0).splitlines())
     assert (head["lines"], head["visits"], head["repeated"]) == (12, 7, 4)
     assert [(line["time"], line["event"]["_type"]) for line in lines] == [
-        (5.0, "TreeShown"), (5.0, "HealthChanged"), (5.0, "Message"), (5.0, "EntriesWritten")]
+        (3.0, "TreeShown"), (2.0, "HealthChanged"), (5.0, "Message"), (50.0, "EntriesWritten")]
     assert lines[0]["event"]["id"] == "N" and lines[1]["event"]["name"] == "/a"
     assert (lines[2]["event"]["read"], lines[2]["event"]["value"]) == (1, 2)
-    assert lines[3]["event"]["entries"] == [["b", "2"]]
+    assert (lines[3]["event"]["entries"], lines[3]["event"]["values"]) == ([["b", "2"]], {"b": 2})
+
+
+def test_a_further_file_in_the_middle_of_a_pass_has_the_statuses_of_its_nodes():
+    outset = Outset()
+    tree = TreeShown("M", [TreeNode("M", "Sequence", "M", 0)] + [
+        TreeNode(f"n{uid}", "Sleep", "n", 1) for uid in range(2, 6)])
+    for event in (tree, Tick(1.0, True, [(5, "F")]), PassStarted(1, 2.0),
+                  Tick(2.0, True, [(1, "R"), (2, "R"), (3, "R")]),
+                  Tick(3.0, True, [(2, "S"), (4, "F")]), Tick(3.0, None, [(3, "-"), (4, "-")])):
+        outset.take(7.0, event)
+    run = Run(Decoder("-").read_all(outset.head(12, 50.0)))
+    assert (run.state.letters, run.state.running, run.results) == ("RS-f-", {1: 50.0}, [])
 
 
 def test_a_file_of_a_user_beside_a_record_is_no_part_of_it(tmp_path):
@@ -360,13 +376,13 @@ def test_what_does_not_fit_meanwhile_is_stated_in_the_record(disk, monkeypatch):
     monkeypatch.setattr(module, "MOST_WAITING", 50)
     told = Told()
     fill(disk)
-    record = FileRecord(str(disk), told).open()  # a disk that is full at the start too
+    record = module.RecordFiles(str(disk), told)  # a disk that is full at the start too
     for number in range(200):
-        record(Noticed("info", str(number)))
+        record.put(module.encoded(1.0, Noticed("info", str(number))))
     told.wait(1)
     os.remove(disk / "filler")
     told.wait(2)
-    record(Noticed("info", "after"))
+    record.put(module.encoded(1.0, Noticed("info", "after")))
     told.wait(3)
     record.close()
     with open(record.path) as file:
@@ -435,7 +451,7 @@ def test_a_record_that_is_removed_while_it_is_written_goes_on(tmp_path, monkeypa
     for event in expected[:visits[1] + 100]:
         record(event)
     ends = time.monotonic() + 10.0
-    while record._files.lines < visits[1] + 100:
+    while record.files._files.lines < visits[1] + 100:
         assert time.monotonic() < ends
         time.sleep(0.01)
     remove = shutil.rmtree if is_folder else lambda folder: [

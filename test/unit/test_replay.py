@@ -21,14 +21,15 @@ from behavior_controller.text import Source
 from behavior_controller.missions.replay import RecordedTopics, Replayed, replay
 from behavior_controller.monitoring.record.command import main
 from behavior_controller.monitoring.record.reader import find_record, read_record
-from mission_rig import FileRecord, ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
+from mission_rig import (
+    ASKS_WITHOUT_START_OF_TREE, FileRecord, Rig, recorded, service_of, visitor_who)
 from recorded_tours import recorded_day
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
 
 
-HEADER = '{"format": "behaviorController record", "version": 10, "pid": 7, "time": 1.5}\n'
+HEADER = '{"format": "behaviorController record", "version": 11, "pid": 7, "time": 1.5}\n'
 # the clock was set back
 OLD, RUN_9, RUN_10 = "20991231-000000_7", "000009_20260102-000000_7", "000010_20200101-000000_8"
 
@@ -69,7 +70,8 @@ def test_a_recorded_run_takes_the_same_path(tmp_path, kind, visitor, by_voice, f
     outcome = replay(read_record(path))
     assert (outcome.divergence, outcome.passes) == ("", 2)
     changes = sum(
-        len(event.changes) for event in events_of(read_record(path)) if isinstance(event, Tick))
+        len(event.changes) for event in events_of(read_record(path))
+        if isinstance(event, Tick) and event.first is not None)
     assert outcome.changes == changes > 50
 
 
@@ -323,7 +325,8 @@ def changed(lines, kind, change, number):
     """Return the lines after a change of the ``number``-th of one kind; a change that returns None
     drops the line."""
     places = [place for place, event in enumerate(events_of(lines))
-              if isinstance(event, kind) and getattr(event, "changes", [1])]
+              if isinstance(event, kind) and getattr(event, "changes", [1]) and
+              getattr(event, "first", True) is not None]
     place = places[number]
     new = change(lines[place].event)
     return lines[:place] + ([replace(lines[place], event=new)] if new else []) + lines[place + 1:]
@@ -349,7 +352,8 @@ def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, numb
 
 def test_a_divergence_has_its_time_since_the_mission_began(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    ticks = [event for event in events_of(lines) if isinstance(event, Tick)]
+    ticks = [event for event in events_of(lines)
+             if isinstance(event, Tick) and event.first is not None]
     last = [event for event in ticks if event.changes][-1]
     seconds = last.at - ticks[0].at
     divergence = replay(changed(lines, Tick, lambda event: replace(event, changes=[(1, "F")]),
@@ -441,7 +445,7 @@ VERSION_3 = ('{"event": "Header", "time": 1.5, "format": "behaviorController rec
      NO_LINE + "Object missing required field `text` - at `$.event`"),
     (NOTICED[len(HEADER):], "1:1: this is no record: it does not begin with the header of one "
                             "(name the mission.jsonl of a run)"),
-    (VERSION_3, "1:1: the record has the version 3; this release reads version 10 (replay it with "
+    (VERSION_3, "1:1: the record has the version 3; this release reads version 11 (replay it with "
                 "the release that wrote it)"),
     (HEADER.replace("behaviorController ", "other "), "1:1: this is no record: ")])
 def test_what_is_no_record_is_named(tmp_path, text, expected):

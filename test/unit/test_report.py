@@ -8,12 +8,12 @@ import re
 import time
 
 import pytest
-from msgspec.structs import astuple
+from msgspec import to_builtins
 
 from behavior_controller.bt.mission import load_text
 from behavior_controller.errors import MissionError
 from behavior_controller.execution.events import (
-    LeafFinished, Retried, RunStarted, Sources, StepStarted, TreeNode)
+    LeafFinished, Retried, RunStarted, Sources, StepStarted, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.leaves import registry
 from behavior_controller.execution.state import BROKEN_OFF, LEFT, Reason
@@ -21,9 +21,9 @@ from behavior_controller.monitoring.story import Story, cause, how_it_ended, why
 from behavior_controller.text import Source
 from behavior_controller.monitoring.record import timeline
 from behavior_controller.monitoring.record.codec import header
-from behavior_controller.monitoring.record.recorder import shown
 from behavior_controller.monitoring.record.command import main
 from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.monitoring.record.tree_shown import shown
 from behavior_controller.monitoring.record.html_report import DEEPEST, Drawn, to_html
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.moment import card, robot_line
@@ -110,14 +110,11 @@ def events_of(path):
     return [line.event for line in read_record(path)]
 
 
-def lines_of(*more, nodes=(["A::1", "A", "A", 0],), mission="/m/first.xml", text="-"):
-    """Return a record written by hand, which begins at 100 s."""
-    keys = ("path", "type", "name", "parent")
+def lines_of(*more, nodes=(["A::1", "A", "A", 0],), mission="/m/first.xml", text="-", tree=None):
+    """Return a record written by hand, which begins at 100 s, of these nodes or that tree."""
+    tree = tree or TreeShown("M", [TreeNode(*node, label=node[2]) for node in nodes])
     source = [mission, text]
-    return [{
-        "event": "TreeShown", "time": 100.0, "id": "M",
-        "nodes": [dict(zip(keys, node)) for node in nodes]
-    }, {
+    return [{"event": "TreeShown", "time": 100.0, **to_builtins(tree)}, {
         "event": "RunStarted", "time": 100.0, "mission": mission, "leaves": [],
         "settings": {"missionRuns": 1}, "sources": {
             "documents": [source], "phrases": source, "policy": source, "interface": "R",
@@ -502,7 +499,7 @@ def test_each_node_has_the_count_of_its_results():
     nodes = (["S", "Sequence", "the tour", 0], ["A::2", "A", "A", 1], ["B::3", "B", "B", 1])
     page = Page(page_of(lines_of(*[tick([1, "R"], [2, letter]) for letter in "SFSSR"],
                                  nodes=nodes)))
-    assert page.of("row") == ["the tour(Sequence) #1halted", "A#2✔ 3✘ 1", "B#3never"]
+    assert page.of("row") == ["the tourhalted", "A✔ 3✘ 1", "Bnever"]
 
 
 @pytest.mark.parametrize("parents, expected", [
@@ -521,15 +518,21 @@ def test_nodes_stand_in_lists_below_their_parents(parents, expected):
     assert depths == expected
 
 
+def loaded(body):
+    """Return the text of a mission with this body, and its tree as it is recorded."""
+    text = f"<root BTCPP_format='4'><BehaviorTree ID='M'>\n{body}\n</BehaviorTree></root>\n"
+    return text, shown(load_text(text, registry(), "/m/first.xml"), registry().all())
+
+
 @pytest.mark.parametrize("node, letters, is_bare, has_run", [
-    (["S", "Sequence", "Sequence", 1], [], True, False),
-    (["S", "Sequence", "tour", 1], [], False, False),
-    (["S", "Sequence", "Sequence", 1], "S", True, True),
-    (["S", "Sequence", "Sequence", 1], "R", True, True),
-    (["S", "WelcomeSpeech", "WelcomeSpeech", 1], "F", False, True)])
+    ("<Sequence><WelcomeSpeech/></Sequence>", [], True, False),
+    ("<Sequence name='tour'><WelcomeSpeech/></Sequence>", [], False, False),
+    ("<Sequence><WelcomeSpeech/></Sequence>", "S", True, True),
+    ("<Sequence><WelcomeSpeech/></Sequence>", "R", True, True),
+    ("<WelcomeSpeech/>", "F", False, True)])
 def test_which_nodes_only_group_others_and_which_have_run(node, letters, is_bare, has_run):
-    nodes = [["S", "Sequence", "Sequence", 0], node]
-    text = page_of(lines_of(*[tick([2, letter]) for letter in letters], nodes=nodes))
+    tree = loaded(f"<Sequence>{node}</Sequence>")[1]
+    text = page_of(lines_of(*[tick([2, letter]) for letter in letters], tree=tree))
     classes = [re.search('<li id="n{}"([^>]*)'.format(uid), text)[1] for uid in (1, 2)]
     assert "bare" not in classes[0]
     assert (("bare" in classes[1]), ("never" in Page(text).of("row")[1])) == (is_bare, not has_run)
@@ -554,15 +557,11 @@ def test_a_node_without_events_has_its_results_from_its_changes_of_status():
 
 
 def test_a_node_has_its_place_its_ports_and_what_it_is_for():
-    body = ("<Sequence name='tour'>\n<Parallel success_count='2'><Sleep "
-            "msec='7'/>\n<Sleep\nmsec='8' name='a'/></Parallel></Sequence>")
-    text = "<root BTCPP_format='4'><BehaviorTree ID='M'>\n{}\n</BehaviorTree></root>\n".format(body)
-    tree = load_text(text, registry())
-    page = Page(
-        page_of(
-            lines_of(tick([1, "R"], [4, "S"], [1, "-"]),
-                     finished(108.0, path=tree.nodes[3].full_path, uid=4),
-                     nodes=[astuple(node) for node in shown(tree).nodes], text=text)))
+    text, tree = loaded("<Sequence name='tour'>\n<Parallel success_count='2'><Sleep "
+                        "msec='7'/>\n<Sleep\nmsec='8' name='a'/></Parallel></Sequence>")
+    page = Page(page_of(lines_of(tick([1, "R"], [4, "S"], [1, "-"]),
+                                 finished(108.0, path=tree.nodes[3].path, uid=4),
+                                 tree=tree, text=text)))
     assert page.of("row") == [
         "tour(Sequence) #1haltedfirst.xml:2", "Parallel#2neverfirst.xml:3",
         "Sleep#3neverfirst.xml:3", "a(Sleep) #4✔ 1first.xml:4"
@@ -596,10 +595,10 @@ def test_the_source_is_that_of_the_record(day, told):
     assert "".join(told.of("code")).rstrip("\n") == started.sources.documents[-1].text.rstrip("\n")
 
 
-def test_a_mission_that_cannot_be_built_any_more_has_no_lines_but_the_reason():
-    text = page_of(lines_of(tick([1, "S"])))
-    assert ("No lines and ports of the nodes are known: this release cannot read the "
-            "mission (" in text)
+@pytest.mark.parametrize("place", ["", "/m/first.xml", "/m/first.xml:x:1", "/m/other.xml:1:1"])
+def test_a_node_that_has_no_place_in_the_files_of_the_record_has_no_link(place):
+    tree = TreeShown("M", [TreeNode("A::1", "A", "A", 0, place=place)])
+    text = page_of(lines_of(tick([1, "S"]), tree=tree))
     assert 'href="#f0' not in text and '<code id="f0-1">' in text
 
 
@@ -950,7 +949,7 @@ def until(is_so):
 def test_a_mission_may_be_one_leaf_and_results_of_nodes_that_are_not_there_are_left_out(
         uid, finished):
     sources = Sources((), Source("", ""), Source("", ""), "")
-    run = Drawn(1.0, RunStarted("m.xml", [], {}, sources), [TreeNode("Say", "Say", "Say", 0)])
+    run = Drawn(1.0, RunStarted("m.xml", [], {}, sources), TreeShown("M", [TreeNode("Say", "Say", "Say", 0)]))
     run.take(2.0, LeafFinished(uid, "Say", "Say", "SUCCESS", "", 1.0, None))
     run.take(2.0, Retried("Say", "Gone", 1, Failure(Cause.REFUSED, "", "")))
     assert run.finished == finished

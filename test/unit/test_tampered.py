@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from behavior_controller.execution.events import (
-    EVENTS, BreakpointChanged, FeedbackReceived, HealthChanged, Line, Noticed, Paused, Retried,
-    RunFinished, StillHearing, StopChanged, Suspended)
+    EVENTS, BreakpointChanged, FeedbackReceived, HealthChanged, HookEnded, Line, Noticed, Paused,
+    Retried, RunFinished, Starting, StillHearing, StopChanged, Suspended)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.monitoring.record import command
 from mission_rig import recorded, visitor_who
@@ -59,6 +59,8 @@ def record(tmp_path_factory):
         StillHearing("/speechEvent/text"),
         StopChanged(1, "x", "x", 1, 2, "x", "begun"),
         Suspended("-"),
+        Starting("-"),
+        HookEnded(1, 1, 1),
         FeedbackReceived(1, "-")
     ]
     at = lines[began]["time"]

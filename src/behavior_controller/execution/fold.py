@@ -571,7 +571,7 @@ def _ticked(state: State, event: Tick) -> State:
         letters[uid - 1] = before.lower() if letter == "-" else letter
         if letter == "R":
             running[uid] = state.at
-        elif letter != "-" or uid in running:  # otherwise it ended earlier and is reset now
+        elif uid in running or event.first is not None and letter != "-":  # else it ended earlier
             mine = results.get(uid, ()) if letter == "F" else ()
             results[uid] = mine[1:]
             began, failure = running.pop(uid, state.at), mine[0] if mine else None

@@ -15,7 +15,7 @@ from behavior_controller.folders import ros_home
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.execution.events import HealthChanged, Noticed
 from behavior_controller.monitoring.record import files
-from behavior_controller.monitoring.record.recorder import Record
+from behavior_controller.monitoring.record.recorder import Record, RecordFiles
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.simulation import configuration
 from behavior_controller.simulation.behaviour import NODES, nodes
@@ -269,7 +269,8 @@ def test_a_record_in_several_files_is_read_while_it_is_written(tmp_path, monkeyp
     monkeypatch.setattr(files, "FILE_BYTES", 2000)
     tail, found = RecordTail(str(tmp_path)), []
     assert list(tail.news()) == []
-    record = Record(str(tmp_path), pytest.fail).open()
+    written = RecordFiles(str(tmp_path), pytest.fail)
+    record = Record(written).open()
     record(HealthChanged("service", "/a", "", False, "gone", "", "gone"))
     for number in range(100):
         record(Noticed("info", str(number)))
@@ -282,4 +283,4 @@ def test_a_record_in_several_files_is_read_while_it_is_written(tmp_path, monkeyp
     record.close()
     found += [line.event for line in tail.news()]
     assert [event.text for event in found[1:]] == list(map(str, range(100)))
-    assert len(files.parts(record.path)) > 3
+    assert len(files.parts(written.path)) > 3

@@ -199,7 +199,8 @@ class RunFiles:
             _lock(file)
         self._file, self._head, self.is_lost = file, head, False
         self._sizes[number], self.size = 0, len(self._pending)
-        while len(self._sizes) > 1 and sum(self._sizes.values()) + FILE_BYTES > RUN_BYTES:
+        most = len(head) + FILE_BYTES
+        while len(self._sizes) > 1 and sum(self._sizes.values()) + most > RUN_BYTES:
             self._drop_oldest()
 
     def _drop_oldest(self) -> None:

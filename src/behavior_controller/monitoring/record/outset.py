@@ -26,7 +26,8 @@ class Outset:
         self._visits = 0
         self._lasting: Dict[Any, List[events.Line]] = {}  # an ``Asked`` with its answer
         self._written = events.EntriesWritten([])  # what the entries of the blackboard are
-        self._letters: Dict[int, events.Letter] = {}  # of the nodes that were ticked in this pass
+        # of the nodes that were ticked in this pass: of one that ended and was reset two
+        self._letters: Dict[int, List[events.Letter]] = {}
 
     def take(self, time: float, event: events.Event) -> None:
         """Note the next event."""
@@ -44,7 +45,7 @@ class Outset:
         elif isinstance(event, events.EntriesWritten):
             self._note_entries(event)
         elif isinstance(event, events.Tick):
-            self._letters.update(event.changes)
+            self._note_letters(event)
         elif isinstance(event, events.Answered):
             for about in reversed(list(self._lasting.values())):
                 asked = about[0].event
@@ -63,6 +64,14 @@ class Outset:
         self._written = events.EntriesWritten(
             [entry for entry in texts.items() if entry[1] is not None], {**values, **news.values})
 
+    def _note_letters(self, tick: events.Tick) -> None:
+        for uid, letter in tick.changes:
+            before = self._letters.pop(uid, [])[:1]
+            if letter != "-":
+                self._letters[uid] = [letter]
+            elif before and before != ["R"]:
+                self._letters[uid] = before + [letter]
+
     def head(self, lines: int, at: float) -> bytes:
         """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
         the files before it."""
@@ -70,7 +79,8 @@ class Outset:
         if self._written.entries:
             known.append(events.Line(at, self._written))
         if self._letters:  # None: a replay does not have to take the same way to them
-            known.append(events.Line(at, events.Tick(0.0, None, list(self._letters.items()))))
+            known.append(events.Line(at, events.Tick(0.0, None, [
+                (uid, letter) for uid, letters in self._letters.items() for letter in letters])))
         texts = [encode(line.time, replace(line.event, read=1)
                         if isinstance(line.event, events.Message) else line.event)
                  for line in known]

@@ -109,7 +109,6 @@ class Record(Feed, Topics):
 
     def finish(self) -> None:
         """Hand over the waiting lines; none follows. Takes ``CLOSING`` seconds at most."""
-        self.note_loss()
         self._is_over.set()
         if self._thread.is_alive():
             self._thread.join(CLOSING)
@@ -141,6 +140,8 @@ class Record(Feed, Topics):
         is_last = False
         while not is_last:
             is_last = self._is_over.wait(REST)
+            if is_last:
+                self.note_loss()
             self.hand_over()
 
     # --------------------------------------------------------------------------------- what happens
@@ -152,11 +153,11 @@ class Record(Feed, Topics):
         """
         self._seen.clear()
         self._trees += 1
-        if self._trees == 1:
-            self._give_sign_of_life(tree.clock, heard)
         tree.follow(lambda is_first, changes: self._reads.clear())
         self.follow(tree)
         self.put(shown, tree, leaves.registry().all(), TIMES, self._trees)
+        if self._trees == 1:
+            self._give_sign_of_life(tree.clock, heard)
 
     def _give_sign_of_life(self, clock: Clock, heard: Mapping[str, float]) -> None:
         self.put(lambda heard: events.SignOfLife(
@@ -309,8 +310,8 @@ class RecordFiles:
         """Add a line, to a further file if the newest one is full: between two passes if possible.
         """
         event = line.event
-        if isinstance(event, events.Lost):
-            event = replace(event, reason=event.reason or self._trouble or TOO_SLOW)
+        if isinstance(event, events.Lost) and not event.reason:
+            event = replace(event, reason=self._trouble or TOO_SLOW)
             line = encoded(line.time, event)
             self._complain(f"the record {self.path} lacks {event.lines} lines: {event.reason}; "
                            "the mission goes on")

@@ -19,7 +19,7 @@ from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.values.status import IDLE, RUNNING
 from behavior_controller.config.settings import Settings
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import Event, Events, Line, PassFinished
+from behavior_controller.execution.events import Event, Events, Line, PassFinished, TreeShown
 from behavior_controller.execution.run import Run
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.missions import load as missions
@@ -120,6 +120,7 @@ class LoadedMission:
         """The mission, with a tree that is not played."""
         self._registry = leaves.registry()
         self._checked = check(self._documents, self._registry)
+        self._shown = shown(self.mission.tree, self._registry.all())
         self.world = world or read_world("", settings)
 
     def world_of(self, test: Configuration) -> World:
@@ -135,7 +136,7 @@ class LoadedMission:
         mission = dataclasses.replace(self.mission, tree=tree)
         robot = VirtualRobot(mission, self.world_of(test), test, shortest_gap)
         met = Situations(tree, robot, not test.planned_faults).met if has_situations else {}
-        play = VirtualRunner(robot)
+        play = VirtualRunner(robot, self._shown)
         for topic in rehearsed_topics(self.settings.interface):
             if topic.name not in silent:
                 robot.publish(topic)
@@ -150,7 +151,7 @@ class VirtualRunner(Runner):
     """A play in progress: it advances the clock to the next event instead of waiting for it, and
     records what happens."""
 
-    def __init__(self, robot: VirtualRobot):
+    def __init__(self, robot: VirtualRobot, shown_tree: TreeShown):
         self._robot, self._busy = robot, 0
         self._deadline = START + robot.test.test_timeout
         self._history: List[Tuple[float, Event]] = []
@@ -162,7 +163,7 @@ class VirtualRunner(Runner):
         events = Events()
         events.subscribe(self._note)
         robot.note = self._note
-        self._note(shown(mission.tree))
+        self._note(shown_tree)
         mission.tree.follow(self._follow)
         context = mission.context(robot, robot.topics, events, robot.health)
         super().__init__(Running(mission.tree, context, mission.file, robot.test.mission_runs),
