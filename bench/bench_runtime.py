@@ -232,7 +232,7 @@ def hung_ticks(seconds):
     from behavior_controller.config import settings
     from behavior_controller.missions import load
     from behavior_controller.bt.loader.document import parse
-    from behavior_controller.execution.events import Events
+    from behavior_controller.run.events import Events
     from behavior_controller.robot.gateway import FakeTopics
     from behavior_controller.robot.d543 import INTERFACE
     from behavior_controller.robot.requests import Location

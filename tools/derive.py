@@ -69,12 +69,12 @@ COMMANDS = {
         "py_trees.programs.render", "main", True),
     "src/behavior_controller/replayMission": (
         "Run a recorded mission again, or write a report of it.",
-        "behavior_controller.monitoring.record.command"),
+        "behavior_controller.replay_cli"),
     "src/behavior_controller/validateMission": (
         "Check robot missions without running them.", "behavior_controller.cli", "validate"),
     "src/behavior_controller/rehearseMission": (
         "Play a mission in virtual time, with each visitor and each fault.",
-        "behavior_controller.simulation.cli", "main", True),
+        "behavior_controller.simulation.rehearsal.cli", "main", True),
     "unit_tests/nodes/runTest": ("Test a mission with the simulated robot; the last line is the "
                                  "verdict.", "unit_tests.run.run_test")}
 """Path -> what the command does, and the arguments of ``command.run``."""

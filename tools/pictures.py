@@ -27,10 +27,10 @@ MADE_FROM = os.path.join(PICTURES, "made_from.json")
 
 MISSION = "data/lab_tour.xml"
 ANIMATED = "tour.webp"
-PAGE = (MISSION, "src/behavior_controller/monitoring/page_files/*")
-REPORT = PAGE + ("src/behavior_controller/monitoring/record/html_report.py",
-                 "src/behavior_controller/monitoring/report_frame.py",
-                 "src/behavior_controller/monitoring/report_files/*")
+PAGE = (MISSION, "src/behavior_controller/viewer/page_files/*")
+REPORT = PAGE + ("src/behavior_controller/viewer/report.py",
+                 "src/behavior_controller/viewer/report_frame.py",
+                 "src/behavior_controller/viewer/report_files/*")
 SOURCES: Dict[str, Tuple[str, ...]] = {
     ANIMATED: PAGE, "page_1280.webp": PAGE, "page_800.webp": PAGE, "page_400.webp": PAGE,
     "report.webp": REPORT, "lab_tour.svg": (MISSION,), "lab_tour_unfolded.svg": (MISSION,)}

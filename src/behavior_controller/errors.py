@@ -33,7 +33,7 @@ class Fault(NamedTuple):
     """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not
     known.
 
-    ``code`` names the kind of a mistake in a mission (``linter.rules``). ``end_line`` and
+    ``code`` names the kind of a mistake in a mission (``loader.rules``). ``end_line`` and
     ``end_column`` are the position after its last character.
     """
 

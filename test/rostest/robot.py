@@ -13,8 +13,8 @@ import time
 
 import rosgraph
 
-from behavior_controller.execution.events import RunStarted, Sources
-from behavior_controller.monitoring.story import Story
+from behavior_controller.run.events import RunStarted, Sources
+from behavior_controller.run.story import Story
 from behavior_controller.text import Source
 from behavior_controller.simulation.world import building_file
 

@@ -15,7 +15,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from behavior_controller.folders import RECORDS  # noqa: E402
-from behavior_controller.execution.events import SafePart, SafeStateReported  # noqa: E402
+from behavior_controller.run.events import SafePart, SafeStateReported  # noqa: E402
 from robot import Controller, Package, Robot, forget_dead_entries, sentence  # noqa: E402
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"

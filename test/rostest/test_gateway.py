@@ -20,7 +20,7 @@ from robot import Robot, forget_dead_entries, places  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
-from behavior_controller.execution.safe_state import SafeState  # noqa: E402
+from behavior_controller.run.safe_state import SafeState  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.robot.declarations import Success  # noqa: E402
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402

@@ -13,9 +13,9 @@ import unittest
 
 import rostest
 
-from behavior_controller.execution.events import SafeStateReported
-from behavior_controller.monitoring.record import files
-from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.run.events import SafeStateReported
+from behavior_controller.run.record import files
+from behavior_controller.run.record.reader import read_record
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402

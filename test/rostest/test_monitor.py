@@ -14,7 +14,7 @@ import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from behavior_controller.execution.events import Recovered  # noqa: E402
+from behavior_controller.run.events import Recovered  # noqa: E402
 from behavior_controller.robot.gateway import Cause, Failure  # noqa: E402
 from faulty_master import FaultyMaster  # noqa: E402
 from robot import (

@@ -17,7 +17,7 @@ import xmlrpc.client
 import rosgraph
 import rostest
 
-from behavior_controller.monitoring.record.files import runs
+from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Controller, Package, Robot, forget_dead_entries, mission_starts  # noqa: E402

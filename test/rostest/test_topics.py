@@ -22,8 +22,8 @@ from commanded_robot import garbled  # noqa: E402
 from robot import Robot, forget_dead_entries, registrations  # noqa: E402
 
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
-from behavior_controller.execution.events import Events  # noqa: E402
-from behavior_controller.execution.health import Health  # noqa: E402
+from behavior_controller.run.events import Events  # noqa: E402
+from behavior_controller.run.health import Health  # noqa: E402
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH  # noqa: E402
 from behavior_controller.robot.requests import AttentionStatus, Faces  # noqa: E402
 from behavior_controller.ros.master import Directory  # noqa: E402

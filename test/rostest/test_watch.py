@@ -16,7 +16,7 @@ import urllib.request
 import rostest
 import zmq
 
-from behavior_controller.monitoring.record.files import runs
+from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402

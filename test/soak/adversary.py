@@ -17,10 +17,10 @@ from functools import partial
 
 import rosgraph
 
-from behavior_controller.execution.events import Asked
+from behavior_controller.run.events import Asked
 from behavior_controller.folders import RECORDS
-from behavior_controller.monitoring.record.files import MOST_RUNS, is_written, runs
-from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.run.record.files import MOST_RUNS, is_written, runs
+from behavior_controller.run.record.reader import read_record
 from behavior_controller.robot.requests import GoTo
 
 import drawn_trials

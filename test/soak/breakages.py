@@ -27,13 +27,13 @@ from behavior_controller.config import phrases
 from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.settings import Settings
 from behavior_controller.config.recovery_policy import GIVE_UP, SKIP, Policy
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, PassFinished, PassStarted,
     Recovered, Recovering, Retried, RunFinished, RunStarted, SafeStateReported, StepStarted,
     StopChanged, Suspended, Tick, TreeShown)
-from behavior_controller.execution.health import Health
-from behavior_controller.execution.observed_gateway import ObservedGateway
-from behavior_controller.execution.safe_state import SafeState
+from behavior_controller.run.health import Health
+from behavior_controller.run.observed_gateway import ObservedGateway
+from behavior_controller.run.safe_state import SafeState
 from behavior_controller.leaves import recovery as recovery_leaf
 from behavior_controller.leaves import release_1_0
 from behavior_controller.leaves.base import (

@@ -38,7 +38,7 @@ sys.path[:0] = [
 from breakages import ON_PURPOSE, Breakage, Catalogue, Needs, breakages  # noqa: E402
 from behavior_controller import exit_codes  # noqa: E402
 from behavior_controller.config import recovery_policy, settings  # noqa: E402
-from behavior_controller.execution.events import (  # noqa: E402
+from behavior_controller.run.events import (  # noqa: E402
     EntriesWritten, LeafFinished, Message, Noticed, Recovered, Recovering, Retried, StepStarted,
     Tick)
 from behavior_controller.robot.gateway import Cause  # noqa: E402

@@ -5,12 +5,13 @@ import random
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.execution import events
+from behavior_controller.run import events
 from behavior_controller.missions import runner
+from behavior_controller.missions.load import describe
 from behavior_controller.missions.trial import Trial
-from behavior_controller.monitoring.record.codec import Decoder
-from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.record.recorder import LineQueue, Record, RecordFiles
+from behavior_controller.run.record.codec import Decoder
+from behavior_controller.viewer.board import Board
+from behavior_controller.run.record.recorder import LineQueue, Record, RecordFiles
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
@@ -176,7 +177,7 @@ class LiveBoard(Board):
 
     def __init__(self, rig):
         queue = LineQueue()
-        self.record = Record(queue)
+        self.record = Record(queue, describe=describe)
 
         def lines():
             self.record.hand_over()
@@ -201,7 +202,7 @@ class FileRecord(Record):
     """A record that is written below ``folder`` after ``open``."""
 
     def __init__(self, folder, complain=pytest.fail):
-        super().__init__()
+        super().__init__(describe=describe)
         self._make_files = lambda: RecordFiles(folder, complain)
         self.files = None
 

@@ -5,14 +5,14 @@ import random
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.execution.events import HealthChanged, PassFinished
+from behavior_controller.run.events import HealthChanged, PassFinished
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import GONE
+from behavior_controller.run.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, QueryKnowledge,
     Say, SetAttention)
-from behavior_controller.monitoring.record import recorder as record_module
+from behavior_controller.run.record import recorder as record_module
 from mission_rig import ENTRANCE, HOME, FileRecord, Rig, service_of, written
 
 NAMES = ("Robot arm", "Sea chest", "Loom", "Weather balloon", "Printing press")

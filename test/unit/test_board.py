@@ -14,29 +14,31 @@ import pytest
 from py_trees.common import Status
 
 from behavior_controller.cli import create_tree
-from behavior_controller.execution import run as run_module
-from behavior_controller.execution.events import (
+from behavior_controller.run import history as run_module
+from behavior_controller.run.events import (
     EntriesWritten, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovering,
     RunFinished, RunStarted, Sources, StepStarted, Suspended, LeafSummary, Tick, TreeNode,
     TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import GONE
-from behavior_controller.execution.state import State
+from behavior_controller.run.health import GONE
+from behavior_controller.run.state import State
 from behavior_controller.robot.d543 import INTERFACE
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
-from behavior_controller.monitoring.story import Story, cause, how_it_ended
+from behavior_controller.run.story import Story, cause, how_it_ended
 from behavior_controller.text import Source
-from behavior_controller.monitoring import board as board_module
-from behavior_controller.monitoring import view
+from behavior_controller.viewer import board as board_module
+from behavior_controller.viewer import view
 from behavior_controller.viewer import status_tool
-from behavior_controller.monitoring.view import PARTS
-from behavior_controller.monitoring.moment import robot_line
-from behavior_controller.monitoring.parts import Card, RobotLine, card_line, changes, patched
-from behavior_controller.monitoring.record import feed, moments as moments_module, recorder
-from behavior_controller.monitoring.record.moments import Moments
-from behavior_controller.monitoring.record.reader import read_record
-from behavior_controller.monitoring.record.timeline import Bar
+from behavior_controller.viewer.view import PARTS
+from behavior_controller.run.moment import robot_line
+from behavior_controller.run.moment import Card, RobotLine, card_line
+from behavior_controller.viewer.parts import changes, patched
+from behavior_controller.run.record import feed, recorder
+from behavior_controller.viewer import report_moments as moments_module
+from behavior_controller.viewer.report_moments import Moments
+from behavior_controller.run.record.reader import read_record
+from behavior_controller.viewer.timeline import Bar
 from mission_rig import LiveBoard, Rig, board_of, one_leaf, refusal, service_of, visitor_who
 from recorded_tours import recorded_day
 

@@ -8,10 +8,10 @@ import time
 import pytest
 
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.execution import events
-from behavior_controller.execution.events import (
+from behavior_controller.run import events
+from behavior_controller.run.events import (
     Answered, Asked, HealthChanged, Noticed, PassStarted, StepStarted)
-from behavior_controller.execution.health import GONE
+from behavior_controller.run.health import GONE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as console_module

@@ -4,7 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.errors import MissionError
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     EVENTS, Answered, Asked, Happening, LeafFinished, Line, Message, Noticed, OfNode, PassFinished,
     RunStarted, Sources, StepStarted, Tick, StopChanged, LeafSummary, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
@@ -13,7 +13,7 @@ from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, Prompt,
     QueryKnowledge, Request, Say, SetAnimation, SetAttention)
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record.codec import encode, header
+from behavior_controller.run.record.codec import encode, header
 from mission_rig import decode
 
 REQUESTS = [

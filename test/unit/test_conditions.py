@@ -3,7 +3,7 @@ itself."""
 import pytest
 
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.execution.events import LeafFinished, Noticed, StepStarted, LeafSummary
+from behavior_controller.run.events import LeafFinished, Noticed, StepStarted, LeafSummary
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH
 from behavior_controller.robot.requests import Answer, AttentionStatus, Faces

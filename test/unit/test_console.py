@@ -5,13 +5,13 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     HealthChanged, LeafFinished, LeafSummary, Noticed, PassFinished, PassStarted, Paused, Recovered,
     Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources, StopChanged)
-from behavior_controller.execution.events import Line
-from behavior_controller.execution.health import GONE
-from behavior_controller.execution.run import Run
-from behavior_controller.monitoring.moment import robot_line
+from behavior_controller.run.events import Line
+from behavior_controller.run.health import GONE
+from behavior_controller.run.history import Run
+from behavior_controller.run.moment import robot_line
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros import console as module
 from behavior_controller.ros.tcpros import Trouble

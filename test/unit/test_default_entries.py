@@ -14,7 +14,7 @@ from behavior_controller.bt.values.values import PortType, ValueFault
 from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.values.status import SUCCESS
 from behavior_controller.errors import MissionError
-from behavior_controller.viewer.groot2.publisher import full_tree
+from behavior_controller.run.record.tree_shown import full_tree
 
 
 class Spot(NamedTuple):

@@ -2,13 +2,13 @@
 import pytest
 from msgspec.structs import replace
 
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     BEGUN, OMITTED, SKIPPED, HealthChanged, LeafFinished, PassStarted, Paused, Recovered,
     Recovering, Retried, RunFinished, RunStarted, Sources, StepStarted, StopChanged)
-from behavior_controller.execution.fold import fold
-from behavior_controller.execution.health import FAILING, GONE, SILENT, SLOW
-from behavior_controller.execution.state import State
-from behavior_controller.monitoring.diagnostics import ERROR, OK, WARN, statuses
+from behavior_controller.run.fold import fold
+from behavior_controller.run.health import FAILING, GONE, SILENT, SLOW
+from behavior_controller.run.state import State
+from behavior_controller.run.diagnostics import ERROR, OK, WARN, statuses
 from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Say

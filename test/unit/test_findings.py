@@ -8,10 +8,10 @@ from msgspec.structs import replace
 
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import settings
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Answered, Asked, LeafFinished, LeafSummary, Noticed, PassFinished, PassStarted, Recovered,
     StepStarted, Tick)
-from behavior_controller.monitoring.record.tree_shown import shown
+from behavior_controller.run.record.tree_shown import shown
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation,

@@ -2,7 +2,7 @@
 """
 import pytest
 
-from behavior_controller.simulation import cli
+from behavior_controller.simulation.rehearsal import cli
 
 
 def safe(node):

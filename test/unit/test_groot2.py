@@ -30,11 +30,11 @@ from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
 from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.missions.breakpoints import Breakpoints
-from behavior_controller.monitoring.record.codec import Decoder, encode, header
-from behavior_controller.monitoring.record.feed import Feed
-from behavior_controller.monitoring.record.tree_shown import shown
-from behavior_controller.viewer.groot2 import publisher as groot2, tcp_proxy
-from behavior_controller.viewer.groot2.publisher import Groot2Publisher
+from behavior_controller.run.record.codec import Decoder, encode, header
+from behavior_controller.run.record.feed import Feed
+from behavior_controller.run.record.tree_shown import shown
+from behavior_controller.viewer import groot2, tcp_proxy
+from behavior_controller.viewer.groot2 import Groot2Publisher
 from free_ports import free_port
 from mission_rig import Rig, visitor_who
 

@@ -1,8 +1,8 @@
 """What is known of the robot's nodes: each change is handed on once, by the tick thread."""
 from msgspec.structs import replace
 
-from behavior_controller.execution.events import Events, HealthChanged
-from behavior_controller.execution.health import (
+from behavior_controller.run.events import Events, HealthChanged
+from behavior_controller.run.health import (
     CallCount, GONE, Health, SLOW, available_again, gone)
 
 DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer",

@@ -11,13 +11,13 @@ from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import TickError
 from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SKIPPED, SUCCESS
-from behavior_controller.execution.events import BreakpointChanged
-from behavior_controller.execution.from_viewer import (
+from behavior_controller.run.events import BreakpointChanged
+from behavior_controller.run.from_viewer import (
     AFTER, BEFORE, BREAKPOINT, REPLACE, SET, Hook, HookChange, HookPlace, Unlocking)
 from behavior_controller.missions import breakpoints
 from behavior_controller.missions.breakpoints import Breakpoints
-from behavior_controller.monitoring.record.tree_shown import shown
-from behavior_controller.viewer.groot2.hook_list import HookList
+from behavior_controller.run.record.tree_shown import shown
+from behavior_controller.viewer.hook_list import HookList
 
 
 class Probe(ActionLeaf):

@@ -107,10 +107,10 @@ def test_the_commands_are_there(installed, tmp_path):
 
 def test_the_installed_missions_configuration_and_pages_are_found(installed, tmp_path):
     code = (
-        "import os; from behavior_controller import cli, monitoring; from behavior_controller "
+        "import os; from behavior_controller import cli, viewer; from behavior_controller "
         "import folders; print(folders.share());"
         "print(len(list(cli.create_tree('lab_tour').iterate())));"
-        "print(sorted(os.listdir(os.path.join(os.path.dirname(monitoring.__file__), "
+        "print(sorted(os.listdir(os.path.join(os.path.dirname(viewer.__file__), "
         "'page_files'))));"
         "print(os.path.isfile(folders.config('recoveryPolicy.ini')))")
     share, nodes, pages, policy = use(installed, tmp_path, "-c", code).splitlines()

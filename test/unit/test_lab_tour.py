@@ -7,7 +7,7 @@ gives its nodes.
 import pytest
 
 from behavior_controller.bt.values.status import SUCCESS
-from behavior_controller.execution.events import LeafFinished, PassFinished, Recovered
+from behavior_controller.run.events import LeafFinished, PassFinished, Recovered
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.d543 import ATTENTION, FACES
 from behavior_controller.robot.requests import (

@@ -14,7 +14,7 @@ from behavior_controller.bt.engine.ports import literal_fault
 from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
-from behavior_controller.execution.events import LeafFinished, StepStarted, LeafSummary, StopChanged
+from behavior_controller.run.events import LeafFinished, StepStarted, LeafSummary, StopChanged
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.d543 import FACES
 from behavior_controller.robot.declarations import Evidence, Sense

@@ -8,9 +8,9 @@ from behavior_controller import cli, folders, leaves
 from behavior_controller.config import recovery_policy, settings
 from behavior_controller.bt.script import parser
 from behavior_controller.errors import ConfigurationError, MissionError
-from behavior_controller.execution.events import Events, HealthChanged
-from behavior_controller.execution.health import Health
-from behavior_controller.monitoring.record.reader import find_record, read_record
+from behavior_controller.run.events import Events, HealthChanged
+from behavior_controller.run.health import Health
+from behavior_controller.run.record.reader import find_record, read_record
 from mission_rig import one_leaf
 
 GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"

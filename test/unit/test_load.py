@@ -14,9 +14,9 @@ from behavior_controller.bt.loader import checks
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
-from behavior_controller.execution.events import Events
+from behavior_controller.run.events import Events
 from behavior_controller.robot.gateway import FakeGateway, FakeTopics
-from behavior_controller.execution.health import Health
+from behavior_controller.run.health import Health
 from behavior_controller.robot.declarations import Interface, Sense, Topic
 from behavior_controller.robot.d543 import INTERFACE
 from behavior_controller.robot.requests import Request

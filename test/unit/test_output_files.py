@@ -8,11 +8,11 @@ import pytest
 
 from behavior_controller import cli
 from behavior_controller.errors import FaultsFound
-from behavior_controller.monitoring.record import command
+from behavior_controller import replay_cli as command
 from behavior_controller.output_files import OutputKind
 from mission_rig import recorded, visitor_who
 from unit_tests import folders
-from behavior_controller.simulation import cli as rehearsal
+from behavior_controller.simulation.rehearsal import cli as rehearsal
 from unit_tests.robot import options
 
 KIND = OutputKind("a list of ours", "# ours\n")

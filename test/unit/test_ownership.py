@@ -7,11 +7,11 @@ from msgspec.structs import replace
 
 from behavior_controller import thread_check
 from behavior_controller.thread_check import WrongThread
-from behavior_controller.execution.events import HealthChanged
+from behavior_controller.run.events import HealthChanged
 from behavior_controller.robot.gateway import Call, Cause, Failure
-from behavior_controller.execution.health import GONE, Health
+from behavior_controller.run.health import GONE, Health
 from behavior_controller.robot.requests import Answer, Say
-from behavior_controller.execution.from_viewer import SET, Hook, HookChange
+from behavior_controller.run.from_viewer import SET, Hook, HookChange
 from behavior_controller.missions.breakpoints import Breakpoints
 from mission_rig import one_leaf
 

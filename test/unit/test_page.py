@@ -19,20 +19,20 @@ from msgspec.structs import replace
 from tornado.iostream import IOStream
 from tornado.netutil import bind_sockets
 
-from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
+from behavior_controller.run.events import (HealthChanged, LeafFinished, Noticed,
                                                   PassFinished, PassStarted, Recovering,
                                                   RunFinished, StepStarted)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import GONE
+from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
-from behavior_controller.execution.state import LEFT_OUT, rank
-from behavior_controller.monitoring import board as board_module
-from behavior_controller.monitoring.record import recorder
+from behavior_controller.run.state import LEFT_OUT, rank
+from behavior_controller.viewer import board as board_module
+from behavior_controller.run.record import recorder
 from behavior_controller.viewer import server
 from behavior_controller.viewer import web_page as page_module
-from behavior_controller.monitoring.view import PARTS, SENTENCES
-from behavior_controller.monitoring.story import condition, counted, how_it_ended, why
+from behavior_controller.viewer.view import PARTS, SENTENCES
+from behavior_controller.run.story import condition, counted, how_it_ended, why
 from behavior_controller.viewer.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
 from free_ports import free_port

@@ -8,17 +8,17 @@ import types
 
 import pytest
 
-from behavior_controller.execution.observed_gateway import ObservedGateway
-from behavior_controller.execution.events import (
+from behavior_controller.run.observed_gateway import ObservedGateway
+from behavior_controller.run.events import (
     LeafFinished, Lost, Message, Noticed, PassFinished, RunStarted, Sources)
 from behavior_controller.robot.gateway import Cause, Failure, FakeGateway, FakeTopics, Sample
 from behavior_controller.robot.d543 import INTERFACE, SPEECH
 from behavior_controller.robot.requests import Answer, Exhibit, Location, Point, Say
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record import feed as feed_module, recorder as module
-from behavior_controller.monitoring.record.feed import Entries, Feed, entry_text
-from behavior_controller.monitoring.record.recorder import LineQueue, Record, RecordFiles
-from behavior_controller.monitoring.record.tree_shown import shown
+from behavior_controller.run.record import feed as feed_module, recorder as module
+from behavior_controller.run.record.feed import Entries, Feed, entry_text
+from behavior_controller.run.record.recorder import LineQueue, Record, RecordFiles
+from behavior_controller.run.record.tree_shown import shown
 from mission_rig import FileRecord, Rig, one_leaf, written
 
 

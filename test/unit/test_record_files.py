@@ -15,17 +15,17 @@ import time
 import pytest
 
 from behavior_controller.errors import MissionError
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     EntriesWritten, HealthChanged, Lost, Message, Noticed, PassFinished, PassStarted, Tick,
     TreeNode, TreeShown)
-from behavior_controller.execution.run import Run
-from behavior_controller.monitoring.record import files, recorder as module
-from behavior_controller.monitoring.record.codec import Decoder
-from behavior_controller.monitoring.record.files import make_room, new_folder, runs
+from behavior_controller.run.history import Run
+from behavior_controller.run.record import files, recorder as module
+from behavior_controller.run.record.codec import Decoder
+from behavior_controller.run.record.files import make_room, new_folder, runs
 from behavior_controller.missions.replay import replay
-from behavior_controller.monitoring.record.command import main
-from behavior_controller.monitoring.record.outset import Outset
-from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.replay_cli import main
+from behavior_controller.run.record.outset import Outset
+from behavior_controller.run.record.reader import read_record
 from mission_rig import FileRecord, recorded, visitor_who
 
 HEADER = '{"format": "behaviorController record", "version": 11, "pid": 7, "time": 1.5}\n'
@@ -84,7 +84,7 @@ def test_a_record_that_a_process_writes_stays_however_old_it_is(tmp_path):
 
 def test_the_record_of_a_living_node_is_locked_and_that_of_a_killed_one_is_not(tmp_path):
     code = ("import sys, time\n"
-            "from behavior_controller.monitoring.record.recorder import RecordFiles\n"
+            "from behavior_controller.run.record.recorder import RecordFiles\n"
             "record = RecordFiles(sys.argv[1], print)\n"
             "print(record.path, flush=True)\n"
             "time.sleep(60)")

@@ -9,11 +9,11 @@ from behavior_controller import folders, leaves
 from behavior_controller.config import recovery_policy
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed, Recovered,
+from behavior_controller.run.events import (HealthChanged, LeafFinished, Noticed, Recovered,
                                                   Recovering, Retried, SafeStateReported,
                                                   StopChanged)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import GONE
+from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves.data import TARGET_LOCATION

@@ -7,7 +7,7 @@ import pytest
 from behavior_controller import folders
 from behavior_controller.bt.loader.document import parse, read, with_includes
 from behavior_controller.config import knowledge_files, phrases, settings
-from behavior_controller.execution.events import Tick
+from behavior_controller.run.events import Tick
 
 from behavior_controller.simulation.faults import PlannedFault
 from behavior_controller.simulation.world import World, building_file, building_of, load_building

@@ -21,10 +21,10 @@ from msgspec import structs
 
 from behavior_controller import exit_codes
 from behavior_controller.robot.requests import SetAttention
-from behavior_controller.monitoring.story import Sentence
+from behavior_controller.run.story import Sentence
 
 from test_flawed_missions import FLAWED
-from behavior_controller.simulation import cli
+from behavior_controller.simulation.rehearsal import cli
 from behavior_controller.simulation.rehearsal import blocked_leaf, findings, html_report, plays
 from behavior_controller.simulation.rehearsal.findings import RobotCall, Finding
 from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search, ScenarioRunner
@@ -1098,7 +1098,7 @@ sys.modules.update(dict.fromkeys({!r}))
 from behavior_controller import simulation
 for module in pkgutil.walk_packages(simulation.__path__, simulation.__name__ + "."):
     importlib.import_module(module.name)
-sys.exit(sys.modules["behavior_controller.simulation.cli"].main(sys.argv[1:]))
+sys.exit(sys.modules["behavior_controller.simulation.rehearsal.cli"].main(sys.argv[1:]))
 """
 ROS = ("actionlib", "cssr_system", "genpy", "rosgraph", "roslib", "rospkg", "rospy", "unit_tests")
 

@@ -11,7 +11,7 @@ from behavior_controller.config import recovery_policy, settings
 from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, MissionError
-from behavior_controller.execution.events import LeafFinished, Noticed, StepStarted, LeafSummary
+from behavior_controller.run.events import LeafFinished, Noticed, StepStarted, LeafSummary
 from behavior_controller.missions import load
 from behavior_controller.missions.path_analysis import foresee
 from behavior_controller.robot.gateway import Cause, Failure

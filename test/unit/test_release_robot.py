@@ -11,8 +11,8 @@ from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
-from behavior_controller.execution.events import Events, LeafFinished, Line, StepStarted
-from behavior_controller.execution.run import Run
+from behavior_controller.run.events import Events, LeafFinished, Line, StepStarted
+from behavior_controller.run.history import Run
 from behavior_controller.robot.gateway import FakeGateway, FakeTopics
 from behavior_controller.robot import d543, interfaces
 from behavior_controller.robot.declarations import Evidence, Interface, Sense, Topic
@@ -21,7 +21,7 @@ from behavior_controller.robot.release_1_0 import SPEECH
 from behavior_controller.leaves import base
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.missions.runner import Runner, Running
-from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.run.record.reader import read_record
 from behavior_controller.missions.replay import replay
 
 from mission_rig import FileRecord, one_leaf, refusal, write, written

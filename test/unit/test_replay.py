@@ -10,17 +10,17 @@ from msgspec.structs import replace
 
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
-from behavior_controller.execution.events import (Answered, Asked, HealthChanged, LeafFinished,
+from behavior_controller.run.events import (Answered, Asked, HealthChanged, LeafFinished,
                                                   Line, Lost, Message, PassFinished, PassStarted,
                                                   RunStarted, StillHearing, Tick)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import GONE
+from behavior_controller.run.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.requests import AttentionStatus, Faces, GoTo, Say, SetAttention
 from behavior_controller.text import Source
 from behavior_controller.missions.replay import RecordedTopics, Replayed, replay
-from behavior_controller.monitoring.record.command import main
-from behavior_controller.monitoring.record.reader import find_record, read_record
+from behavior_controller.replay_cli import main
+from behavior_controller.run.record.reader import find_record, read_record
 from mission_rig import (
     ASKS_WITHOUT_START_OF_TREE, FileRecord, Rig, recorded, service_of, visitor_who)
 from recorded_tours import recorded_day

@@ -12,21 +12,21 @@ from msgspec import to_builtins
 
 from behavior_controller.bt.mission import load_text
 from behavior_controller.errors import MissionError
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     LeafFinished, Retried, RunStarted, Sources, StepStarted, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.leaves import registry
-from behavior_controller.execution.state import BROKEN_OFF, LEFT, Reason
-from behavior_controller.monitoring.story import Story, cause, how_it_ended, why
+from behavior_controller.run.state import BROKEN_OFF, LEFT, Reason
+from behavior_controller.run.story import Story, cause, how_it_ended, why
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record import timeline
-from behavior_controller.monitoring.record.codec import header
-from behavior_controller.monitoring.record.command import main
-from behavior_controller.monitoring.record.reader import read_record
-from behavior_controller.monitoring.record.tree_shown import shown
-from behavior_controller.monitoring.record.html_report import DEEPEST, Drawn, to_html
-from behavior_controller.execution.run import Run
-from behavior_controller.monitoring.moment import card, robot_line
+from behavior_controller.viewer import timeline
+from behavior_controller.run.record.codec import header
+from behavior_controller.replay_cli import main
+from behavior_controller.run.record.reader import read_record
+from behavior_controller.run.record.tree_shown import shown
+from behavior_controller.viewer.report import DEEPEST, Drawn, to_html
+from behavior_controller.run.history import Run
+from behavior_controller.run.moment import card, robot_line
 from behavior_controller.simulation.rehearsal.findings import BY_NAME
 from behavior_controller.simulation.rehearsal.html_report import to_html as rehearsal_html
 from behavior_controller.simulation.rehearsal.summary import FindingSummary, Share, VisitorRow

@@ -4,10 +4,10 @@ import random
 
 import pytest
 
-from behavior_controller.execution.events import HealthChanged, Line, PassFinished
-from behavior_controller.execution.health import GONE, SILENT
-from behavior_controller.execution.run import Run
-from behavior_controller.monitoring.story import how_it_ended
+from behavior_controller.run.events import HealthChanged, Line, PassFinished
+from behavior_controller.run.health import GONE, SILENT
+from behavior_controller.run.history import Run
+from behavior_controller.run.story import how_it_ended
 from behavior_controller.robot.d543 import ATTENTION, FACES
 from behavior_controller.robot.requests import AttentionStatus, Faces
 from behavior_controller.robot.rhythm import Rhythm

@@ -3,23 +3,23 @@ events' own meaning."""
 import pytest
 from msgspec.structs import replace
 
-from behavior_controller.execution import run as run_module
-from behavior_controller.execution.events import (
+from behavior_controller.run import history as run_module
+from behavior_controller.run.events import (
     Answered, Asked, BreakpointChanged, EntriesWritten, FeedbackReceived, HealthChanged,
     LeafFinished, Line, Lost, Message, Noticed, PassFinished, PassStarted, Paused, Recovered,
     Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources,
     StepStarted, Suspended, Tick, LeafSummary, StopChanged, TreeNode, TreeShown)
-from behavior_controller.execution.fold import KEPT, fold
-from behavior_controller.execution.run import Run
-from behavior_controller.execution.state import (
+from behavior_controller.run.fold import KEPT, fold
+from behavior_controller.run.history import Run
+from behavior_controller.run.state import (
     FAILED, STOPPED, NodeResult, Reason, RecoveryRound, State, step_over)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import GONE, SLOW
+from behavior_controller.run.health import GONE, SLOW
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
-from behavior_controller.monitoring.moment import card
-from behavior_controller.monitoring.record.reader import read_record
-from behavior_controller.monitoring.story import step_words
+from behavior_controller.run.moment import card
+from behavior_controller.run.record.reader import read_record
+from behavior_controller.run.story import step_words
 from mission_rig import recorded, visitor_who
 
 EMPTY = ("", "")

@@ -9,13 +9,13 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.bt.values.status import IDLE
-from behavior_controller.execution.events import (Answered, HealthChanged, LeafFinished,
+from behavior_controller.run.events import (Answered, HealthChanged, LeafFinished,
                                                   Noticed, PassFinished, PassStarted, Paused,
                                                   RunFinished, RunStarted, SafePart,
                                                   SafeStateReported, Suspended)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import FAILURES_IN_A_ROW, GONE
-from behavior_controller.execution.safe_state import SafeState
+from behavior_controller.run.health import FAILURES_IN_A_ROW, GONE
+from behavior_controller.run.safe_state import SafeState
 from behavior_controller.robot.d543 import ATTENTION, INTERFACE, SPEECH
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, GoTo, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)

@@ -13,7 +13,7 @@ import unicodedata
 
 import pytest
 
-from behavior_controller.monitoring.sinks import (
+from behavior_controller.ros.sinks import (
     AT_ONCE, AT_ONCE_IN_FLOOD, Detached, FLOOD, ColouredLine, LineStream, Sink, drain, fitted,
     take_over_streams)
 from behavior_controller.text import LONGEST

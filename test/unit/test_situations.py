@@ -15,24 +15,24 @@ from behavior_controller.bt.engine.decorators import ForceSuccess
 from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS, of_child
 from behavior_controller.bt.engine.successors import MOST_STEPS
 from behavior_controller.config import settings
-from behavior_controller.execution import events
-from behavior_controller.execution.events import (
+from behavior_controller.run import events
+from behavior_controller.run.events import (
     Answered, Asked, BreakpointChanged, HealthChanged, LeafFinished, LeafSummary, Line,
     PassFinished, PassStarted, Paused, Recovered, Recovering, RunFinished, RunStarted, SafePart,
     SafeStateReported, Sources, StepStarted, TreeNode, TreeShown)
-from behavior_controller.execution.health import FAILING, GONE, NEW, SHORT, SILENT, SLOW
-from behavior_controller.execution.run import Run
-from behavior_controller.execution.state import (
+from behavior_controller.run.health import FAILING, GONE, NEW, SHORT, SILENT, SLOW
+from behavior_controller.run.history import Run
+from behavior_controller.run.state import (
     UNDER_WAY, Exchange, Robot, State, Step, Stop as Place, Visit)
 from behavior_controller.leaves.recovery import RETURN_LIMIT
-from behavior_controller.monitoring import board as board_module
-from behavior_controller.execution.from_viewer import (
+from behavior_controller.viewer import board as board_module
+from behavior_controller.run.from_viewer import (
     BEFORE, BREAKPOINT, SET, Hook, HookChange)
 from behavior_controller.missions.breakpoints import Breakpoints
-from behavior_controller.monitoring.moment import card, next_node, robot_line
-from behavior_controller.monitoring.parts import Card, RobotLine, card_line
-from behavior_controller.monitoring.record.feed import Entries, traversed, written
-from behavior_controller.monitoring.record.tree_shown import shown as tree_shown
+from behavior_controller.run.moment import card, next_node, robot_line
+from behavior_controller.run.moment import Card, RobotLine, card_line
+from behavior_controller.run.record.feed import Entries, traversed, written
+from behavior_controller.run.record.tree_shown import shown as tree_shown
 from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (

@@ -18,13 +18,13 @@ import time
 import msgspec
 import pytest
 
-from behavior_controller.execution.events import HealthChanged, Noticed, RunFinished
-from behavior_controller.execution.health import GONE
+from behavior_controller.run.events import HealthChanged, Noticed, RunFinished
+from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, Say
 from behavior_controller.leaves import registry
 from behavior_controller.config.settings import KEYS
 from behavior_controller.viewer import status_tool
-from behavior_controller.monitoring.view import PARTS
+from behavior_controller.viewer.view import PARTS
 from mission_rig import Rig, board_of, one_leaf, refusal, service_of, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),

@@ -10,27 +10,27 @@ import py_trees
 import pytest
 from msgspec.structs import replace
 
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     SKIPPED, Asked, BreakpointChanged, HealthChanged, LeafFinished, Noticed, PassFinished,
     PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted, SafePart,
     SafeStateReported, Sources, StepStarted, StopChanged, Suspended, LeafSummary)
 from behavior_controller.robot.d543 import FACES
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.execution.health import FAILING, GONE, NEW
+from behavior_controller.run.health import FAILING, GONE, NEW
 from behavior_controller.robot.requests import (
     Answer, Faces, GoTo, Location, PerformGesture, Prompt, Say, SetAttention)
-from behavior_controller.execution.fold import KEPT
-from behavior_controller.execution.state import (
+from behavior_controller.run.fold import KEPT
+from behavior_controller.run.state import (
     BROKEN_OFF, DONE_ALL, FAILED, GAVE_UP, LEFT, LEFT_OUT, COMPLETED, NOTICED, UNDER_WAY, Reason,
     State, Step, Stop, Visit)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
-from behavior_controller.monitoring.moment import card
-from behavior_controller.monitoring.parts import card_line
-from behavior_controller.monitoring.story import (
+from behavior_controller.run.moment import card
+from behavior_controller.run.moment import card_line
+from behavior_controller.run.story import (
     KINDS, Story, completed, condition, conditions, counted, degree, stop_name, how_it_ended,
     ordinal, safe_state, step_words, why as in_words, why_failed)
 from behavior_controller.text import Source
-from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.run.record.reader import read_record
 from behavior_controller.missions.replay import replay
 from mission_rig import FileRecord, Rig, one_leaf, refusal, service_of, visitor_who
 

@@ -8,11 +8,11 @@ import re
 import msgspec
 import pytest
 
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     EVENTS, BreakpointChanged, FeedbackReceived, HealthChanged, HookEnded, Line, Noticed, Paused,
     Retried, RunFinished, Starting, StillHearing, StopChanged, Suspended)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.monitoring.record import command
+from behavior_controller import replay_cli as command
 from mission_rig import recorded, visitor_who
 
 SCRIPT = "<script>alert(1)</script>\"'\x1b[31m\n\u202e"

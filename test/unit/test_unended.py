@@ -4,15 +4,15 @@ import os
 
 import pytest
 
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Answered, Asked, RunFinished, SafePart, SafeStateReported, StepStarted)
-from behavior_controller.execution.fold import fold
-from behavior_controller.execution.run import Run
-from behavior_controller.execution.state import State
-from behavior_controller.monitoring.moment import left_running
-from behavior_controller.monitoring.record import files, unended
-from behavior_controller.monitoring.record.unended import may_be_live
-from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.run.fold import fold
+from behavior_controller.run.history import Run
+from behavior_controller.run.state import State
+from behavior_controller.run.moment import left_running
+from behavior_controller.run.record import files, unended
+from behavior_controller.run.record.unended import may_be_live
+from behavior_controller.run.record.reader import read_record
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, GoTo, Location, SetAnimation, SetAttention
 from behavior_controller.text import read_bytes

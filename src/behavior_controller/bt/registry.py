@@ -3,5 +3,5 @@ import warnings
 
 from behavior_controller.bt.engine.registry import *  # noqa: F401,F403
 
-warnings.warn("behavior_controller.bt.engine.registry is now behavior_controller.bt.engine.registry",
+warnings.warn("behavior_controller.bt.registry is now behavior_controller.bt.engine.registry",
               FutureWarning, stacklevel=2)

@@ -3,5 +3,5 @@ import warnings
 
 from behavior_controller.bt.values.status import *  # noqa: F401,F403
 
-warnings.warn("behavior_controller.bt.values.status is now behavior_controller.bt.values.status",
+warnings.warn("behavior_controller.bt.status is now behavior_controller.bt.values.status",
               FutureWarning, stacklevel=2)

@@ -3,7 +3,7 @@ visitor."""
 from typing import Any, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt.engine.registry import Port
-from behavior_controller.execution.events import Noticed
+from behavior_controller.run.events import Noticed
 from behavior_controller.robot.gateway import Failure, Sample
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Answer, Point, Request, SetAnimation, SetAttention

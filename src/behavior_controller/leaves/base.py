@@ -19,9 +19,9 @@ from behavior_controller.bt import (
 from behavior_controller.thread_check import tick_thread_only
 from behavior_controller.bt.engine.registry import argument
 from behavior_controller.bt.values.status import NAMES
-from behavior_controller.execution.events import Events, LeafFinished, StepStarted, LeafSummary
+from behavior_controller.run.events import Events, LeafFinished, StepStarted, LeafSummary
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
-from behavior_controller.execution.health import Health
+from behavior_controller.run.health import Health
 from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
 from behavior_controller.robot.requests import Answer, Exhibit, Request, Words
 from behavior_controller.config.knowledge_files import Knowledge
@@ -29,7 +29,7 @@ from behavior_controller.leaves import data
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.recovery_policy import MOST_RECOVERIES, Policy
-from behavior_controller.execution.safe_state import SafeState
+from behavior_controller.run.safe_state import SafeState
 from behavior_controller.config.settings import Settings
 
 Shared = TypeVar("Shared")

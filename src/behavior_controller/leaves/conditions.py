@@ -7,7 +7,7 @@ from typing import Any, Optional, Sequence, Tuple
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt import (
     ConditionLeaf, ConfigureError, PortError, Result, FAILURE, RUNNING)
-from behavior_controller.execution.events import LeafSummary
+from behavior_controller.run.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure, Sample, since
 from behavior_controller.robot.declarations import Evidence, Sense, Topic
 from behavior_controller.robot.rhythm import unheard

@@ -66,4 +66,7 @@ QUESTION_ASKED_AT = Datum("questionAskedAt", "double",
 ATTENTION_SET_AT = Datum("attentionSetAt", "double",
                          "when the mode of attention was set, in s: gazes come later")
 
+TIMES = (QUESTION_ASKED_AT.name, ATTENTION_SET_AT.name)
+"""The entries with a time of the mission's clock."""
+
 ALL = tuple(datum for datum in tuple(globals().values()) if isinstance(datum, Datum))

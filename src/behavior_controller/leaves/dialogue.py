@@ -2,7 +2,7 @@
 (/tabletEvent/prompt_and_get_response)."""
 from typing import Any, Optional, Sequence
 
-from behavior_controller.execution.events import LeafSummary
+from behavior_controller.run.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure, Sample
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Answer, Prompt, Request

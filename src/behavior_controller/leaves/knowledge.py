@@ -3,7 +3,7 @@ from typing import Optional, Sequence
 
 from behavior_controller.bt.engine.registry import Port
 from behavior_controller.bt.values.values import TEXT
-from behavior_controller.execution.events import BEGUN, OMITTED, OVER, StopChanged
+from behavior_controller.run.events import BEGUN, OMITTED, OVER, StopChanged
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Exhibit, QueryKnowledge, Request
 from behavior_controller.leaves.base import (

@@ -2,7 +2,7 @@
 from typing import Optional
 
 from behavior_controller.bt.engine.possible_results import SUCCEEDS
-from behavior_controller.execution.events import Noticed
+from behavior_controller.run.events import Noticed
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.leaves.base import InstantAction, InstantCondition, MissionLeaf, leaf_spec
 

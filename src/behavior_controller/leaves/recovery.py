@@ -5,7 +5,7 @@ from typing import Any, List, Optional
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt import PortError, Result, FAILURE
 from behavior_controller.bt.engine.ports import defaults
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     DONE, GIVEN_UP, SKIPPED, SUBSTITUTED, Noticed, Recovered, Recovering, Retried)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.leaves.base import (

@@ -14,8 +14,8 @@ from typing import Any, Callable, Dict, Optional, Tuple
 from behavior_controller.bt.engine.node import Node, NodeHook, Result
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.values.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
-from behavior_controller.execution.events import BreakpointChanged, Event, HookEnded
-from behavior_controller.execution.from_viewer import (
+from behavior_controller.run.events import BreakpointChanged, Event, HookEnded
+from behavior_controller.run.from_viewer import (
     AFTER, BEFORE, BREAKPOINT, RELEASE, REPLACE, SET, Hook, HookChange)
 
 _RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}

@@ -15,11 +15,13 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader import rules
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
-from behavior_controller.execution.observed_gateway import ObservedGateway
-from behavior_controller.execution.events import Events
+from behavior_controller.run.observed_gateway import ObservedGateway
+from behavior_controller.leaves import data
+from behavior_controller.run.events import Events, TreeShown
+from behavior_controller.run.record.tree_shown import shown
 from behavior_controller.missions.path_analysis import foresee
 from behavior_controller.robot.gateway import FilesGateway, Gateway, Topics
-from behavior_controller.execution.health import Health
+from behavior_controller.run.health import Health
 from behavior_controller.robot.declarations import Interface, Service, Topic
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.robot.requests import Say
@@ -226,3 +228,8 @@ def missions() -> List[str]:
     """Return the paths of all missions that ``find`` finds, ours first."""
     return [os.path.join(place, file) for place in mission_folders() if os.path.isdir(place)
             for file in sorted(os.listdir(place)) if file.endswith(".xml")]
+
+
+def describe(tree: Tree, number: int) -> TreeShown:
+    """Return the event for a mission's tree that is going to run, the ``number``-th of the run."""
+    return shown(tree, leaves.registry().all(), data.TIMES, number)

@@ -12,10 +12,10 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.values.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
-from behavior_controller.execution import events
-from behavior_controller.execution.run import with_tree
+from behavior_controller.run import events
+from behavior_controller.run.history import with_tree
 from behavior_controller.robot.gateway import Call, Failure, FakeGateway, Sample, Topics
-from behavior_controller.execution.health import Health
+from behavior_controller.run.health import Health
 from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.robot.interfaces import INTERFACES

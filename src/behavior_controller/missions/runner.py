@@ -9,7 +9,7 @@ from behavior_controller.bt import Result, Tree, FAILURE, RUNNING, SUCCESS
 from behavior_controller.bt.engine.node import place_of
 from behavior_controller.bt.values.status import NAMES
 from behavior_controller.errors import BehaviorControllerError, MissionError
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Noticed, PassFinished, PassStarted, Paused, RunFinished, RunStarted, Sources, Suspended)
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.robot.gateway import Cause

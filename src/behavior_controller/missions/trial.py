@@ -6,7 +6,7 @@ from typing import Callable, List, Optional, Union
 from behavior_controller.bt import ManualClock, Result
 from behavior_controller.bt.loader.document import parse, read, with_includes
 from behavior_controller.config import settings
-from behavior_controller.execution.events import Event, Events
+from behavior_controller.run.events import Event, Events
 from behavior_controller.missions import load as missions
 from behavior_controller.robot.declarations import Plain
 from behavior_controller.robot.gateway import Failure, FakeGateway, FakeTopics

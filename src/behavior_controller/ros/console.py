@@ -20,12 +20,12 @@ from rosgraph.roslogging import RosStreamHandler, configure_logging, makedirs_wi
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.command import no_resources
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Event, LeafFinished, Noticed, Retried, RunFinished, SafeStateReported, clock_shift, unix_now)
-from behavior_controller.execution.state import State
-from behavior_controller.monitoring.moment import instruction, robot_line
-from behavior_controller.monitoring.sinks import Detached, Sink, drain, take_over_streams
-from behavior_controller.monitoring.story import Story
+from behavior_controller.run.state import State
+from behavior_controller.run.moment import instruction, robot_line
+from behavior_controller.ros.sinks import Detached, Sink, drain, take_over_streams
+from behavior_controller.run.story import Story
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.text import clean

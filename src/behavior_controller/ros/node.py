@@ -20,9 +20,9 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, Fault, FaultsFound, NodesMissing)
-from behavior_controller.execution.events import Events, Noticed
+from behavior_controller.run.events import Events, Noticed
 from behavior_controller.foreign_code import described
-from behavior_controller.execution.health import Health
+from behavior_controller.run.health import Health
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
@@ -39,10 +39,10 @@ from behavior_controller.ros.service_client import RosGateway
 from behavior_controller.ros.signals import Signals, block_signals
 from behavior_controller.ros.subscriber import RosTopics
 from behavior_controller.missions.runner import Runner, Running
-from behavior_controller.execution.safe_state import LIMIT, SafeState
+from behavior_controller.run.safe_state import LIMIT, SafeState
 from behavior_controller.config.settings import KEYS, OPERATOR, split_arguments, unread
 from behavior_controller.missions.blocked_tick import Standstill
-from behavior_controller.monitoring.record.unended import may_be_live
+from behavior_controller.run.record.unended import may_be_live
 
 NAME = "behaviorController"
 

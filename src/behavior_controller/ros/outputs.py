@@ -9,10 +9,11 @@ import rospkg
 
 from behavior_controller import folders
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.execution.events import Events, Noticed, RunFinished, Starting
+from behavior_controller.run.events import Events, Noticed, RunFinished, Starting
 from behavior_controller.missions.breakpoints import Breakpoints
-from behavior_controller.monitoring.record.files import has_viewer
-from behavior_controller.monitoring.record.recorder import Record, RecordFiles
+from behavior_controller.missions.load import describe
+from behavior_controller.run.record.files import has_viewer
+from behavior_controller.run.record.recorder import Record, RecordFiles
 from behavior_controller.robot.declarations import Offer
 from behavior_controller.robot.gateway import Topics
 from behavior_controller.ros import ros_interface
@@ -28,7 +29,7 @@ class Outputs:
     def __init__(self, events: Events, tell: Callable[[str, str], None]):
         """``tell`` gets a severity and a line for the operator."""
         self._tell = tell
-        self.record = Record()
+        self.record = Record(describe=describe)
         events.subscribe(self.record)
         self._breakpoints = Breakpoints(events.emit, self._warn)
         self._files: Optional[RecordFiles] = None

@@ -14,9 +14,9 @@ import rospy
 from std_msgs.msg import String
 
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.record.recorder import LineQueue
-from behavior_controller.monitoring.diagnostics import Status, statuses
+from behavior_controller.viewer.board import Board
+from behavior_controller.run.record.recorder import LineQueue
+from behavior_controller.run.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
 from behavior_controller.ros.timeouts import start_thread
 

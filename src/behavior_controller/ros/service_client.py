@@ -23,7 +23,7 @@ from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.foreign_code import defined_at
 from behavior_controller.robot.gateway import (
     Call, Cause, Failure, Gateway, NO_SUBSCRIBER, result_of, waited)
-from behavior_controller.execution.health import Health, SLOW_SHARE
+from behavior_controller.run.health import Health, SLOW_SHARE
 from behavior_controller.robot.declarations import (Action, Interface, Offer, Publication, Service)
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.action_client import GoalThread

@@ -13,8 +13,8 @@ from typing import Callable, Dict, Iterable, Set, Tuple
 
 import rosgraph
 
-from behavior_controller.execution.events import HealthChanged
-from behavior_controller.execution.health import (
+from behavior_controller.run.events import HealthChanged
+from behavior_controller.run.health import (
     GONE, Health, NEW, SHORT, SILENT, SLOW, available_again, gone)
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Topic)

@@ -14,8 +14,8 @@ from msgspec.structs import asdict
 
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller import extensions, folders
-from behavior_controller.execution.events import Event, Message
-from behavior_controller.execution.health import GONE, Health, SLOW_SHARE, available_again, gone
+from behavior_controller.run.events import Event, Message
+from behavior_controller.run.health import GONE, Health, SLOW_SHARE, available_again, gone
 from behavior_controller.missions.load import Mission
 from behavior_controller.robot.declarations import (
     Action, Publication, Service, Topic, Unsendable, Unusable)

@@ -15,15 +15,15 @@ from tornado.netutil import bind_sockets
 
 from behavior_controller import exit_codes, folders, ros_arguments
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import Line, use_clock_of
-from behavior_controller.execution.from_viewer import (
+from behavior_controller.run.events import Line, use_clock_of
+from behavior_controller.run.from_viewer import (
     FromViewer, HookChange, ViewerAlive, ViewerTold, encode)
-from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.record.codec import Decoder
-from behavior_controller.monitoring.record.files import runs, watched
-from behavior_controller.monitoring.record.reader import LATEST, find_record
-from behavior_controller.monitoring.record.tail import follow
-from behavior_controller.viewer.groot2.publisher import Groot2Publisher
+from behavior_controller.viewer.board import Board
+from behavior_controller.run.record.codec import Decoder
+from behavior_controller.run.record.files import runs, watched
+from behavior_controller.run.record.reader import LATEST, find_record
+from behavior_controller.run.record.tail import follow
+from behavior_controller.viewer.groot2 import Groot2Publisher
 from behavior_controller.viewer.web_page import Page
 
 PULSE = 1.0

@@ -13,11 +13,11 @@ import threading
 import time
 from typing import Callable, Deque, List, Optional
 
-from behavior_controller.execution import from_viewer
-from behavior_controller.execution.events import unix_now
-from behavior_controller.execution.from_viewer import HookChange, ViewerAlive, ViewerTold
-from behavior_controller.monitoring.record.outset import Outset
-from behavior_controller.monitoring.record.recorder import EncodedLine
+from behavior_controller.run import from_viewer
+from behavior_controller.run.events import unix_now
+from behavior_controller.run.from_viewer import HookChange, ViewerAlive, ViewerTold
+from behavior_controller.run.record.outset import Outset
+from behavior_controller.run.record.recorder import EncodedLine
 
 MOST_WAITING = 100_000
 """The most lines that wait for a viewer; with more it is started again."""

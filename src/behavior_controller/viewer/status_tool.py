@@ -17,7 +17,8 @@ from msgspec.structs import replace
 
 from behavior_controller import exit_codes, ros_arguments
 from behavior_controller.folders import mission_name
-from behavior_controller.monitoring import parts
+from behavior_controller.viewer import parts
+from behavior_controller.run.moment import card_line
 from behavior_controller.text import clean
 
 AGAIN = "again"
@@ -187,7 +188,7 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     tree with a symbol for each node.
     """
     now, mission = state.now, state.mission
-    doing = parts.card_line(now.card, state.alive.at + state.silent)
+    doing = card_line(now.card, state.alive.at + state.silent)
     head = [f"mission {mission_name(mission.file)}: {doing}",
             *["to do: " + now.robot.instruction] * bool(now.robot.instruction),
             "robot: " + replace(now.robot, instruction="").text]

@@ -19,13 +19,12 @@ from tornado.httputil import HTTPServerRequest, split_host_and_port
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
-from behavior_controller import monitoring
-from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.parts import changes
+from behavior_controller.viewer.board import Board
+from behavior_controller.viewer.parts import changes
 from behavior_controller.viewer.server import Connections, LoopThread, opened
-from behavior_controller.monitoring.view import PARTS
+from behavior_controller.viewer.view import PARTS
 
-FILES = os.path.join(os.path.dirname(os.path.abspath(monitoring.__file__)), "page_files")
+FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.05
 """Seconds between two pushes: changes in between are sent together, and the tick thread wakes no
 other thread."""

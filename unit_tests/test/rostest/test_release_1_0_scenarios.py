@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import rospy
 import rostest
 
-from behavior_controller.execution.events import LeafFinished
+from behavior_controller.run.events import LeafFinished
 from unit_tests.judge.facts import of
 from whole_test import run_test
 

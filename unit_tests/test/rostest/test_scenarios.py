@@ -5,7 +5,7 @@ import sys
 import rospy
 import rostest
 
-from behavior_controller.execution.events import LeafFinished, Recovered
+from behavior_controller.run.events import LeafFinished, Recovered
 from behavior_controller.robot.gateway import Cause
 from whole_test import CLEAN, WholeTest, run_test
 

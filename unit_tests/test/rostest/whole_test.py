@@ -8,8 +8,8 @@ import unittest
 from typing import List, NamedTuple
 from xml.etree import ElementTree
 
-from behavior_controller.execution.run import Run
-from behavior_controller.monitoring.record.reader import read_record
+from behavior_controller.run.history import Run
+from behavior_controller.run.record.reader import read_record
 from unit_tests.judge.verdict import QUESTIONS
 
 HERE = os.path.dirname(os.path.realpath(__file__))

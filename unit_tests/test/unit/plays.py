@@ -3,8 +3,8 @@ import dataclasses
 import functools
 
 from behavior_controller.config import settings
-from behavior_controller.execution.events import Line
-from behavior_controller.execution.run import Run
+from behavior_controller.run.events import Line
+from behavior_controller.run.history import Run
 from behavior_controller.simulation.faults import parse_planned_fault
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 

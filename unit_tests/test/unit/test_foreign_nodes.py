@@ -12,7 +12,7 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.engine.registry import Direction, Port
 from behavior_controller.bt.values.status import SKIPPED
 from behavior_controller.config import phrases, settings
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Asked, EntriesWritten, HealthChanged, LeafFinished, Tick)
 from behavior_controller.leaves.base import InstantAction, WorkingLeaf, leaf_spec
 from behavior_controller.robot.declarations import Publication

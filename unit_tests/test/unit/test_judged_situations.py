@@ -8,11 +8,11 @@ from msgspec.structs import replace
 
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import phrases, recovery_policy, settings
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished,
     PassStarted, Recovered, RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended,
     Tick, TreeShown)
-from behavior_controller.execution.run import Run
+from behavior_controller.run.history import Run
 from behavior_controller.missions.replay import replay
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (

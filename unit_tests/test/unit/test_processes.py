@@ -13,9 +13,9 @@ import pytest
 from behavior_controller.config import knowledge_files
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.execution.events import HealthChanged, Noticed
-from behavior_controller.monitoring.record import files
-from behavior_controller.monitoring.record.recorder import Record, RecordFiles
+from behavior_controller.run.events import HealthChanged, Noticed
+from behavior_controller.run.record import files
+from behavior_controller.run.record.recorder import Record, RecordFiles
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.simulation import configuration
 from behavior_controller.simulation.behaviour import NODES, nodes

@@ -8,7 +8,7 @@ import pytest
 from behavior_controller import folders, leaves
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.config import phrases
-from behavior_controller.monitoring.story import Story
+from behavior_controller.run.story import Story
 from behavior_controller.robot.requests import Exhibit, GoTo, Location, PerformGesture, Point, Say
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 from behavior_controller.simulation.visitor import BEHAVIOURS, Visitor

@@ -9,7 +9,7 @@ import pytest
 from behavior_controller.config import phrases, settings
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
+from behavior_controller.run.events import (HealthChanged, LeafFinished, Noticed,
                                                   PassFinished, PassStarted, Paused, Recovered,
                                                   RunFinished, RunStarted, Tick, TreeShown)
 from behavior_controller.robot.requests import Say

@@ -7,11 +7,11 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.config import settings
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Lost, Message, Noticed,
     PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StopChanged, Tick, TreeShown)
-from behavior_controller.execution.run import Run
+from behavior_controller.run.history import Run
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, Say, SetAnimation, SetAttention)

@@ -8,9 +8,9 @@ from msgspec.structs import replace
 
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import settings
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     Asked, LeafFinished, RunStarted, TreeShown)
-from behavior_controller.execution.run import Run
+from behavior_controller.run.history import Run
 from behavior_controller.robot.requests import Say
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 

@@ -7,8 +7,8 @@ import pytest
 
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.values.status import FAILURE, RUNNING
-from behavior_controller.execution.events import HealthChanged, Line, Noticed
-from behavior_controller.execution.run import Run
+from behavior_controller.run.events import HealthChanged, Line, Noticed
+from behavior_controller.run.history import Run
 from behavior_controller.robot.gateway import Cause, Failure, Sample
 from behavior_controller.robot.requests import Answer, Say, SetAnimation, SetAttention
 from behavior_controller.simulation.journal import JournalEntry

@@ -2,8 +2,8 @@
 kind as ``event``."""
 import msgspec
 
-from behavior_controller.execution.events import Line
-from behavior_controller.execution.run import Run
+from behavior_controller.run.events import Line
+from behavior_controller.run.history import Run
 
 HANDLER = 900
 """The number of the first HandleFallBack of a record that shows no tree."""

@@ -10,7 +10,7 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tu
 from behavior_controller.missions import load as missions
 from behavior_controller.bt.engine.possible_results import FAILS
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import Events
+from behavior_controller.run.events import Events
 from behavior_controller.robot.gateway import FakeGateway, FakeTopics
 from behavior_controller.robot.requests import Answer, Say, SetAttention
 from behavior_controller.leaves.conditions import TopicCondition

@@ -8,8 +8,8 @@ from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.bt.engine.registry import Direction, Kind
 from behavior_controller.config.node_facts import MissionSpec
-from behavior_controller.execution.events import GIVEN_UP, SKIPPED
-from behavior_controller.execution.state import (
+from behavior_controller.run.events import GIVEN_UP, SKIPPED
+from behavior_controller.run.state import (
     Exchange, LeafFailure, NodeResult, RecoveryRound)
 from behavior_controller.leaves import data
 from behavior_controller.leaves.base import MissionLeaf

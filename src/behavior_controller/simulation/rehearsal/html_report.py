@@ -4,7 +4,7 @@ from typing import Dict, Sequence
 
 from tornado.template import Template
 
-from behavior_controller.monitoring.report_frame import encodable, framed
+from behavior_controller.viewer.report_frame import encodable, framed
 from behavior_controller.text import count
 
 from behavior_controller.simulation.rehearsal.summary import FindingSummary, VisitorRow, Share

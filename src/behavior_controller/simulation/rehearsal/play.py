@@ -19,13 +19,13 @@ from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.values.status import IDLE, RUNNING
 from behavior_controller.config.settings import Settings
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import Event, Events, Line, PassFinished, TreeShown
-from behavior_controller.execution.run import Run
+from behavior_controller.run.events import Event, Events, Line, PassFinished, TreeShown
+from behavior_controller.run.history import Run
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.missions import load as missions
 from behavior_controller.missions.runner import PACE, Runner, Running
-from behavior_controller.monitoring.record.feed import Entries, traversed, written
-from behavior_controller.monitoring.record.tree_shown import shown
+from behavior_controller.run.record.feed import Entries, traversed, written
+from behavior_controller.run.record.tree_shown import shown
 from behavior_controller.robot.requests import Request
 
 from behavior_controller.simulation.rehearsal import blocked_leaf

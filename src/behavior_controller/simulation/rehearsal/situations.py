@@ -7,7 +7,7 @@ from typing import Any, Dict, Iterator, List, Tuple
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.values.status import NAMES
-from behavior_controller.execution.events import LETTERS
+from behavior_controller.run.events import LETTERS
 from behavior_controller.leaves import data
 
 from behavior_controller.simulation.journal import JournalEntry
@@ -19,7 +19,7 @@ _OF_ALL_NODES = vars(Node).keys() | vars(Node("")) | {
 """What a node has, apart from its status, that does not say what it does next."""
 
 _PLAIN = (bool, int, str, float, tuple, list, deque, enum.Enum)
-_TIMES = {data.QUESTION_ASKED_AT.name, data.ATTENTION_SET_AT.name}
+_TIMES = data.TIMES
 _OF_ALL_VISITORS = {"manners", "now", "_last_request", "_listens_until"}
 """What a visitor has that is alike in all plays of a scene, or a moment."""
 

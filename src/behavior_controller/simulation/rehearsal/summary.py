@@ -8,7 +8,7 @@ from typing import Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequen
 from msgspec.structs import replace
 
 from behavior_controller.leaves.base import MissionLeaf
-from behavior_controller.monitoring.story import Sentence, Story
+from behavior_controller.run.story import Sentence, Story
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.text import clean, count
 

@@ -8,9 +8,9 @@ from msgspec.structs import asdict
 
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     EntriesWritten, LeafFinished, Recovered, Recovering, Retried, StepStarted, StopChanged)
-from behavior_controller.monitoring.record.feed import Entries, entry_text
+from behavior_controller.run.record.feed import Entries, entry_text
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer
 

@@ -24,11 +24,11 @@ from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.values.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     LETTERS, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message,
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
-from behavior_controller.execution.health import GONE
+from behavior_controller.run.health import GONE
 from behavior_controller.missions.replay import RecordedTopics
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request

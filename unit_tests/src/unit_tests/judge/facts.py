@@ -2,8 +2,8 @@
 nodes."""
 from typing import FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar
 
-from behavior_controller.execution import events
-from behavior_controller.execution.run import Run
+from behavior_controller.run import events
+from behavior_controller.run.history import Run
 from behavior_controller.missions.load import Mission
 from behavior_controller.simulation.configuration import Configuration
 from behavior_controller.simulation.faults import CRASH

@@ -3,8 +3,8 @@ time that it cost."""
 import textwrap
 from typing import List, NamedTuple, Sequence, Tuple
 
-from behavior_controller.execution.run import Run
-from behavior_controller.execution.state import LeafFailure, RecoveryRound
+from behavior_controller.run.history import Run
+from behavior_controller.run.state import LeafFailure, RecoveryRound
 from behavior_controller.text import clean
 from behavior_controller.simulation.faults import WRONG
 

@@ -26,7 +26,7 @@ from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.config import phrases
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.config.settings import Settings
-from behavior_controller.execution.events import BEGUN, OMITTED, OVER
+from behavior_controller.run.events import BEGUN, OMITTED, OVER
 from behavior_controller.robot.declarations import Sense, Topic
 from behavior_controller.robot.gateway import Cause, Sample
 from behavior_controller.robot.requests import (

@@ -9,11 +9,11 @@ from typing import Iterator, List, Sequence, Tuple
 
 from behavior_controller.config import settings
 from behavior_controller.config.config_file import to_text, values_of
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     LeafFinished, Line, Noticed, PassFinished, Recovered)
-from behavior_controller.execution.state import LEFT_OUT, State
-from behavior_controller.monitoring.record.html_report import to_html
-from behavior_controller.monitoring.story import sentences, why
+from behavior_controller.run.state import LEFT_OUT, State
+from behavior_controller.viewer.report import to_html
+from behavior_controller.run.story import sentences, why
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean, count
 from behavior_controller.simulation.behaviour import servers

@@ -10,9 +10,9 @@ ends in FAILURE.
 from typing import Callable, Iterable, Iterator, NamedTuple, Optional, Set, Tuple, Union
 
 from behavior_controller import exit_codes
-from behavior_controller.execution.events import (
+from behavior_controller.run.events import (
     LeafFinished, Lost, PassFinished, Recovered, RunStarted)
-from behavior_controller.monitoring.story import degree, may_be_under_way, why
+from behavior_controller.run.story import degree, may_be_under_way, why
 from behavior_controller.text import clean, count
 from behavior_controller.simulation.visitor import (
     DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR)

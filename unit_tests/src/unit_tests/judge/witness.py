@@ -9,8 +9,8 @@ import itertools
 import math
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
-from behavior_controller.execution.events import HealthChanged
-from behavior_controller.execution.health import GONE
+from behavior_controller.run.events import HealthChanged
+from behavior_controller.run.health import GONE
 from behavior_controller.robot.declarations import Action, Publication, Service, Topic
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, Prompt

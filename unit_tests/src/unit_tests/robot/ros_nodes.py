@@ -12,7 +12,7 @@ import rospy
 
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, NodesMissing
-from behavior_controller.execution.events import unix_now
+from behavior_controller.run.events import unix_now
 from behavior_controller.robot.declarations import Service, Topic
 from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.types import TYPES

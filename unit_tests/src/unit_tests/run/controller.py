@@ -9,7 +9,7 @@ from typing import Callable, List, Optional, Tuple
 
 from behavior_controller import exit_codes
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.monitoring.record import files
+from behavior_controller.run.record import files
 from behavior_controller.ros_arguments import explain_node
 from behavior_controller.simulation.configuration import CONTROLLER
 

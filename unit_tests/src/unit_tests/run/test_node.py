@@ -13,10 +13,10 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError, FaultsFound
-from behavior_controller.execution.events import LeafFinished, Line
-from behavior_controller.execution.run import Run
-from behavior_controller.monitoring.record.codec import Decoder
-from behavior_controller.monitoring.record import files
+from behavior_controller.run.events import LeafFinished, Line
+from behavior_controller.run.history import Run
+from behavior_controller.run.record.codec import Decoder
+from behavior_controller.run.record import files
 from behavior_controller.output_files import OutputKind
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 from behavior_controller.simulation.behaviour import NODES

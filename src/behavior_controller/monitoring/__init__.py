@@ -1,1 +1,0 @@
-"""Shows a running mission: story, page, ``missionStatus``, Groot2, record."""

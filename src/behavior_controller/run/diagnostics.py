@@ -1,0 +1,68 @@
+"""The diagnostics of a run (REP 107), from its model: the mission, the recovery, the master, and
+each node of the robot."""
+from typing import Dict, Iterable, List, NamedTuple
+
+from behavior_controller.run.events import Paused, Recovering
+from behavior_controller.run.health import SLOW
+from behavior_controller.run.state import State
+from behavior_controller.folders import mission_name
+from behavior_controller.run.moment import card
+from behavior_controller.run.story import condition, counted, recovering, why
+from behavior_controller.robot.declarations import Offer
+
+OK, WARN, ERROR = range(3)
+"""The levels of ``diagnostic_msgs/DiagnosticStatus``."""
+
+
+class Status(NamedTuple):
+    """How one component is; ``values`` are details for people."""
+
+    name: str
+    level: int
+    message: str
+    values: Dict[str, str]
+
+
+def statuses(state: State, offers: Iterable[Offer]) -> List[Status]:
+    """Return how the mission is, and what it uses: these ``offers`` of the robot."""
+    nodes: Dict[str, List[str]] = {}
+    for offer in offers:
+        nodes.setdefault(offer.node, []).append(offer.name)
+    robot = [_of_troubles(state, "/" + node, names) for node, names in nodes.items()]
+    masters = [change.name for change in state.robot.ill if change.kind == "master"]
+    return [_mission(state), _recovery(state), _of_troubles(state, "master", masters)] + robot
+
+
+def _mission(state: State) -> Status:
+    now, level = card(state), OK
+    if state.finished is not None:
+        level = ERROR if state.finished.exit_code else OK
+    elif now.kind == "retry" or state.step is not None and isinstance(state.step.cause, Paused):
+        level = WARN
+    details = {"mission": mission_name(state.started.mission) if state.started is not None else "",
+               "visits": counted(state), "where": now.where, "waits for": now.waits_for,
+               "next": now.next}
+    return Status("mission", level, now.what, details)
+
+
+def _recovery(state: State) -> Status:
+    """Return what is tried again; else what this visit has given up."""
+    step, gave_up = state.step, state.course.gave_up
+    if state.recoveries:
+        last = state.recoveries[-1]
+        words = "recovering from a failure"
+        if step is not None and isinstance(step.cause, Recovering):
+            words = recovering(step.cause)
+        return Status("recovery", WARN, words, {"node": last.node, "path": last.path})
+    if state.course.given_up is not None and gave_up is not None:
+        return Status("recovery", ERROR, "gave up: " + why(gave_up), {"node": gave_up.node})
+    return Status("recovery", OK, "nothing to recover from", {})
+
+
+def _of_troubles(state: State, name: str, parts: List[str]) -> Status:
+    """Return how a node is by those of its services, actions and topics that are not well."""
+    troubles = {part: state.robot.trouble(part) for part in parts}
+    ill = [change for change in troubles.values() if change is not None]
+    level = max((WARN if change.respect == SLOW else ERROR for change in ill), default=OK)
+    details = {part: "ok" if change is None else change.status for part, change in troubles.items()}
+    return Status(name, level, "; ".join(map(condition, ill)) or "answers", details)

@@ -1,0 +1,141 @@
+"""The state of the robot's services and topics while the mission runs: gone, slow, failing or
+silent.
+
+The ROS edge reports, on any thread; the tick thread emits the changes as events, so that nothing is
+reported twice and recovery and operator get the same information (D5.4.3 section 2, continuous
+monitoring).
+"""
+import collections
+from typing import Callable, Deque, Dict, List, Mapping, NamedTuple, Tuple
+
+from msgspec.structs import replace
+
+from behavior_controller.thread_check import tick_thread_only
+from behavior_controller.run.events import Events, HealthChanged
+
+GONE, SLOW, FAILING, SILENT, NEW = "gone", "slow", "failing", "silent", "new"
+SHORT = "out of resources"
+
+SLOW_SHARE = 0.5
+"""A service is slow when a call has taken this share of its deadline."""
+
+FAILURES_IN_A_ROW = 3
+"""A service is failing after this number of failed calls in a row."""
+
+
+def gone(kind: str, name: str, node: str, reason: str, absence: str) -> HealthChanged:
+    """Return the change of a service or topic that is gone; ``absence`` is what the robot cannot do
+    without it."""
+    return HealthChanged(kind, name, node, False, "gone: " + reason, "until it is back, " + absence)
+
+
+def available_again(kind: str, name: str, node: str) -> HealthChanged:
+    """Return the change of a service or topic that was gone."""
+    return HealthChanged(kind, name, node, True, "available again", "")
+
+
+class CallCount(NamedTuple):
+    """The calls of a service so far: how many ended, how many failed, and the seconds of the last.
+    """
+
+    calls: int = 0
+    failures: int = 0
+    in_a_row: int = 0  # failures since the last success
+    last_seconds: float = 0.0
+
+
+class Health:
+    """The state of each service and topic, by resolved name, in each respect that is monitored
+    (``GONE`` …).
+
+    Any thread may call ``report``, which only queues its argument for ``publish``, and ``hear``,
+    and may read ``last_arrivals`` by name. All else belongs to the tick thread, but ``calls`` is
+    replaced as a whole, so any thread may read it.
+    """
+
+    @tick_thread_only
+    def __init__(self, wake: Callable[[], None] = lambda: None):
+        """``wake`` is called after each report, so that the tick thread publishes it."""
+        self._wake = wake
+        self._reports: Deque[HealthChanged] = collections.deque()
+        self._troubles: Dict[Tuple[str, str], HealthChanged] = {}  # by name and respect
+        self._changes: List[HealthChanged] = []
+        self._counts = True
+        self.calls: Mapping[str, CallCount] = {}
+        self.last_arrivals: Dict[str, float] = {}
+        """The time of each topic's last message (monotonic seconds)."""
+
+    def report(self, respect: str, change: HealthChanged) -> None:
+        """Report a state in one respect, from any thread; only a change is passed on."""
+        self._reports.append(replace(change, respect=respect))
+        self._wake()
+
+    def hear(self, topic: str, at: float) -> None:
+        """Report the time of a topic's last message, from any thread. This does not wake the tree.
+        """
+        self.last_arrivals[topic] = at
+
+    @tick_thread_only
+    def slow(self, service: str, deadline: float, kind: str = "service") -> None:
+        """Note that a call has taken ``SLOW_SHARE`` of its deadline (seconds) without an answer."""
+        self._note(HealthChanged(
+            kind, service, "", False, f"slow: no answer for {deadline * SLOW_SHARE:g} s",
+            f"a call is given up after {deadline:g} s", SLOW))
+        self._wake()
+
+    @tick_thread_only
+    def ended(self, service: str, seconds: float, deadline: float, has_failed: bool,
+              kind: str = "service") -> None:
+        """Count a call that ended after ``seconds``; its ``deadline`` decides whether that was
+        slow."""
+        before = self.calls.get(service, CallCount())
+        # of a node that is gone something stronger is known, which ends when it is started again
+        is_counted = has_failed and self._counts and not self.is_gone(service)
+        row = before.in_a_row + 1 if is_counted else 0
+        failures = before.failures + 1 if has_failed else before.failures
+        counted = CallCount(before.calls + 1, failures, row, seconds)
+        self.calls = {**self.calls, service: counted}
+        if row >= FAILURES_IN_A_ROW:
+            self._note(HealthChanged(kind, service, "", False, f"failing: {row} calls in a row",
+                                     "the recovery policy says what is left out", FAILING))
+        elif not has_failed:
+            self._note(HealthChanged(kind, service, "", True, "works again", "", FAILING))
+            if seconds < deadline * SLOW_SHARE:
+                self._note(
+                    HealthChanged(kind, service, "", True, "answers in time again", "", SLOW))
+
+    @tick_thread_only
+    def stop_counting(self) -> None:
+        """Take no service for failing from now on, however many of its calls fail."""
+        self._counts = False
+
+    def _note(self, change: HealthChanged) -> None:
+        """Keep a change for the next ``publish``."""
+        key = (change.name, change.respect)
+        if (key in self._troubles) is change.is_well:
+            self._changes.append(change)
+            self._troubles.pop(key, None)
+            if not change.is_well:
+                self._troubles[key] = change
+
+    @tick_thread_only
+    def is_gone(self, name: str) -> bool:
+        """Return whether the service or topic was known to be gone when the changes were published
+        last."""
+        return (name, GONE) in self._troubles
+
+    @tick_thread_only
+    def gone_name(self, name: str) -> str:
+        """Return the name of the node that offers a service or topic that is gone, or else the name
+        of that service or topic."""
+        change = self._troubles.get((name, GONE))
+        return "/" + change.node if change is not None and change.node else name
+
+    @tick_thread_only
+    def publish(self, events: Events) -> None:
+        """Process the reports, and emit the changes since the last call."""
+        while self._reports:
+            self._note(self._reports.popleft())
+        changes, self._changes = self._changes, []
+        for change in changes:
+            events.emit(change)

@@ -1,0 +1,87 @@
+"""What has to be known of a run where a further file of it begins, or a viewer is started late."""
+import itertools
+import os
+from typing import Any, Callable, Dict, List
+
+from msgspec.structs import replace
+
+from behavior_controller.run import events
+from behavior_controller.run.record.codec import encode, header
+
+LASTING: Dict[type, Callable[[Any], Any]] = {
+    events.TreeShown: lambda event: None, events.RunStarted: lambda event: None,
+    events.PassStarted: lambda event: None, events.Suspended: lambda event: None,
+    events.SafeStateReported: lambda event: None, events.Message: lambda event: event.topic,
+    events.HealthChanged: lambda event: (event.name, event.respect),
+    events.Asked: lambda event: type(event.request)}
+"""The events that hold until another one of the same kind with the same key."""
+
+
+class Outset:
+    """What has to be known of a run where a further file of it begins, so that this file is read
+    without those before it."""
+
+    def __init__(self) -> None:
+        self._began = events.unix_now()
+        self._visits = 0
+        self._lasting: Dict[Any, List[events.Line]] = {}  # an ``Asked`` with its answer
+        self._written = events.EntriesWritten([])  # what the entries of the blackboard are
+        # of the nodes that were ticked in this pass: of one that ended and was reset two
+        self._letters: Dict[int, List[events.Letter]] = {}
+
+    def take(self, time: float, event: events.Event) -> None:
+        """Note the next event."""
+        kind, key_of = type(event), LASTING.get(type(event))
+        if kind is events.TreeShown:
+            self._written = events.EntriesWritten([])
+        if kind in (events.TreeShown, events.PassStarted):
+            self._letters.clear()
+        if key_of is not None:
+            key = kind, key_of(event)
+            if kind not in (events.TreeShown, events.RunStarted):  # which stay first
+                self._lasting.pop(key, None)
+            if not (isinstance(event, events.HealthChanged) and event.is_well):
+                self._lasting[key] = [events.Line(time, event)]
+        elif isinstance(event, events.EntriesWritten):
+            self._note_entries(event)
+        elif isinstance(event, events.Tick):
+            self._note_letters(event)
+        elif isinstance(event, events.Answered):
+            for about in reversed(list(self._lasting.values())):
+                asked = about[0].event
+                if isinstance(asked, events.Asked) and asked.call == event.call:
+                    about[1:] = [events.Line(time, event)]
+                    break
+        elif isinstance(event, events.PassFinished):
+            self._visits = event.number
+            self._lasting.pop((events.PassStarted, None), None)
+
+    def _note_entries(self, news: events.EntriesWritten) -> None:
+        changed = dict(news.entries)
+        texts = {**dict(self._written.entries), **changed}
+        values = {name: value for name, value in self._written.values.items()
+                  if name not in changed}
+        self._written = events.EntriesWritten(
+            [entry for entry in texts.items() if entry[1] is not None], {**values, **news.values})
+
+    def _note_letters(self, tick: events.Tick) -> None:
+        for uid, letter in tick.changes:
+            before = self._letters.pop(uid, [])[:1]
+            if letter != "-":
+                self._letters[uid] = [letter]
+            elif before and before != ["R"]:
+                self._letters[uid] = before + [letter]
+
+    def head(self, lines: int, at: float) -> bytes:
+        """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
+        the files before it."""
+        known = list(itertools.chain(*self._lasting.values()))
+        if self._written.entries:
+            known.append(events.Line(at, self._written))
+        if self._letters:  # None: a replay does not have to take the same way to them
+            known.append(events.Line(at, events.Tick(0.0, None, [
+                (uid, letter) for uid, letters in self._letters.items() for letter in letters])))
+        texts = [encode(line.time, replace(line.event, read=1)
+                        if isinstance(line.event, events.Message) else line.event)
+                 for line in known]
+        return b"".join([header(os.getpid(), self._began, lines, self._visits, len(texts)), *texts])

@@ -1,0 +1,58 @@
+"""Finds and reads recorded runs; for programs that need no tree too."""
+import glob
+import os
+from typing import Iterator, List
+
+from behavior_controller import folders
+from behavior_controller.errors import MissionError
+from behavior_controller.run import events
+from behavior_controller.run.record.codec import Decoder
+from behavior_controller.run.record.files import FILE_NAME, parts, runs
+from behavior_controller.text import Unreadable, read_bytes
+
+LATEST = "latest"
+"""The argument that means the newest run of the default folder."""
+
+MOST_BYTES = 50_000_000
+"""The most bytes of a file of a record that are read."""
+
+
+def find_record(name: str) -> str:
+    """Return the first file of a run, given that or its folder; of the newest run below a folder of
+    runs, or below the default one (``latest``)."""
+    folder = folders.records() if name == LATEST else name
+    newest = runs(folder)[-1:]
+    if newest:
+        return newest[0]
+    if name == LATEST:
+        place = os.path.join(folder, "*", FILE_NAME)
+        raise MissionError.of(place, "there is no record yet", "name a record or its folder")
+    below = sorted(filter(os.path.isfile, glob.glob(
+        os.path.join(glob.escape(folder), "*", FILE_NAME))))
+    own = os.path.join(name, FILE_NAME)
+    if not below or os.path.exists(own):
+        return own if os.path.isdir(name) else name
+    if len(below) > 1:
+        raise MissionError.of(name, f"the folder has the records of {len(below)} runs", "name one")
+    return below[-1]
+
+
+def read_record(path: str) -> List[events.Line]:
+    """Return the lines of a record. Raises MissionError if it cannot be read or is invalid."""
+    return list(stream_record(path))
+
+
+def stream_record(path: str) -> Iterator[events.Line]:
+    """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
+    decoder = None
+    for file in parts(path):
+        try:
+            data = read_bytes(file, MOST_BYTES)
+        except Unreadable as error:
+            if file != path and not os.path.exists(file):
+                continue  # the run goes on, and has dropped it
+            raise MissionError.of(file, f"the record cannot be read: {error}") from error
+        decoder = Decoder(file, decoder)
+        yield from decoder.read_all(data)
+    assert decoder is not None  # the first file is there
+    decoder.finish()

@@ -1,0 +1,104 @@
+"""Describes a tree for the record: its nodes, their ports, and the document that Groot2 asks for.
+"""
+from typing import Any, Callable, Dict, List, Sequence
+
+from lxml import etree
+
+from behavior_controller.bt.engine.node import Node, label
+from behavior_controller.bt.engine.ports import reference
+from behavior_controller.bt.engine.successors import Successors
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.linter.palette import tree_nodes_model
+from behavior_controller.bt.loader.structure import CONDITIONS
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
+from behavior_controller.run.events import PortText, TreeNode, TreeShown
+from behavior_controller.text import clean
+
+
+Describe = Callable[[Tree, int], TreeShown]
+"""Makes the event for a tree that is going to run, and for its number."""
+
+
+def shown(tree: Tree, specs: Sequence[NodeSpec] = (), times: Sequence[str] = (),
+          number: int = 1) -> TreeShown:
+    """Return the event for a tree that is going to run. ``specs`` are the node types to describe,
+    ``times`` the entries whose values are times of the mission's clock, and ``number`` counts the
+    trees of the run."""
+    types = {node.registration_id for node in tree.nodes}
+    successors = Successors(tree.nodes)
+    return TreeShown(
+        tree.id, [_shown_node(node, successors) for node in tree.nodes], list(tree.blackboards),
+        {spec.id: spec.summary for spec in specs if spec.id in types}, full_tree(tree, specs),
+        list(times), number)
+
+
+def describe_alone(tree: Tree, number: int) -> TreeShown:
+    """Return the event for a tree without what is known of its types."""
+    return shown(tree, (), (), number)
+
+
+def _shown_node(node: Any, successors: Successors) -> TreeNode:
+    name, kind = label(node)
+    return TreeNode(
+        node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
+        _pause(node), successors.of(node), clean(name), clean(kind),
+        node.parent is not None and _is_bare(node.spec, node.name), node.blackboard.path,
+        node.place_in_file().rstrip(": "),
+        _ports(node))
+
+
+def _pause(node: Node) -> float:
+    if not node.spec.pause:
+        return 0.0
+    milliseconds = node.attributes.get(node.spec.pause, "")
+    return int(milliseconds) / 1000.0 if milliseconds.isdecimal() else -1.0
+
+
+def _is_bare(spec: NodeSpec, name: str) -> bool:
+    """Whether a node below the root, with that name, only says how the mission is put together."""
+    return spec.is_recovery or (
+        spec.kind in (Kind.CONTROL, Kind.DECORATOR) and name == spec.id)
+
+
+def _ports(node: Node) -> List[PortText]:
+    defaults = {port.name: port.default for port in node.spec.ports if port.default is not None}
+    given = node.element.attributes if node.element is not None else node.attributes
+    ports = []
+    for name, text in {**defaults, **node.attributes}.items():
+        key, entry = reference(text, name), ""
+        if key is not None:
+            board, home = node.blackboard.home(key)
+            entry = board.prefix + home
+        ports.append(PortText(name, text, entry, name in given))
+    return ports
+
+
+# ------------------------------------------------------------------------------------------- Groot2
+
+
+def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:
+    """Return the tree as Groot2 reads it: a ``<BehaviorTree>`` for each subtree instance, then the
+    model."""
+    document = etree.Element("root", BTCPP_format="4")
+    elements: List[Any] = []
+    for node in tree.nodes:
+        parent, path = node.parent, node.blackboard.path
+        if parent is None or parent.registration_id == "SubTree":
+            name = tree.id if parent is None else parent.attributes["ID"]
+            above = etree.SubElement(document, "BehaviorTree", ID=name, _fullpath=path)
+        else:
+            above = elements[parent.uid - 1]
+        elements.append(etree.SubElement(above, node.registration_id, _attributes(node)))
+    document.append(etree.fromstring(tree_nodes_model(specs)))
+    return etree.tostring(document, encoding="unicode")
+
+
+def _attributes(node: Node) -> Dict[str, str]:
+    """Return the attributes of a node's element."""
+    shown, names = {"name": node.name}, {port.name for port in node.spec.ports}
+    if node.registration_id == "SubTree":
+        shown = {"ID": node.attributes["ID"], "_fullpath": node.children[0].blackboard.path}
+        names = {key for key in node.attributes if key not in ("ID", "name") and key[:1] != "_"}
+    given = {key: text for key, text in node.attributes.items()
+             if key in names or key in CONDITIONS}
+    return {**shown, "_uid": str(node.uid), **given}

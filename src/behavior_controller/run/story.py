@@ -1,0 +1,513 @@
+"""Puts a run into sentences for people; terminal, page, report and rehearsal show the same ones.
+
+A sentence is made from the model of the run before and after an event, and from nothing else: a
+record gives the same sentences as the run itself. All texts are safe to show, whatever they quote:
+see ``text.clean``.
+"""
+import collections
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Tuple
+
+from msgspec import Struct
+
+from behavior_controller.run import events
+from behavior_controller.run.events import GIVEN_UP, SKIPPED, SUBSTITUTED
+from behavior_controller.run.fold import fold, why_recovered
+from behavior_controller.run.health import NEW
+from behavior_controller.run.state import (
+    BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, SILENT_VISITOR, STOPPED,
+    UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
+from behavior_controller.folders import mission_name
+from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
+from behavior_controller.robot.requests import MOTION
+from behavior_controller.text import clean, count
+
+KINDS = ("visit", "stop", "said", "heard", "asked", "pressed", "moved", "failure", "recovery",
+         "health", "notice")
+
+
+class Sentence(Struct, frozen=True):
+    """A sentence about one event, in words for people and on one line.
+
+    ``kind`` says what it is about (one of ``story.KINDS``), ``severity`` is info, warning or error;
+    ``visit`` is 0 before the first. ``uid`` and ``path`` are those of the node that it leads to; 0
+    and empty if there is none. Sentences of one ``incident`` have one cause: it is the time of the
+    first of them. ``cause`` is the kind of the failure that they are about, in words.
+    """
+
+    at: float
+    visit: int
+    kind: str
+    severity: str
+    text: str
+    uid: int
+    path: str = ""
+    incident: float = 0.0
+    cause: str = ""
+
+
+SEVERITIES = ("info", "warning", "error")
+
+
+class Story:
+    """Folds events in order, from a state on; ``state`` is what is so after the last one."""
+
+    def __init__(self, before: State = State()) -> None:
+        self.state = before
+
+    def take(self, at: float, event: events.Event) -> Tuple[Sentence, ...]:
+        """Return the sentences about ``event``."""
+        before, self.state = self.state, fold(self.state, at, event)
+        return sentences(before, event, self.state)
+
+
+def sentences(before: State, event: events.Event, after: State) -> Tuple[Sentence, ...]:
+    """Return the sentences about an event, given what was so before it and what is so after it."""
+    words = _WORDS.get(type(event))
+    if words is None:
+        return ()
+    number = after.visit.number if after.visit is not None else 0
+    path, failure = getattr(event, "path", ""), getattr(event, "failure", None)
+    # the number of a recovery's event is that of its HandleFallBack
+    is_recovery = isinstance(event, (events.Recovered, events.Recovering))
+    uid = after.uids.get(path, 0 if is_recovery else getattr(event, "uid", 0))
+    reason = failure.cause.text if failure is not None else ""
+    return tuple(
+        Sentence(after.at, number, kind if kind in KINDS else "notice",
+                 severity if severity in SEVERITIES else "warning", clean(text), uid, clean(path),
+                 incident, reason)
+        for kind, severity, text, incident in words(before, event, after))
+
+
+# ----------------------------------------------------------------------------------------- phrases
+
+
+OF_ROS = (Cause.REFUSED, Cause.HANDLER_EXCEPTION, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
+          Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.TYPE_MISMATCH)
+"""The causes of a failure whose message has addresses, types or names of fields."""
+
+
+def cause(failure: Failure, is_short: bool = False) -> str:
+    """Return why something failed; in short, without what ROS says of it."""
+    message = clean(" ".join(failure.message.split()))
+    if failure.cause is Cause.CONDITION_FALSE:
+        return message.partition(";")[0]  # what follows tells of messages of the topic
+    if is_short and failure.cause in OF_ROS:
+        message = ""
+    resource = f" ({clean(failure.resource)})" if failure.resource else ""
+    return ", ".join(filter(None, (failure.cause.text, message))) + resource
+
+
+def why_failed(node: str, failure: Failure, tries: int = 1, is_short: bool = False) -> str:
+    """Return what failed, how often if that was tried again, and why; of a condition, what it has
+    not seen or heard.
+    """
+    if failure.cause is Cause.CONDITION_FALSE:
+        return cause(failure) or f"{node} failed"
+    often = f" {tries} times" if tries > 1 else ""
+    return clean(f"{node} failed{often}: {cause(failure, is_short)}")
+
+
+def why(reason: Optional[Reason]) -> str:
+    """Return why something ended; empty without a reason."""
+    if reason is None:
+        return ""
+    text = _REASONS.get(reason.kind, "it failed")
+    if reason.kind == NOTICED:
+        text = clean(reason.text)
+    elif reason.failure is not None:
+        # the sentence about the failure itself has the detail
+        text = why_failed(reason.node, reason.failure, reason.tries, is_short=True)
+    if reason.policy:
+        text = clean(f"{reason.policy}; {text}")
+    if reason.blind is not None:
+        return f"{_UNSEEN.get(reason.kind, text)}: {condition(reason.blind)}"
+    is_false = reason.failure is not None and reason.failure.cause is Cause.CONDITION_FALSE
+    if is_false and reason.without:
+        text += clean(f": went on without {reason.without}")
+    return text
+
+
+_REASONS = {
+    LEFT: "the visitor left", STOPPED: "the robot was stopped", DECLINED: "the visitor said no",
+    DONE_ALL: "complete", UNCLEAR: "no clear answer", SILENT_VISITOR: "no answer"}
+_UNSEEN = {LEFT: "the visitor could not be seen", SILENT_VISITOR: "no answer was heard"}
+
+
+def condition(change: events.HealthChanged) -> str:
+    """Return in a few words what is wrong with a service, a topic or the master."""
+    if change.kind == "master":
+        status = "is new" if change.respect == NEW else change.status
+        return clean(f"the ROS master {status}")
+    word = change.respect or change.status
+    return clean(f"{change.name} is {word}" if word else change.name)
+
+
+def conditions(changes: Iterable[events.HealthChanged]) -> str:
+    """Return the same of several ones; those with the same trouble are said together."""
+    alike: Dict[str, List[events.HealthChanged]] = {}
+    for change in changes:
+        subject = change.name if change.kind == "master" else change.respect
+        alike.setdefault(subject, []).append(change)
+    return "; ".join(map(_common_condition, alike.values()))
+
+
+MOST_NAMES = 3
+"""The most services and topics with the same trouble that are named."""
+
+
+def _common_condition(changes: List[events.HealthChanged]) -> str:
+    if len(changes) == 1:
+        return condition(changes[0])
+    names, kinds = [change.name for change in changes], [change.kind for change in changes]
+    return clean(f"{few(names, kinds, MOST_NAMES)} are {changes[0].respect}")
+
+
+def few(names: List[str], kinds: List[str], most: int) -> str:
+    """Return the names, or of more than ``most`` how many there are of each kind."""
+    if len(names) <= most:
+        return listed(names)
+    numbers = collections.Counter(kinds)
+    return listed([count(number, kind, kind + "s") for kind, number in numbers.items()])
+
+
+def listed(names: List[str]) -> str:
+    """Return ``a, b and c``."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def stop_name(stop: Stop) -> str:
+    """Return ``place 2 of 5, name``, with the mission's word for it."""
+    return f"{stop.noun or 'stop'} {stop.number} of {stop.of}, {stop.name}"
+
+
+def completed(visit: Visit) -> str:
+    """Return ``2 of 5 places completed, 1 in part``; empty without a stop."""
+    if not visit.stops:
+        return ""
+    done, last = [stop for stop in visit.stops if stop.state == COMPLETED], visit.stops[-1]
+    partial = sum(bool(stop.skipped) for stop in done)
+    text = f"{len(done) - partial} of {last.of} {last.noun or 'stop'}s completed"
+    return f"{text}, {partial} in part" if partial else text
+
+
+def without(skipped: Dict[str, int]) -> str:
+    """Return `` without 7 steps (Say 4 times, Point 2 times and 1 more)``, which the mission went
+    on without; empty for none.
+    """
+    if not skipped:
+        return ""
+    nodes = sorted(skipped, key=lambda node: -skipped[node])
+    named = [node if skipped[node] == 1 else f"{node} {skipped[node]} times"
+             for node in nodes[:MOST_NAMES]]
+    rest = sum(skipped[node] for node in nodes[MOST_NAMES:])
+    names = listed(named + [f"{rest} more"] if rest else named)
+    number = sum(skipped.values())
+    return clean(f" without {names}" if number == 1 else f" without {number} steps ({names})")
+
+
+def degree(visit: Visit) -> str:
+    """Return how much of a visit was done: ``complete``, ``complete without …`` or ``broken off``;
+    empty while it is under way.
+    """
+    if visit.ended is None:
+        return ""
+    return "complete" + without(visit.skipped) if visit.outcome == "SUCCESS" else BROKEN_OFF
+
+
+def how_it_ended(visit: Visit) -> str:
+    """Return how a visit ended, and what it went without; empty while it is under way."""
+    ending, lacks = _ending(visit), without(visit.skipped)
+    return ending if not ending or lacks in ending else f"{ending};{lacks}"
+
+
+def _ending(visit: Visit) -> str:
+    reason, stops = visit.why, visit.stops
+    if reason is None:
+        return ""
+    if reason.kind == DONE_ALL:
+        last, done = stops[-1] if stops else None, why(reason) + without(visit.skipped)
+        if last is None:
+            return done
+        if last.state == COMPLETED and last.number < last.of:  # what the visitor looked for
+            return f"{done} at {stop_name(last)}"
+        return f"{done}, {completed(visit)}"
+    if stops and stops[-1].state == BROKEN_OFF:
+        return f"ended at {stop_name(stops[-1])}: {why(reason)}"
+    return "gave up: " + why(reason) if reason.kind == GAVE_UP else why(reason)
+
+
+def counted(state: State) -> str:
+    """Return how many visits there were, how many of them failed, and how many went without steps.
+    """
+    number, failed = sum(state.outcomes.values()), state.outcomes.get("FAILURE", 0)
+    if not number:
+        return "no visit completed"
+    text = f"{count(number, 'visit', 'visits')}, {failed or 'none'} failed"
+    if state.incomplete:
+        text += f", {state.incomplete} complete without some steps"
+    return text + ", the last one was stopped" if "" in state.outcomes else text
+
+
+def run_end(state: State) -> str:
+    """Return how the run ended, and how much of its last visit was done if steps are missing; empty
+    while it goes on.
+    """
+    outcome, visit = state.finished.outcome if state.finished is not None else "", state.visit
+    if outcome and visit is not None and visit.outcome == "SUCCESS" and visit.skipped:
+        return f"{outcome}, {degree(visit)}"
+    return outcome
+
+
+def recovering(event: events.Recovering) -> str:
+    """Return what a recovery does."""
+    if event.substitute:
+        return clean(f"doing {event.substitute} in place of {event.node}")
+    return clean(f"retrying {event.node}, {event.attempt} of {event.of}")
+
+
+def waiting(event: events.Paused) -> str:
+    """Return what a mission waits for that gave up."""
+    if event.awaited:
+        return clean(f"waiting for {event.awaited} to return")
+    reason = ": " + event.reason if event.reason else ""
+    return clean(f"waiting {event.limit:.0f} s{reason}")
+
+
+def step_words(step: Step) -> str:
+    """Return what the robot does in a step, with what it has reported of it last."""
+    if isinstance(step.cause, events.Recovering):
+        return recovering(step.cause)
+    if isinstance(step.cause, events.Paused):
+        return waiting(step.cause)
+    words = " ".join(filter(None, (step.words, step.what)))
+    return f"{words} ({step.feedback})" if step.feedback else words
+
+
+STOP_BUTTON = "keep the stop button at hand"
+
+
+def may_be_under_way(state: State) -> str:
+    """Return in words what the robot may still be carrying out; empty if nothing is."""
+    doing = [exchange.words for exchange in state.robot.unfinished]
+    return f"may still be {listed(doing)}" if doing else ""
+
+
+def may_move(state: State) -> bool:
+    """Return whether the robot may be moving by what it was asked for."""
+    return any(exchange.request.effect == MOTION for exchange in state.robot.unfinished)
+
+
+def under_way_warning(state: State) -> str:
+    """Return this with what a person has to do about it."""
+    under_way = may_be_under_way(state)
+    return f"{under_way}: {STOP_BUTTON}" if may_move(state) else under_way
+
+
+def switched_off(state: State) -> str:
+    """Return ``attention and lifelike movement are off``, of the parts of the safe state that were
+    reached; empty for none.
+    """
+    parts = state.safe_state.parts if state.safe_state is not None else ()
+    off = [part.what for part in parts if part.failure is None]
+    return clean(f"{listed(off)} {'are' if len(off) > 1 else 'is'} off") if off else ""
+
+
+def safe_state(state: State) -> str:
+    """Return in words which parts of the safe state were reached, why the others may not be, and
+    what may still be under way; empty if it was not asked for.
+    """
+    if state.safe_state is None:
+        return ""
+    parts, texts = state.safe_state.parts, [switched_off(state)]
+    if not parts:
+        texts = ["the robot has neither attention nor lifelike movement to switch off"]
+    for part in parts:
+        if part.failure is not None and part.failure.cause in UNCERTAIN:
+            texts.append(f"whether {part.what} is off is not known: {cause(part.failure)}")
+        elif part.failure is not None:
+            texts.append(f"{part.what} could not be switched off: {cause(part.failure)}")
+    return clean("; ".join(filter(None, [*texts, under_way_warning(state)])))
+
+
+def ordinal(number: int) -> str:
+    """Return 1st, 2nd, 3rd, 4th …"""
+    ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th") if number // 10 % 10 != 1 else "th"
+    return f"{number}{ending}"
+
+
+def _incident(state: State, failure: Failure, path: str) -> float:
+    """Return when that began which a failure belongs to: the trouble of its service, or the first
+    failure of its step.
+    """
+    failures = state.failures.get(path, ())
+    first = failures[0].at if failures else state.at
+    return min(first, state.robot.ill_since.get(failure.resource, first))
+
+
+_Said = Tuple[str, str, str, float]
+"""Kind, severity, text and incident of a sentence."""
+
+
+def _run_started(before: State, event: events.RunStarted, after: State) -> Iterator[_Said]:
+    name, leaves = mission_name(event.mission), len(event.leaves)
+    yield "notice", "info", f"mission {name} starts, {leaves} mission leaves", 0.0
+
+
+def _run_finished(before: State, event: events.RunFinished, after: State) -> Iterator[_Said]:
+    for visit in after.concluded(Visit):
+        if visit.arrived is not None:
+            yield "visit", "warning", f"visitor {visit.number}: {how_it_ended(visit)}", 0.0
+    yield "notice", "info", f"ends: {run_end(after)} (exit code {event.exit_code})", 0.0
+
+
+def _pass_finished(before: State, event: events.PassFinished, after: State) -> Iterator[_Said]:
+    visit = after.visit
+    if visit is not None:
+        text = f"pass {event.number}: {event.outcome} after {visit.seconds:.1f} s"
+        is_complete = visit.outcome == "SUCCESS" and not visit.skipped
+        severity = "info" if is_complete else "warning"
+        yield "visit", severity, f"{text}: {how_it_ended(visit)}", 0.0
+
+
+def _leaf_finished(before: State, event: events.LeafFinished, after: State) -> Iterator[_Said]:
+    if event.summary is not None:
+        text = _met(before, after, event.summary.mark) or event.summary.text
+        if text:
+            yield event.summary.kind, "info", text, 0.0
+    for failed in after.concluded(LeafFailure):
+        if not failed.is_false_condition:
+            incident = _incident(after, failed.failure, failed.path)
+            yield "failure", "warning", why_failed(failed.node, failed.failure), incident
+
+
+def _met(before: State, after: State, mark: str) -> str:
+    """Return the sentence for a visitor who was seen, or looked at the robot, for the first time.
+    """
+    if mark not in ("arrived", "engaged") or before.visit is None or after.visit is None:
+        return ""
+    if getattr(before.visit, mark) is not None:
+        return ""
+    what = "arrived" if mark == "arrived" else "looks at the robot"
+    return f"visitor {after.visit.number} {what}"
+
+
+def _stop_changed(before: State, event: events.StopChanged, after: State) -> Iterator[_Said]:
+    for stop in after.concluded(Stop):
+        if stop.why is None:
+            severity = "warning" if stop.skipped else "info"
+            yield "stop", severity, f"{stop_name(stop)}, is completed{without(stop.skipped)}", 0.0
+        else:
+            yield "stop", "warning", f"{stop_name(stop)}, is broken off: {why(stop.why)}", 0.0
+    if event.state == events.BEGUN and after.stop is not None:
+        yield "stop", "info", stop_name(after.stop), 0.0
+
+
+def _recovering(before: State, event: events.Recovering, after: State) -> Iterator[_Said]:
+    # the first failure has its sentence already
+    cause_of = ": " + cause(event.failure) if event.attempt > 1 else ""
+    incident = _incident(after, event.failure, event.path)
+    yield "recovery", "info", recovering(event) + cause_of, incident
+
+
+def _recovered(before: State, event: events.Recovered, after: State) -> Iterator[_Said]:
+    stop, incident = next(after.concluded(Stop), None), _incident(before, event.failure, event.path)
+    if stop is not None and incident < stop.began:
+        incident = 0.0  # an entry of its own: that of the trouble stands far above
+    text = why(why_recovered(before, event) if stop is None else stop.why)
+    if stop is not None and event.outcome == SKIPPED:
+        yield "stop", "warning", f"{stop_name(stop)}, is left out: {text}", incident
+    elif stop is None and event.outcome != GIVEN_UP:
+        yield ("recovery", *_done(before, event, text), incident)
+    elif not before.has_given_up(event):
+        severity = "warning" if event.failure.cause is Cause.CONDITION_FALSE else "error"
+        if stop is None:
+            yield "recovery", severity, "gave up: " + text, incident
+        else:
+            yield "stop", severity, f"{stop_name(stop)}, is broken off: {text}", incident
+
+
+def _done(before: State, event: events.Recovered, needed: str) -> Tuple[str, str]:
+    """Return severity and sentence of a recovery after which the mission goes on."""
+    if event.outcome == SKIPPED:
+        needed = needed.replace(" failed", ", which failed", 1)
+        return "warning", f"went on without {needed}"
+    substitute = next((recovery.substitute for recovery in before.recoveries
+                       if recovery.path == event.path), None)
+    if event.outcome == SUBSTITUTED and substitute is not None:
+        return "warning", f"did {substitute} in place of {event.node}: {cause(event.failure)}"
+    return "info", f"{event.node} is done at the {ordinal(event.attempts + 1)} try"
+
+
+def _paused(before: State, event: events.Paused, after: State) -> Iterator[_Said]:
+    to_do = ": restart it"
+    if not event.awaited:
+        to_do = f"{';' if event.reason else ':'} failed last: {cause(event.failure)}: repair it"
+    text = waiting(event) + to_do + "; the mission goes on by itself"
+    yield "recovery", "warning", text, _incident(after, event.failure, "")
+
+
+def _safe_state_reported(before: State, event: events.SafeStateReported,
+                         after: State) -> Iterator[_Said]:
+    is_reached = all(part.failure is None for part in event.parts) and not after.robot.unfinished
+    failed = [recovery.failures[-1] for recovery in before.recoveries if recovery.failures]
+    incident = _incident(before, failed[-1].failure, failed[-1].path) if failed else 0.0
+    yield "notice", "info" if is_reached else "warning", safe_state(after), incident
+
+
+def _health_changed(before: State, event: events.HealthChanged, after: State) -> Iterator[_Said]:
+    """Say nothing of a trouble while a stronger one is known."""
+    strongest = after.robot.trouble(event.name)
+    if strongest is None or rank(strongest) >= rank(event):
+        since = before.robot.ill_since.get(event.name, after.robot.ill_since.get(event.name, 0.0))
+        yield "health", "info" if event.is_well else "warning", health_text(event), since
+
+
+def health_text(event: events.HealthChanged) -> str:
+    """Return how a service, topic or the master is, and what that means."""
+    node = f" (of node /{event.node})" if event.node else ""
+    then = "; " + event.consequence if event.consequence else ""
+    return clean(f"{event.kind} {event.name}{node}: {event.status}{then}")
+
+
+def _noticed(before: State, event: events.Noticed, after: State) -> Iterator[_Said]:
+    yield "notice", event.level, event.text, 0.0
+
+
+def _lost(before: State, event: events.Lost, after: State) -> Iterator[_Said]:
+    yield "notice", "warning", str(event), 0.0
+
+
+def _suspended(before: State, event: events.Suspended, after: State) -> Iterator[_Said]:
+    due = " as soon as the robot has done what it does now" if event.is_due else ""
+    yield "notice", "info", event.words + due or "goes on, started by the operator", 0.0
+
+
+def _breakpoint_changed(before: State, event: events.BreakpointChanged,
+                        after: State) -> Iterator[_Said]:
+    name = event.path.rpartition("/")[2].partition("::")[0]
+    words = f"held by a breakpoint of Groot2 at {name}"
+    if event.is_held:
+        yield "notice", "warning", words, 0.0
+    elif event.uid in before.held:  # it is released, or halted
+        yield "notice", "info", "no longer " + words, 0.0
+
+
+_Words = Callable[[State, Any, State], Iterator[_Said]]  # type: ignore[explicit-any]
+
+_WORDS: Dict[type, _Words] = {
+    events.RunStarted: _run_started,
+    events.RunFinished: _run_finished,
+    events.PassFinished: _pass_finished,
+    events.LeafFinished: _leaf_finished,
+    events.StopChanged: _stop_changed,
+    events.Recovering: _recovering,
+    events.Recovered: _recovered,
+    events.HealthChanged: _health_changed,
+    events.Paused: _paused,
+    events.SafeStateReported: _safe_state_reported,
+    events.BreakpointChanged: _breakpoint_changed,
+    events.Suspended: _suspended,
+    events.Noticed: _noticed,
+    events.Lost: _lost,
+}
+"""What is said of each kind of event; the others have no sentence."""

@@ -1,1 +1,0 @@
-"""Groot2's protocol: what it shows of a running tree, and its breakpoints."""
