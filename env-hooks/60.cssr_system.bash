@@ -3,10 +3,11 @@
 _cssr_system_words() { # PACKAGE [COMMAND]
   case "$1 ${2-}" in
     # derived: words
-    "cssr_system ") echo behaviorController exportNodeModel missionStatus rehearseMission replayMission validateMission ;;
+    "cssr_system ") echo behaviorController exportNodeModel missionStatus missionViewer rehearseMission replayMission validateMission ;;
     "cssr_system behaviorController") echo --help --version _scenarioSpecification:= _verboseMode:= _asrEnabled:= _robotInterface:= _tabletSuccessIs:= _waitForSpeech:= _speechPace:= _language:= _missionRuns:= _startupTimeout:= _startupCheck:= _topicMaxAge:= _conditionWait:= _mutualGazeValue:= _welcomeGestureId:= _goodbyeGestureId:= _deicticGestureId:= _gestureDuration:= _groot2Port:= _groot2Address:= _monitorPort:= _monitorAddress:= _rosInterface:= _startBy:= _recordDirectory:= _animateBehaviorDeadline:= _gestureExecutionDeadline:= _knowledgeBaseDeadline:= _overtAttentionDeadline:= _robotNavigationDeadline:= _tabletEventDeadline:= _textToSpeechDeadline:= _robotLocalizationDeadline:= _speechEventDeadline:= ;;
     "cssr_system exportNodeModel") echo --help --version --project ;;
     "cssr_system missionStatus") echo --help --version --watch --all --address --port ;;
+    "cssr_system missionViewer") echo --help --version --address --port --groot2 --groot2 ;;
     "cssr_system rehearseMission") echo --help --version --faults --visitors --kinds --planned --silent --runs --failureRate --seed --limit --jobs --json --html scenarioSpecification:= verboseMode:= asrEnabled:= robotInterface:= tabletSuccessIs:= waitForSpeech:= speechPace:= language:= missionRuns:= startupTimeout:= startupCheck:= topicMaxAge:= conditionWait:= mutualGazeValue:= welcomeGestureId:= goodbyeGestureId:= deicticGestureId:= gestureDuration:= groot2Port:= groot2Address:= monitorPort:= monitorAddress:= rosInterface:= startBy:= recordDirectory:= animateBehaviorDeadline:= gestureExecutionDeadline:= knowledgeBaseDeadline:= overtAttentionDeadline:= robotNavigationDeadline:= tabletEventDeadline:= textToSpeechDeadline:= robotLocalizationDeadline:= speechEventDeadline:= ;;
     "cssr_system replayMission") echo --help --version --mission --report --story ;;
     "cssr_system validateMission") echo --help --version --json --main --palette --interface --folder --ignore --watch ;;

@@ -64,6 +64,8 @@ COMMANDS = {
     "src/behavior_controller/missionStatus": (
         "Print the tree of the running mission.", "behavior_controller.viewer.status_tool",
         "main", True),
+    "src/behavior_controller/missionViewer": (
+        "Show a run on a page and in Groot2, now or later.", "behavior_controller.viewer.main"),
     "src/behavior_controller/" + RENDER: (
         "Draw a mission: py-trees-render behavior_controller.cli.create_tree.",
         "py_trees.programs.render", "main", True),
@@ -101,7 +103,7 @@ def executables() -> Dict[str, str]:
 def _executable(path: str, function: str, about: str, *words: object) -> str:
     name = os.path.basename(path)
     arguments = ", ".join(f"\"{word}\"" if isinstance(word, str) else "redraws=True"
-                          for word in (name,) + words)
+                          for word in (name,) + words if (function, word) != ("run", "main"))
     return EXECUTABLE.format(about=about, name=name, call=f"{function}({arguments})")
 
 

@@ -6,7 +6,7 @@ from typing import Dict, Iterator, Set
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SOURCES = ("src", "unit_tests/src")
-COMMANDS = ("cli", "command")
+COMMANDS = ("cli", "command", "replay_cli")
 """The modules beside the rooms that use rooms; the others there are the base, which all use."""
 
 

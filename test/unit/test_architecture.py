@@ -26,8 +26,8 @@ import house  # noqa: E402
 # decides.
 LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "missionViewer", "py-trees-render",
-     "rehearseMission", "replayMission", "validateMission", "viewer.__main__"],
-    ["ros", "cli", "command"],
+     "rehearseMission", "replayMission", "validateMission"],
+    ["ros", "cli", "command", "replay_cli"],
     ["simulation"],
     ["missions.blocked_tick", "viewer"],
     ["missions.runner", "missions.validation", "extend"],
@@ -384,7 +384,7 @@ def test_no_file_of_page_or_report_names_a_mission_leaf():
     words = re.compile(r"\b(?:{})\b".format("|".join(own_modules())))
     found = []
     for folder in ("page_files", "report_files"):
-        place = os.path.join(ROOT, "src", PRODUCT, "monitoring", folder)
+        place = os.path.join(ROOT, "src", PRODUCT, "viewer", folder)
         for name in os.listdir(place):
             with open(os.path.join(place, name), encoding="utf-8") as file:
                 found += [(name, word) for word in words.findall(file.read())]

@@ -249,7 +249,8 @@ def test_what_a_further_file_repeats_is_what_still_holds(tmp_path):
     tree, nodes = TreeShown("M", []), TreeShown("N", [])
     for event in (tree, gone, nodes, Message("/t", 3, 1, 1.0), Message("/t", 2, 2, 2.0),
                   HealthChanged("service", "/b", "", False, "gone", "", "gone"),
-                  EntriesWritten([("a", "1"), ("b", "2")], {"a": 1, "b": 2}), EntriesWritten([("a", None)]),
+                  EntriesWritten([("a", "1"), ("b", "2")], {"a": 1, "b": 2}),
+                  EntriesWritten([("a", None)]),
                   PassStarted(7, 1.0), PassFinished(7, "SUCCESS", 1.0),
                   HealthChanged("service", "/b", "", True, "back", "", "gone")):
         outset.take(next(times), event)

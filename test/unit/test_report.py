@@ -949,7 +949,8 @@ def until(is_so):
 def test_a_mission_may_be_one_leaf_and_results_of_nodes_that_are_not_there_are_left_out(
         uid, finished):
     sources = Sources((), Source("", ""), Source("", ""), "")
-    run = Drawn(1.0, RunStarted("m.xml", [], {}, sources), TreeShown("M", [TreeNode("Say", "Say", "Say", 0)]))
+    run = Drawn(1.0, RunStarted("m.xml", [], {}, sources),
+                TreeShown("M", [TreeNode("Say", "Say", "Say", 0)]))
     run.take(2.0, LeafFinished(uid, "Say", "Say", "SUCCESS", "", 1.0, None))
     run.take(2.0, Retried("Say", "Gone", 1, Failure(Cause.REFUSED, "", "")))
     assert run.finished == finished

@@ -2,7 +2,7 @@
 
 ``fold`` takes what was so, and an event with its time, and returns what is so now. It looks at no
 clock, so a record gives the same model as the run itself. Whoever shows, judges or replays a run
-reads a ``State``, or a ``run.Run``, which has all of them.
+reads a ``State``, or a ``history.Run``, which has all of them.
 """
 from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar
 

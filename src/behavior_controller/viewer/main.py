@@ -223,3 +223,7 @@ def _show_run(viewer: Viewer, path: str) -> None:
 
 def _print(text: str) -> None:
     print("missionViewer:", text, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":  # as the controller's child
+    sys.exit(main())

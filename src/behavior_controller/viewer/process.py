@@ -37,7 +37,7 @@ CLOSING = 0.5
 MOST_BYTES = 65_536
 """The most bytes of a line from the viewer."""
 
-COMMAND = [sys.executable, "-m", "behavior_controller.viewer", "-", "--child"]
+COMMAND = [sys.executable, "-m", "behavior_controller.viewer.main", "-", "--child"]
 
 
 class ViewerProcess:
