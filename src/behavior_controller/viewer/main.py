@@ -2,6 +2,7 @@
 import argparse
 import collections
 import contextlib
+import ctypes
 import errno
 import os
 import queue
@@ -34,6 +35,9 @@ REST = 0.5
 
 PORTS_LIMIT = 10.0
 """Seconds to wait for the ports of another viewer that ends."""
+
+PARENT_ENDS = 1
+"""Linux's number of the option that has a process get a signal when its parent has ended."""
 
 END_LIMIT = 1.5
 """Seconds for the end to be shown, after that of a controller that is the parent."""
@@ -124,6 +128,8 @@ def _show_parent(chosen: argparse.Namespace) -> int:
     signal.pthread_sigmask(signal.SIG_SETMASK, ())  # the controller blocks them in its threads
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
+    # the end of the controller is seen by a viewer that was stopped, too
+    ctypes.CDLL(None).prctl(PARENT_ENDS, signal.SIGCONT)
     lock = threading.Lock()
 
     def send(sent: FromViewer) -> None:
@@ -140,11 +146,12 @@ def _show_parent(chosen: argparse.Namespace) -> int:
     viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)
     alive.has_page = viewer.has_page
     decoder = Decoder("the controller")
-    for text in iter(texts.get, b""):
-        for line in decoder.read(text):
-            viewer.take(line)
-        if decoder.head.unix_at_zero:
-            use_clock_of(decoder.head.unix_at_zero)
+    with contextlib.suppress(BehaviorControllerError):  # a line that the controller did not finish
+        for text in iter(texts.get, b""):
+            for line in decoder.read(text):
+                viewer.take(line)
+            if decoder.head.unix_at_zero:
+                use_clock_of(decoder.head.unix_at_zero)
     viewer.close()
     os._exit(exit_codes.SUCCESS)
 

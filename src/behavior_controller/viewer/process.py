@@ -14,13 +14,15 @@ import time
 from typing import Callable, Deque, List, Optional
 
 from behavior_controller.run import from_viewer
-from behavior_controller.run.events import unix_now
 from behavior_controller.run.from_viewer import HookChange, ViewerAlive, ViewerTold
-from behavior_controller.run.record.outset import Outset
+from behavior_controller.run.record.outset import Outset, is_full
 from behavior_controller.run.record.recorder import EncodedLine
 
 MOST_WAITING = 100_000
 """The most lines that wait for a viewer; with more it is started again."""
+
+MOST_KEPT = 2_000_000
+"""The most bytes of lines that are kept for a viewer that is started again: all of a visit."""
 
 REST = 0.02
 """Seconds between two looks for lines."""
@@ -56,6 +58,9 @@ class ViewerProcess:
         self._has_lost = False
         self._outset = Outset()
         self._lines = 0  # that were handed over
+        # for the next viewer: what was so at some time, and the lines since
+        self._head, self._since = self._outset.head(0, 0.0), bytearray()
+        self._trouble = ""
         self._child: Optional["subprocess.Popen[bytes]"] = None
         self._lived = self._started = 0.0
         self._pause = PAUSES[0]
@@ -84,9 +89,8 @@ class ViewerProcess:
     def _work(self) -> None:
         while True:
             is_last = self._is_over.wait(REST)
-            trouble = self._trouble()
-            if trouble and not is_last:
-                self._restart(trouble)
+            if self._is_in_trouble() and not is_last:
+                self._restart()
             with contextlib.suppress(OSError):  # it has ended: the next round sees that
                 self._hand_over()
             if is_last:
@@ -94,8 +98,12 @@ class ViewerProcess:
         if self._child is not None and self._child.stdin is not None:
             self._child.stdin.close()
 
-    def _trouble(self) -> str:
-        """Return why the viewer has to be started again; empty: it runs."""
+    def _is_in_trouble(self) -> bool:
+        """Whether the viewer has to be started again; the first reason counts."""
+        self._trouble = self._trouble or self._find_trouble()
+        return self._trouble != ""
+
+    def _find_trouble(self) -> str:
         if self._child is None:
             return "it has not been started"
         code = self._child.poll()
@@ -105,27 +113,28 @@ class ViewerProcess:
             return f"it gave no sign of life for {HANGS:g} s"
         return "it did not take the lines of the run in time" if self._has_lost else ""
 
-    def _restart(self, trouble: str) -> None:
-        now = time.monotonic()
-        if self._child is not None:
-            if self._child.poll() is None:
-                self._child.kill()
+    def _restart(self) -> None:
+        now, child = time.monotonic(), self._child
+        if child is not None:
+            child.kill()
+        if self._started:
             if now - self._started < self._pause:
                 return
-            self._child.wait()
-            self._warn(f"the viewer (page, Groot2) is started again: {trouble}; the mission goes "
-                       "on")
-            is_stable = now - self._started > PAUSES[1]
+            is_stable = self._lived - self._started > PAUSES[1]
             self._pause = PAUSES[0] if is_stable else min(PAUSES[1], 2 * self._pause)
+        if child is not None:
+            child.wait()
+            self._warn(f"the viewer (page, Groot2) is started again: {self._trouble}; the mission "
+                       "goes on")
         self._started = self._lived = now
-        self._has_lost = False
+        self._has_lost, self._trouble, self._child = False, "", None
         try:
             self._child = self._new_child()
         except (OSError, RuntimeError) as error:
             self._warn(f"the viewer (page, Groot2) cannot be started: {error}; it is tried again")
             return
         with contextlib.suppress(OSError):
-            self._write(self._outset.head(self._lines, unix_now()))
+            self._write(self._head + self._since)
 
     def _new_child(self) -> "subprocess.Popen[bytes]":
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
@@ -143,20 +152,23 @@ class ViewerProcess:
         """Write the lines that wait. Raises OSError if the viewer does not take them."""
         while self._waiting:
             line = self._waiting.popleft()
+            if is_full(len(self._since), MOST_KEPT, line.event):
+                self._head, self._since = self._outset.head(self._lines, line.time), bytearray()
             self._lines += 1
             self._outset.take(line.time, line.event)
+            self._since += line.text
             self._write(line.text)
 
     def _write(self, data: bytes) -> None:
         child = self._child
         if child is None or child.stdin is None or child.poll() is not None:
-            return  # the head for the next one has it
+            return  # the next one gets it
         pipe, rest = child.stdin.fileno(), memoryview(data)
         while rest:
             writable = select.select([], [pipe], [], REST)[1]
             if writable:
                 rest = rest[os.write(pipe, rest[:select.PIPE_BUF]):]
-            elif self._trouble() or self._is_over.is_set():
+            elif self._is_in_trouble():
                 child.kill()
                 return
 

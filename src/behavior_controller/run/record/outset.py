@@ -17,6 +17,12 @@ LASTING: Dict[type, Callable[[Any], Any]] = {
 """The events that hold until another one of the same kind with the same key."""
 
 
+def is_full(size: int, most: int, event: events.Event) -> bool:
+    """Whether a file of ``size`` bytes, of ``most`` at most, ends before this event: between two
+    passes if possible."""
+    return size > most // (2 if isinstance(event, events.PassStarted) else 1)
+
+
 class Outset:
     """What has to be known of a run where a further file of it begins, so that this file is read
     without those before it."""

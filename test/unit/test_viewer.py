@@ -1,0 +1,260 @@
+"""The viewer as a process of its own: it shows the run that it is fed with, whatever happens to
+it."""
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+
+import pytest
+
+from behavior_controller.execution.events import BreakpointChanged, Noticed, RunFinished
+from behavior_controller.missions.breakpoints import Breakpoints
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.record.codec import encode, header
+from behavior_controller.monitoring.record.recorder import LineQueue, Record
+from behavior_controller.robot.requests import GoTo
+from behavior_controller.viewer import process as module
+from behavior_controller.viewer.process import ViewerProcess
+from free_ports import free_port
+from behavior_controller.monitoring.view import PARTS
+from mission_rig import Rig, one_leaf
+from test_groot2 import Client, hook
+from test_page import Stop, until, wait_until
+
+ENVIRONMENT = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
+
+
+class Viewed:
+    """A mission of which a viewer shows all events, and a board in this process too."""
+
+    def __init__(self, rig):
+        self.rig, self.warnings = rig, []
+        self.port, self.groot2_port = free_port(), free_port(2)
+        lines = LineQueue()
+        self.board = Board(lines.take)
+        hooks = Breakpoints(rig.mission.events.emit, self.warnings.append)
+        self.process = ViewerProcess(
+            ["--port", str(self.port), "--groot2-port", str(self.groot2_port)], hooks.change,
+            lambda: hooks.remove_all(": the viewer has ended"), self.warnings.append,
+            lambda: None)
+        self.record = Record(self.process, lines).open()
+        rig.mission.events.subscribe(self.record)
+        self.record.show(rig.tree)
+        hooks.show(rig.tree)
+
+    @property
+    def pid(self):
+        return self.process._child.pid
+
+    def state(self):
+        """Return what the page is told; nothing while it is not served."""
+        with contextlib.suppress(OSError):
+            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}/state", timeout=2) as answer:
+                return json.load(answer)
+        return {}
+
+    def shows(self, *parts):
+        """Whether the page is told what the board of this process has."""
+        state = self.state()
+        return state != {} and all(state[name] == self.board.part(name) for name in parts) and (
+            self.board.state.nodes != [])
+
+    def close(self):
+        self.record.close()
+
+
+@pytest.fixture
+def view():
+    views = []
+
+    def make(rig):
+        views.append(Viewed(rig))
+        return views[-1]
+
+    yield make
+    for each in views:
+        each.close()
+
+
+def is_over(pid):
+    """Whether a process has ended, which need not be a child of this one."""
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+# ------------------------------------------------------------------------- whatever happens to it
+
+
+@pytest.mark.parametrize("number, trouble", [
+    (signal.SIGKILL, "it was ended by signal 9"),
+    (signal.SIGTERM, "it was ended by signal 15"),
+    (signal.SIGSTOP, "it gave no sign of life for 3 s")])
+def test_a_viewer_that_ends_or_hangs_is_started_again_and_shows_the_run(
+        view, monkeypatch, number, trouble):
+    monkeypatch.setattr(module, "HANGS", 3.0)
+    drives, rig = [], Rig()
+    viewed = view(rig)
+    parts = [name for name in PARTS if name not in ("health", "alive")]  # which have ages
+
+    def drive(request):
+        drives.extend([request] if isinstance(request, GoTo) else [])
+        return None if len(drives) > 1 else NotImplemented
+
+    rig.answer = drive
+    with pytest.raises(Stop):
+        rig.run(until(lambda: len(drives) > 1))
+    wait_until(lambda: viewed.shows(*parts), 20.0)
+    assert "R" in viewed.state()["statuses"]["letters"]
+    first = viewed.pid
+    os.kill(first, number)
+    wait_until(lambda: viewed.pid != first, 20.0)
+    wait_until(lambda: viewed.shows(*parts), 20.0)
+    assert is_over(first) and viewed.warnings == [
+        f"the viewer (page, Groot2) is started again: {trouble}; the mission goes on"]
+    rig.tree.halt()
+    wait_until(lambda: viewed.shows(*parts))
+
+
+def test_a_viewer_that_does_not_take_its_lines_in_time_is_started_again(view, monkeypatch):
+    viewed = view(one_leaf("<Sleep msec='9000'/>"))
+    wait_until(lambda: viewed.shows("mission"), 20.0)
+    first = viewed.pid
+    os.kill(first, signal.SIGSTOP)
+    monkeypatch.setattr(module, "MOST_WAITING", 1000)
+    for number in range(1100):  # a pipe takes 64 of them
+        viewed.rig.mission.events.emit(Noticed("info", str(number) + 1000 * "x"))
+    wait_until(lambda: viewed.pid != first, 20.0)
+    wait_until(lambda: viewed.shows("mission", "statuses"), 20.0)
+    assert viewed.warnings == ["the viewer (page, Groot2) is started again: it did not take the "
+                               "lines of the run in time; the mission goes on"]
+
+
+def test_a_viewer_that_ends_leaves_no_hook(view):
+    rig = one_leaf("<Sequence><Sleep msec='9000'/></Sequence>")
+    viewed = view(rig)
+    wait_until(lambda: viewed.shows("mission"), 20.0)
+    client = Client(viewed.groot2_port)
+    assert client.ask("I", hook(1, mode=0, status="SKIPPED")) is None
+
+    def held():
+        rig.tick()
+        return [event.is_held for event in rig.of(BreakpointChanged)]
+
+    wait_until(lambda: held() == [True])
+    os.kill(viewed.pid, signal.SIGKILL)
+    wait_until(lambda: held() == [True, False])
+    client.close()
+    assert viewed.warnings[1].endswith(" is removed: the viewer has ended")
+
+
+def test_a_viewer_that_cannot_be_started_is_told_once_until_it_is_tried_again(view, monkeypatch):
+    monkeypatch.setattr(module, "COMMAND", ["/no/such/program"])
+    monkeypatch.setattr(module, "PAUSES", (0.5, 30.0))
+    viewed, began = view(one_leaf("<Sleep msec='9000'/>")), time.monotonic()
+    wait_until(lambda: len(viewed.warnings) == 3)
+    assert time.monotonic() - began >= 2 * 0.5
+    assert viewed.warnings[0].startswith("the viewer (page, Groot2) cannot be started: ")
+
+
+# --------------------------------------------------------------------------------- when it ends
+
+
+def test_it_ends_after_the_run_and_shows_the_end(view):
+    viewed = view(one_leaf("<Sleep msec='9000'/>"))
+    wait_until(lambda: viewed.shows("mission"), 20.0)
+    with urllib.request.urlopen(f"http://127.0.0.1:{viewed.port}/events", timeout=5) as stream:
+        stream.readline(), stream.readline()
+        viewed.rig.mission.events.emit(RunFinished("all passes are done", 0))
+        began = time.monotonic()
+        viewed.close()
+        told = [json.loads(line[len("data: "):]) for line in stream if line.strip()]
+    assert [news["now"]["ended"] for news in told if "now" in news][-1] == "all passes are done"
+    assert viewed.process._child.wait(5.0) == 0 and time.monotonic() - began < 2.0
+    assert viewed.warnings == []
+
+
+CONTROLLER = """
+import sys, time
+from mission_rig import one_leaf
+from test_viewer import Viewed, wait_until
+viewed = Viewed(one_leaf("<Sleep msec='9000'/>"))
+wait_until(lambda: viewed.shows("mission"), 20.0)
+print(viewed.pid, flush=True)
+time.sleep(60.0)
+"""
+
+
+def test_it_ends_after_a_controller_that_is_killed():
+    with subprocess.Popen([sys.executable, "-c", CONTROLLER], env=ENVIRONMENT,
+                          stdout=subprocess.PIPE) as controller:
+        pid = int(controller.stdout.readline())
+        assert not is_over(pid)
+        controller.kill()
+    wait_until(lambda: is_over(pid), 2.0)
+
+
+def test_a_line_that_the_controller_could_not_finish_is_left_out():
+    port = free_port()
+    with subprocess.Popen(module.COMMAND + ["--port", str(port), "--groot2-port", "0"],
+                          env=ENVIRONMENT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as viewer:
+        viewer.stdin.write(header(1, 0.0) + encode(5.0, Noticed("info", "whole")))
+        viewer.stdin.flush()
+        viewer.stdout.readline()
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/events", timeout=5) as stream:
+            stream.readline(), stream.readline()
+            viewer.stdin.write(encode(6.0, Noticed("info", "torn"))[:-5])
+            viewer.stdin.close()
+            last = [line for line in stream if line.strip()][-1]
+        assert b"the controller has stopped" in last and b"torn" not in last
+        assert viewer.wait(5.0) == 0
+
+
+def test_the_terminal_s_signals_are_not_for_it(view):
+    viewed = view(one_leaf("<Sleep msec='9000'/>"))
+    wait_until(lambda: viewed.shows("mission"), 20.0)
+    assert os.getsid(viewed.pid) == os.getpgid(viewed.pid) == viewed.pid
+    for number in (signal.SIGINT, signal.SIGHUP):
+        os.kill(viewed.pid, number)
+    viewed.rig.tick()
+    wait_until(lambda: viewed.shows("statuses"))
+    assert viewed.warnings == []
+
+
+# ------------------------------------------------------------------------------ what it costs
+
+
+def test_it_imports_nothing_of_ros_nor_of_the_engine():
+    code = "import sys, behavior_controller.viewer.main\nprint(*sys.modules)"
+    names = set(subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=True,
+                               stdout=subprocess.PIPE).stdout.decode().split())
+    assert "behavior_controller.viewer.groot2.publisher" in names
+    assert not names & {"rospy", "roslib", "py_trees", "lxml.etree", "behavior_controller.leaves",
+                        "behavior_controller.bt", "behavior_controller.ros"}
+
+
+def seconds_to_first_line(*command):
+    began = time.monotonic()
+    with subprocess.Popen([sys.executable, *command], env=ENVIRONMENT, stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE) as started:
+        assert started.stdout.readline()
+        taken = time.monotonic() - began
+        started.kill()
+    return taken
+
+
+@pytest.mark.timing
+def test_it_is_there_soon():
+    """Compared with its libraries alone: about half a second where these take a third."""
+    libraries = "import tornado.web, tornado.httpserver, zmq.asyncio, msgspec\nprint(1, flush=True)"
+    viewer = module.COMMAND[1:] + ["--port", str(free_port()), "--groot2-port", "0"]
+    taken = [(seconds_to_first_line(*viewer), seconds_to_first_line("-c", libraries))
+             for _ in range(5)]
+    print(taken)
+    assert min(one for one, _ in taken) < 1.7 * min(other for _, other in taken)
