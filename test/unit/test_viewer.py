@@ -3,6 +3,7 @@ it."""
 import contextlib
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -48,7 +49,9 @@ class Viewed:
 
     @property
     def pid(self):
-        return self.process._child.pid
+        """None: none is started."""
+        child = self.process._child
+        return child and child.pid
 
     def state(self):
         """Return what the page is told; nothing while it is not served."""
@@ -114,7 +117,7 @@ def test_a_viewer_that_ends_or_hangs_is_started_again_and_shows_the_run(
     assert "R" in viewed.state()["statuses"]["letters"]
     first = viewed.pid
     os.kill(first, number)
-    wait_until(lambda: viewed.pid != first, 20.0)
+    wait_until(lambda: viewed.pid not in (first, None), 20.0)
     wait_until(lambda: viewed.shows(*parts), 20.0)
     assert is_over(first) and viewed.warnings == [
         f"the viewer (page, Groot2) is started again: {trouble}; the mission goes on"]
@@ -130,7 +133,7 @@ def test_a_viewer_that_does_not_take_its_lines_in_time_is_started_again(view, mo
     monkeypatch.setattr(module, "MOST_WAITING", 1000)
     for number in range(1100):  # a pipe takes 64 of them
         viewed.rig.mission.events.emit(Noticed("info", str(number) + 1000 * "x"))
-    wait_until(lambda: viewed.pid != first, 20.0)
+    wait_until(lambda: viewed.pid not in (first, None), 20.0)
     wait_until(lambda: viewed.shows("mission", "statuses"), 20.0)
     assert viewed.warnings == ["the viewer (page, Groot2) is started again: it did not take the "
                                "lines of the run in time; the mission goes on"]
@@ -239,22 +242,26 @@ def test_it_imports_nothing_of_ros_nor_of_the_engine():
                         "behavior_controller.bt", "behavior_controller.ros"}
 
 
-def seconds_to_first_line(*command):
-    began = time.monotonic()
-    with subprocess.Popen([sys.executable, *command], env=ENVIRONMENT, stdin=subprocess.PIPE,
-                          stdout=subprocess.PIPE) as started:
-        assert started.stdout.readline()
-        taken = time.monotonic() - began
-        started.kill()
-    return taken
+def work_to_first_line(*command):
+    """Return the processor's seconds until a program says something, the least of three times."""
+    def seconds():
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime
+
+    taken = []
+    for _ in range(3):
+        before = seconds()
+        with subprocess.Popen([sys.executable, *command], env=ENVIRONMENT, stdin=subprocess.PIPE,
+                              stdout=subprocess.PIPE) as started:
+            assert started.stdout.readline()
+            started.kill()
+        taken.append(seconds() - before)
+    return min(taken)
 
 
 @pytest.mark.timing
 def test_it_is_there_soon():
-    """Compared with its libraries alone: about half a second where these take a third."""
+    """Half of the work are its libraries, which take a third of a second."""
     libraries = "import tornado.web, tornado.httpserver, zmq.asyncio, msgspec\nprint(1, flush=True)"
     viewer = module.COMMAND[1:] + ["--port", str(free_port()), "--groot2-port", "0"]
-    taken = [(seconds_to_first_line(*viewer), seconds_to_first_line("-c", libraries))
-             for _ in range(5)]
-    print(taken)
-    assert min(one for one, _ in taken) < 1.7 * min(other for _, other in taken)
+    assert work_to_first_line(*viewer) < 2.0 * work_to_first_line("-c", libraries)
