@@ -194,11 +194,14 @@ time.sleep(60.0)
 """
 
 
-def test_it_ends_after_a_controller_that_is_killed():
+@pytest.mark.parametrize("is_stopped", [False, True])
+def test_it_ends_after_a_controller_that_is_killed(is_stopped):
     with subprocess.Popen([sys.executable, "-c", CONTROLLER], env=ENVIRONMENT,
                           stdout=subprocess.PIPE) as controller:
         pid = int(controller.stdout.readline())
         assert not is_over(pid)
+        if is_stopped:
+            os.kill(pid, signal.SIGSTOP)
         controller.kill()
     wait_until(lambda: is_over(pid), 2.0)
 
