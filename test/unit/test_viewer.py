@@ -12,16 +12,16 @@ import urllib.request
 
 import pytest
 
-from behavior_controller.execution.events import BreakpointChanged, Noticed, RunFinished
+from behavior_controller.run.events import BreakpointChanged, Noticed, RunFinished
 from behavior_controller.missions.breakpoints import Breakpoints
-from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.record.codec import encode, header
-from behavior_controller.monitoring.record.recorder import LineQueue, Record
+from behavior_controller.viewer.board import Board
+from behavior_controller.run.record.codec import encode, header
+from behavior_controller.run.record.recorder import LineQueue, Record
 from behavior_controller.robot.requests import GoTo
 from behavior_controller.viewer import process as module
 from behavior_controller.viewer.process import ViewerProcess
 from free_ports import free_port
-from behavior_controller.monitoring.view import PARTS
+from behavior_controller.viewer.view import PARTS
 from mission_rig import Rig, one_leaf
 from test_groot2 import Client, hook
 from test_page import Stop, until, wait_until
@@ -240,7 +240,7 @@ def test_it_imports_nothing_of_ros_nor_of_the_engine():
     code = "import sys, behavior_controller.viewer.main\nprint(*sys.modules)"
     names = set(subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=True,
                                stdout=subprocess.PIPE).stdout.decode().split())
-    assert "behavior_controller.viewer.groot2.publisher" in names
+    assert "behavior_controller.viewer.groot2" in names
     assert not names & {"rospy", "roslib", "py_trees", "lxml.etree", "behavior_controller.leaves",
                         "behavior_controller.bt", "behavior_controller.ros"}
 

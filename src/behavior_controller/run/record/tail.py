@@ -1,7 +1,9 @@
 """Reads a run line by line while it is written, to its end."""
+import contextlib
 import time
-from typing import Iterator
+from typing import Dict, Iterator, Optional
 
+from behavior_controller.errors import MissionError
 from behavior_controller.run.events import Line
 from behavior_controller.run.record.codec import Decoder
 from behavior_controller.run.record.files import is_written, parts
@@ -9,41 +11,52 @@ from behavior_controller.run.record.files import is_written, parts
 REST = 0.1
 """Seconds between two looks for further lines."""
 
-CHUNK = 1_000_000
-"""The most bytes that are read at a time."""
-
 
 def follow(path: str) -> Iterator[Line]:
     """Yield the lines of the run with this first file, and those that are written to it meanwhile.
 
-    Ends when the run has ended. Raises MissionError for a line that is not one of a record, and
-    OSError if a file cannot be read.
+    Ends when the run has ended. Raises MissionError if it cannot be read, or for a line that is not
+    one of a record.
     """
-    decoder = None
-    shown = -1  # the number of files that were read, less one
-    while True:
-        goes_on = is_written(path)
-        files = parts(path)[shown + 1:]
-        for file in files:
-            shown += 1
-            decoder = Decoder(file, decoder)
-            yield from _read(file, decoder, path, shown)
-        if not files and not goes_on:
-            return
-        time.sleep(REST)
-
-
-def _read(file: str, decoder: Decoder, path: str, shown: int) -> Iterator[Line]:
-    """Yield the lines of a file until the run goes on in another one, or has ended."""
-    torn = b""
-    with open(file, "rb") as opened:
-        while True:
-            # asked before reading: what was written until then is read
-            is_complete = not is_written(path) or len(parts(path)) > shown + 1
-            for chunk in iter(lambda: opened.read(CHUNK), b""):
-                *texts, torn = (torn + chunk).split(b"\n")
-                for text in texts:
-                    yield from decoder.read(text + b"\n")
-            if is_complete:
-                return
+    tail, goes_on = RunTail(path), True
+    while goes_on:
+        try:
+            goes_on = is_written(path)  # asked before reading: what was written until then is read
+            yield from tail.news()
+        except OSError as error:
+            why = f"the record cannot be read: {error.strerror}"
+            raise MissionError.of(path, why) from error
+        if goes_on:
             time.sleep(REST)
+
+
+class RunTail:
+    """Reads the files of a run while they are written."""
+
+    def __init__(self, path: str):
+        """``path`` is the first file of the run."""
+        self._path = path
+        self._places: Dict[str, int] = {}  # bytes that were read of each file, in their order
+        self._decoder: Optional[Decoder] = None  # of the last one
+
+    def news(self) -> Iterator[Line]:
+        """Yield the lines that were added since the last call. Raises OSError, and MissionError for
+        a line that is not one of a record."""
+        last = list(self._places)[-1:]
+        # looked for before reading: then the file before them is complete
+        new = [file for file in parts(self._path) if file not in self._places]
+        for file in last + new:
+            if file in new:
+                self._places[file], self._decoder = 0, Decoder(file, self._decoder)
+            assert self._decoder is not None
+            yield from self._decoder.read_all(self._added(file))
+
+    def _added(self, file: str) -> bytes:
+        """Return the whole lines that were added to a file."""
+        with contextlib.suppress(FileNotFoundError), open(file, "rb") as opened:
+            opened.seek(self._places[file])
+            data = opened.read()
+            whole = data[:data.rfind(b"\n") + 1]
+            self._places[file] += len(whole)
+            return whole
+        return b""  # the run goes on, and has dropped it

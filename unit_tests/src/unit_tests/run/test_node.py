@@ -15,12 +15,12 @@ from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError, FaultsFound
 from behavior_controller.run.events import LeafFinished, Line
 from behavior_controller.run.history import Run
-from behavior_controller.run.record.codec import Decoder
 from behavior_controller.run.record import files
+from behavior_controller.run.record.tail import RunTail
 from behavior_controller.output_files import OutputKind
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 from behavior_controller.simulation.behaviour import NODES
-from behavior_controller.simulation.journal import Journal, JournalEntry, Tail
+from behavior_controller.simulation.journal import Journal, JournalEntry
 from behavior_controller.simulation.rehearsal import arrival_waits
 from behavior_controller.simulation.rehearsal.play import LoadedMission, TIMED_OUT, rehearse
 
@@ -127,22 +127,13 @@ class RecordTail:
 
     def __init__(self, folder: str):
         self._folder = folder
-        self._path = ""  # of the first file
-        self._tails: List[Tuple[Tail, Decoder]] = []
+        self._tail: Optional[RunTail] = None
 
     def news(self) -> Iterator[Line]:
         """Yield the lines that were added since the last call."""
-        self._path = self._path or next(iter(files.runs(self._folder)), "")
-        while self._path:
-            file = files.part(self._path, len(self._tails))
-            has_begun = os.path.exists(file)  # then the one before is complete
-            for tail, decoder in self._tails[-1:]:
-                for text in tail.news():
-                    yield from decoder.read(text)
-            if not has_begun:
-                return
-            former = self._tails[-1][1] if self._tails else None
-            self._tails.append((Tail(file), Decoder(file, former)))
+        self._tail = self._tail or next(map(RunTail, files.runs(self._folder)), None)
+        if self._tail is not None:
+            yield from self._tail.news()
 
 
 def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> None:
