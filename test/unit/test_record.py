@@ -262,14 +262,15 @@ class Unprintable:
         raise RuntimeError("no text")
 
 
-@pytest.mark.parametrize("odd", [Message(SPEECH.name, 1, Unprintable(), 1.0),
-                                 Noticed("info", 2000 * "x")])
+@pytest.mark.parametrize("make", [
+    lambda: Message(SPEECH.name, 1, Unprintable(), 1.0), lambda: Noticed("info", 2000 * "x"),
+    lambda: feed_module.written(("a", Unprintable()))])
 def test_a_line_that_cannot_be_written_is_missing_and_the_rest_is_there(tmp_path, monkeypatch,
-                                                                       odd):
+                                                                       make):
     monkeypatch.setattr(module, "LONGEST_LINE", 1000)
     record = FileRecord(str(tmp_path)).open()
     record(Noticed("info", "one"))
-    record(odd)
+    record.put(make)
     record(Noticed("info", "two"))
     assert [line.get("text", line.get("lines")) for line in lines(record)] == ["one", 1, "two"]
 

@@ -4,6 +4,7 @@ import errno
 import fcntl
 import itertools
 import json
+import operator
 import os
 import shutil
 import stat
@@ -273,6 +274,21 @@ def test_a_further_file_in_the_middle_of_a_pass_has_the_statuses_of_its_nodes():
         outset.take(7.0, event)
     run = Run(Decoder("-").read_all(outset.head(12, 50.0)))
     assert (run.state.letters, run.state.running, run.results) == ("RS-f-", {1: 50.0}, [])
+
+
+def test_a_further_file_in_the_middle_of_a_visit_has_all_of_the_visit(tmp_path):
+    outset, run, compared = Outset(), Run(), 0
+    parts = operator.attrgetter("visits", "steps", "exchanges", "recoveries", "robot", "course",
+                                "failures", "entries", "values")
+    path = recorded(tmp_path, visitor_who(says="yes"), failure_rate=0.1, seed=2)
+    for number, line in enumerate(read_record(path), 1):
+        outset.take(line.time, line.event)
+        run.take(line)
+        if number % 20 == 0 and run.state.visit is not None:
+            late = Run(Decoder("-").read_all(outset.head(number, line.time)))
+            assert parts(late.state) == parts(run.state)
+            compared += 1
+    assert compared > 5
 
 
 def test_a_file_of_a_user_beside_a_record_is_no_part_of_it(tmp_path):

@@ -134,4 +134,8 @@ class Feed:
         """Yield what waits, each with its time."""
         while self._waiting:
             at, make, values = self._waiting.popleft()
-            yield events.Line(at, make(*values))
+            try:
+                event = make(*values)
+            except Exception as error:  # another package's value may do anything when it is read
+                event = events.Lost(1, f"an event cannot be recorded: {type(error).__name__}")
+            yield events.Line(at, event)

@@ -1,7 +1,8 @@
 """What has to be known of a run where a further file of it begins, or a viewer is started late."""
+import collections
 import itertools
 import os
-from typing import Any, Callable, Dict, List
+from typing import Any, Callable, Deque, Dict, List
 
 from msgspec.structs import replace
 
@@ -9,12 +10,20 @@ from behavior_controller.run import events
 from behavior_controller.run.record.codec import encode, header
 
 LASTING: Dict[type, Callable[[Any], Any]] = {
-    events.TreeShown: lambda event: None, events.RunStarted: lambda event: None,
-    events.PassStarted: lambda event: None, events.Suspended: lambda event: None,
-    events.SafeStateReported: lambda event: None, events.Message: lambda event: event.topic,
+    events.Starting: lambda event: None, events.TreeShown: lambda event: None,
+    events.RunStarted: lambda event: None, events.PassStarted: lambda event: None,
+    events.Suspended: lambda event: None, events.SafeStateReported: lambda event: None,
+    events.Message: lambda event: event.topic,
     events.HealthChanged: lambda event: (event.name, event.respect),
     events.Asked: lambda event: type(event.request)}
 """The events that hold until another one of the same kind with the same key."""
+
+SUMMED_UP = (events.TreeShown, events.RunStarted, events.EntriesWritten, events.Tick,
+             events.Message, events.StillHearing, events.SignOfLife)
+"""The kinds of events of which a head has the outcome; it repeats all others of the visit."""
+
+MOST_LINES = 1000
+"""The most lines of the visit under way that are repeated: the newest."""
 
 
 def is_full(size: int, most: int, event: events.Event) -> bool:
@@ -29,25 +38,29 @@ class Outset:
 
     def __init__(self) -> None:
         self._began = events.unix_now()
-        self._visits = 0
+        self._visits = 0  # that are over
         self._lasting: Dict[Any, List[events.Line]] = {}  # an ``Asked`` with its answer
+        self._visit: Deque[events.Line] = collections.deque(maxlen=MOST_LINES)  # under way
         self._written = events.EntriesWritten([])  # what the entries of the blackboard are
         # of the nodes that were ticked in this pass: of one that ended and was reset two
         self._letters: Dict[int, List[events.Letter]] = {}
 
     def take(self, time: float, event: events.Event) -> None:
         """Note the next event."""
-        kind, key_of = type(event), LASTING.get(type(event))
+        kind, key_of, line = type(event), LASTING.get(type(event)), events.Line(time, event)
         if kind is events.TreeShown:
             self._written = events.EntriesWritten([])
         if kind in (events.TreeShown, events.PassStarted):
             self._letters.clear()
+            self._visit.clear()
+        if kind in (events.PassStarted, events.Paused) or self._visit and kind not in SUMMED_UP:
+            self._visit.append(line)
         if key_of is not None:
             key = kind, key_of(event)
             if kind not in (events.TreeShown, events.RunStarted):  # which stay first
                 self._lasting.pop(key, None)
             if not (isinstance(event, events.HealthChanged) and event.is_well):
-                self._lasting[key] = [events.Line(time, event)]
+                self._lasting[key] = [line]
         elif isinstance(event, events.EntriesWritten):
             self._note_entries(event)
         elif isinstance(event, events.Tick):
@@ -56,11 +69,12 @@ class Outset:
             for about in reversed(list(self._lasting.values())):
                 asked = about[0].event
                 if isinstance(asked, events.Asked) and asked.call == event.call:
-                    about[1:] = [events.Line(time, event)]
+                    about[1:] = [line]
                     break
         elif isinstance(event, events.PassFinished):
             self._visits = event.number
             self._lasting.pop((events.PassStarted, None), None)
+            self._visit.clear()
 
     def _note_entries(self, news: events.EntriesWritten) -> None:
         changed = dict(news.entries)
@@ -81,7 +95,9 @@ class Outset:
     def head(self, lines: int, at: float) -> bytes:
         """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
         the files before it."""
-        known = list(itertools.chain(*self._lasting.values()))
+        visit = set(map(id, self._visit))
+        known = [line for line in itertools.chain(*self._lasting.values()) if id(line) not in visit]
+        known += self._visit
         if self._written.entries:
             known.append(events.Line(at, self._written))
         if self._letters:  # None: a replay does not have to take the same way to them
