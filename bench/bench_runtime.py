@@ -3,7 +3,8 @@ rospy, in one run.
 
 Reaction: from a message that leaves its publisher to the request that follows arriving at the
 server. Step: from an answer to the next request, where all answers come at once, and where each
-takes 20 ms. Ticks while every server hangs, hung calls, floods and idling are measured too. Prints
+takes 20 ms. Both are also given as processor time of the process, which changes less on a busy
+machine. Ticks while every server hangs, hung calls, floods and idling are measured too. Prints
 JSON.
 """
 import json
@@ -48,6 +49,13 @@ class Bench:
         self.robot = None
         self.node = None
         self.clients = None
+        self.processor_time = 0.0
+        """Seconds of processor time that the node took for each of the newest measurement."""
+
+    @property
+    def pid(self):
+        """The process of the node."""
+        return getattr(self.node, "process", self.node).pid
 
     def start(self, mission, modes=None, is_watched=False):
         """Start a robot whose services behave by ``modes``, and the node with this mission.
@@ -107,26 +115,37 @@ class Bench:
     def reaction(self, mission, *messages, is_watched=False):
         """Return the reaction times to the messages, each ``(topic, values…)``, in turn."""
         self.start(mission, is_watched=is_watched)
-        taken = [self.next_request(SAY, *messages[turn % len(messages)]) for turn in range(ROUNDS)]
-        self.stop()
-        return taken
+        return self.reactions(messages)
 
     def reaction_floor(self):
         """Return the reaction times of the bare node."""
         self.floor("reaction")
         time.sleep(0.5)
-        taken = [self.next_request(SAY, FACES) for _ in range(ROUNDS)]
+        return self.reactions([(FACES,)])
+
+    def reactions(self, messages):
+        """Return the reaction times, and note the processor time of one."""
+        before = processor_seconds(self.pid)
+        taken = [self.next_request(SAY, *messages[turn % len(messages)]) for turn in range(ROUNDS)]
+        self.processor_time = (processor_seconds(self.pid) - before) / ROUNDS
         self.stop()
         return taken
 
     def steps(self, begin):
-        """Return the seconds from each answer to the next request, over two seconds."""
+        """Return the seconds from each answer to the next request, over two seconds, and note the
+        processor time of a step."""
         begin()
+        time.sleep(0.5)
+        began, before = time.monotonic(), processor_seconds(self.pid)
         time.sleep(2.0)
+        ended, used = time.monotonic(), processor_seconds(self.pid) - before
+        self.robot.lines.wait_for(lambda line: json.loads(line).get("time", 0.0) > ended, 10)
         events = [json.loads(line) for _, line in list(self.robot.lines.all)]
         self.stop()
+        events = [event for event in events if began <= event.get("time", 0.0) <= ended]
+        self.processor_time = used / sum("service" in event for event in events)
         return [after["time"] - before["time"] for before, after in zip(events, events[1:])
-                if "answered" in before and "service" in after][50:]
+                if "answered" in before and "service" in after]
 
     def paced_steps(self, is_watched=False):
         """Return the seconds from each answer to the next request where each service takes
@@ -158,9 +177,9 @@ class Bench:
         for topic, values, hertz in floods:
             self.robot.publish(topic, *values, hertz=hertz)
         time.sleep(1.5)
-        before = processor_seconds(self.node.process.pid)
+        before = processor_seconds(self.pid)
         time.sleep(seconds)
-        share = (processor_seconds(self.node.process.pid) - before) / seconds
+        share = (processor_seconds(self.pid) - before) / seconds
         self.stop()
         return share
 
@@ -192,6 +211,12 @@ def in_ms(times):
                                       3), "p99": round(1000 * ordered[len(ordered) * 99 // 100], 3),
         "max": round(1000 * ordered[-1], 3), "rounds": len(ordered)
     }
+
+
+def in_us(mission, floor):
+    """Return processor times in microseconds, and their ratio."""
+    return {"mission": round(1e6 * mission), "rospy alone": round(1e6 * floor),
+            "ratio": round(mission / floor, 2)}
 
 
 # ---------------------------------------------------------------------- in this process: hung calls
@@ -272,12 +297,15 @@ def main():
     folder = tempfile.mkdtemp()
     bench = Bench(folder)
     try:
-        floor = bench.reaction_floor()
+        floor, processor = bench.reaction_floor(), {}
+        processor["reaction", "rospy alone"] = bench.processor_time
         visitor, paced = {False: [], True: []}, {False: [], True: []}
         # in turn, so that compared values come from the same conditions
         for is_watched in 5 * (False, True):
             visitor[is_watched] += bench.reaction(VISITOR, (FACES, ), (FACES, ) + NO_FACE,
                                                   is_watched=is_watched)
+            if not is_watched:
+                processor["reaction", "mission"] = bench.processor_time
             paced[is_watched] += bench.paced_steps(is_watched)
         reactions = {
             "visitor": visitor[False],
@@ -287,7 +315,9 @@ def main():
             "visitor, watched and recorded": visitor[True],
         }
         step_floor = bench.steps(lambda: bench.floor("step"))
+        processor["step", "rospy alone"] = bench.processor_time
         step = bench.steps(lambda: bench.start(STEPS))
+        processor["step", "mission"] = bench.processor_time
         idle = bench.load(10.0)
         flood = bench.load(5.0, (ATTENTION, ("seeking", 3), 2000), (FACES, TEN_FACES, 30),
                            (SPEECH, ("hm", ), 100))
@@ -319,6 +349,9 @@ def main():
                     "step":
                         round(statistics.median(paced[True]) / statistics.median(paced[False]), 3)
                 },
+                "processor time, µs":
+                    {what: in_us(processor[what, "mission"], processor[what, "rospy alone"])
+                     for what in ("reaction", "step")},
                 "share of a core":
                     {"idle": round(idle, 4), "flood of 2,130 messages per second": round(flood, 4)},
                 "tick while seven servers hang, ms":

@@ -118,5 +118,5 @@ RULES = (
          'ActionLeaf.update', 'return status', "result, callback = (self.on_start(), 'onStart')"),
     Rule('haltTree runs every _onHalted', 'engine/tree.py', 'Tree.halt',
          'for node in self.nodes:\n    node.halt_node()', 'pass'),
-    Rule('a completed root is reset', 'engine/tree.py', 'Tree._completed',
+    Rule('a completed root is reset', 'engine/tree.py', 'Tree.complete',
          '(root or self.root).reset()', 'pass'))

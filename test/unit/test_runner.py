@@ -71,6 +71,54 @@ def test_an_event_is_answered_by_one_tick():
     assert [after - before for before, after in zip(waits[1:], waits[2:])] == [1] * 8
 
 
+def test_a_tick_that_nothing_asked_for_does_not_happen():
+    rig = one_leaf("<Sequence><WelcomeSpeech/><SayGoodByeSpeech/><Sleep msec='700'/></Sequence>",
+                   lambda request: None)
+    traversals, beats = [], []
+    rig.tree.follow(lambda is_first, changes: traversals.append(is_first is not None))
+    rig.clock.call_after(0.3, lambda: beats.append(rig.clock.now()))  # of no node
+
+    def answer(rig):
+        if rig.gateway.calls[-1].result is None:
+            rig.gateway.calls[-1].finish(Answer())
+        else:
+            rig.clock.advance(0.1)
+
+    rig.run(answer)
+    # the first one, for each of the two answers, for the end of the Sleep
+    assert len(rig.requests) == 2 and sum(traversals) == 4 and len(beats) == 1
+
+
+UNTIL_WRITTEN = "<Script code='x := 1'/><Sleep msec='9000'/>"
+
+
+@pytest.mark.parametrize("mission, code", [
+    ("<ReactiveFallback><ScriptCondition code='x == 1'/><Sequence>{}</Sequence>"
+     "</ReactiveFallback>".format(UNTIL_WRITTEN), 0),
+    ("<WhileDoElse><ScriptCondition code='x == 0'/><Sequence>{}</Sequence><AlwaysSuccess/>"
+     "</WhileDoElse>".format(UNTIL_WRITTEN), 0),
+    ("<Fallback><Sequence _while='x == 0'>{}</Sequence><AlwaysFailure/></Fallback>".format(
+        UNTIL_WRITTEN), 3),
+    ('<Sequence><Script code="y := \'0\'"/><Switch2 variable="{y}" case_1="0" case_2="1"><Sequence>'
+     '<Script code="y := \'1\'"/><Sleep msec="9000"/></Sequence><AlwaysSuccess/><AlwaysFailure/>'
+     '</Switch2></Sequence>', 0),
+    ("<Parallel><Precondition if='x == 1' else='RUNNING'><AlwaysSuccess/></Precondition>"
+     "<Script code='x += 1'/></Parallel>", 0),
+    ("<Parallel><WaitValueUpdate entry='new'><AlwaysSuccess/></WaitValueUpdate>"
+     "<Script code='new := 1'/></Parallel>", 0),
+    ("<ReactiveFallback><Inverter><WasEntryUpdated entry='x'/></Inverter><Sleep msec='9000'/>"
+     "</ReactiveFallback>", 0),
+    ("<KeepRunningUntilFailure><Sequence><Script code='x += 1'/><ScriptCondition code='x &lt; 4'/>"
+     "</Sequence></KeepRunningUntilFailure>", 3),
+    ("<LoopInt queue='1;2;3' value='{item}'><AlwaysSuccess/></LoopInt>", 0),
+    ("<LoopInt queue='1;2;3'><AlwaysSuccess/></LoopInt>", 0),
+])
+def test_what_a_tick_can_go_on_with_is_ticked_again(mission, code):
+    rig = one_leaf(mission)
+    write(rig, x=0)
+    assert rig.run(lambda rig: pytest.fail("it waits"), runs=1) == code
+
+
 @pytest.mark.parametrize("mission, code, ends_at", [("<AlwaysFailure/>", 3, 1003.0),
                                                     ("<Sleep msec='1000'/>", 0, 1004.0)])
 def test_passes_of_less_than_a_second_are_paced(mission, code, ends_at):

@@ -12,17 +12,18 @@ from behavior_controller.bt.mission import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.failure import TickError
-from behavior_controller.bt.engine.registry import Registry
+from behavior_controller.bt.engine.leaf import ActionLeaf
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import MissionError
 
 REGISTRY = Registry(builtin_specs())
 
 
-def load(body, rest="", clock=None):
+def load(body, rest="", clock=None, registry=REGISTRY):
     text = ("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree "
             "ID='M'>{}</BehaviorTree>{}</root>")
-    return load_text(text.format(body, rest), REGISTRY, clock=clock or ManualClock())
+    return load_text(text.format(body, rest), registry, clock=clock or ManualClock())
 
 
 @pytest.mark.parametrize("leaf, remaining", [
@@ -306,3 +307,36 @@ def test_a_module_that_was_moved_is_still_found_and_says_where_it_is(old, new, n
         moved = importlib.import_module("behavior_controller.bt." + old)
     there = importlib.import_module("behavior_controller.bt." + new)
     assert getattr(moved, name) is getattr(there, name)
+
+
+class Waits(ActionLeaf):
+    """A leaf of another package, which is done when another node has done something, and gives a
+    timer a callback that does not wake the tree."""
+
+    def on_start(self):
+        self.clock.call_after(0.5, lambda: None)
+        return RUNNING
+
+    on_running = on_start
+
+
+def test_a_tree_with_a_node_of_another_package_wants_a_tick_after_each_change():
+    body = "<Parallel success_count='3'>{}<Sleep msec='0'/><Sleep msec='9000'/></Parallel>"
+    registry = Registry([*builtin_specs(), NodeSpec("Waits", Kind.ACTION, Waits)])
+    trees = [load(body.format(element), registry=registry)
+             for element in ("<Sleep msec='9000'/>", "<Waits/>")]
+    assert [tree.tick_once() for tree in trees] == [RUNNING, RUNNING]
+    assert [tree.is_tick_wanted for tree in trees] == [False, True]
+    trees[1].tick_once()
+    assert not trees[1].is_tick_wanted  # nothing has changed in this tick
+
+
+def test_a_timer_of_a_node_wakes_the_tree():
+    registry = Registry([*builtin_specs(), NodeSpec("Waits", Kind.ACTION, Waits)])
+    tree = load("<Waits/>", registry=registry)
+    assert tree.tick_once() is RUNNING and not tree.wake.is_set
+    tree.clock.call_after(0.1, lambda: None)  # of no node
+    tree.clock.advance(0.2)
+    assert not tree.wake.is_set
+    tree.clock.advance(0.4)
+    assert tree.wake.is_set

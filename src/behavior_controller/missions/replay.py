@@ -8,6 +8,7 @@ from msgspec.structs import replace
 from behavior_controller import leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.values.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import (
@@ -150,6 +151,34 @@ class RecordedTopics(Topics):
         """Do nothing: the record decides when the tree is traversed."""
 
 
+def traverse_again(tree: Tree, clock: ManualClock, tick: events.Tick, recorded: Sequence[object],
+                   changes: List[Any]) -> Tuple[Any, Optional[BehaviorControllerError]]:
+    """Repeat a traversal at its time; ``changes``, to which an observer of the tree adds its
+    changes of status, becomes comparable with the ``recorded`` ones. The caller compares them and
+    then calls ``complete``.
+
+    Return the result, or None and the exception that ended the pass, as it did in the recorded run.
+    """
+    clock.set_to(tick.at)
+    changes.clear()
+    try:
+        if tick.first:
+            clock.run_due()
+            # what a timer halts between two traversals is not on record
+            if list(recorded[:len(changes)]) != changes:
+                changes.clear()
+        return tree.traverse(bool(tick.first)), None
+    except BehaviorControllerError as error:
+        return None, error
+
+
+def complete(tree: Tree, result: Any) -> None:
+    """End a repeated tick with this result: what has not ended by itself, and goes on no longer, is
+    halted."""
+    if tree.complete(result) not in (RUNNING, SUCCESS, FAILURE):
+        tree.stop()
+
+
 class _Replay(FakeGateway):
     """One mission of a record, as the robot that it asks: with the recorded answers."""
 
@@ -221,29 +250,15 @@ class _Replay(FakeGateway):
         self.calls.clear()
 
     def _traverse(self, tick: events.Tick) -> None:
-        self._clock.set_to(tick.at)
         self._began = tick.at if self._began is None else self._began
-        self._statuses.clear()
         self._topics.begin()
         recorded = [(self._nodes[uid - 1].path, letter) for uid, letter in tick.changes]
-        result: Any = None
-        try:
-            if tick.first:
-                self._clock.run_due()
-                # what a timer halts between two traversals is not on record
-                if recorded[:len(self._statuses)] != self._statuses:
-                    self._statuses.clear()
-            result = self._tree.root.execute()
-        except BehaviorControllerError:
-            pass  # it ended a pass of the recorded run too
+        result, _ = traverse_again(self._tree, self._clock, tick, recorded, self._statuses)
         differences = "; ".join(filter(None, self._differences(recorded)))
         if differences:
             seconds = tick.at - self._began
             raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")
-        if result is SUCCESS or result is FAILURE:
-            self._tree.root.reset()
-        elif result is not RUNNING:
-            self._tree.stop()
+        complete(self._tree, result)
 
     def _differences(self, recorded: Sequence[Tuple[str, str]]) -> Iterator[str]:
         """Yield the first difference of statuses, and that of requests."""

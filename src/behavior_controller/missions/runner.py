@@ -22,11 +22,11 @@ ROUNDS_AT_ONCE = 100
 """The most ticks in a row at intervals of ``GIVE_WAY``."""
 
 GIVE_WAY = 5e-5
-"""Seconds in which other threads go on before a tick that no event asks for: they send the requests
-of the last one."""
+"""How long the tick thread yields, in seconds, before a tick that the last one asked for: other
+threads send the requests of the last one."""
 
 PACE = 0.01
-"""Seconds between further ticks of a mission that changes something at every tick (BT.CPP's
+"""Seconds between further ticks of a mission in which each tick asks for the next (BT.CPP's
 default)."""
 
 # on a terminal nothing of it is shown: its level is info
@@ -184,19 +184,22 @@ class Runner:
         self.mission.begin_visit(self.tree.blackboard, began)
         self.mission.events.emit(PassStarted(self._number + 1, began))
         result: Result = RUNNING
+        is_due = True
         while result is RUNNING:
-            self.tree.wake.test_and_clear()
+            is_due |= self.tree.wake.test_and_clear() or self.tree.is_tick_wanted
             if self.is_stopped():  # asked after the clearing: a later stop wakes the tree again
-                break
+                return
             if self._is_suspended():
                 self._doze(None)
-                continue
-            changes = self.tree.changes
-            result = self._tick()
-            if result is RUNNING:
-                self._rest(self.tree.changes != changes)
-        if result is RUNNING:
-            return
+                is_due = True
+            elif is_due:
+                result, is_due = self._tick(), False
+                self._rounds = self._rounds + 1 if self.tree.is_tick_wanted else 0
+                if result is RUNNING and self._rounds:
+                    self._wait(GIVE_WAY if self._rounds <= ROUNDS_AT_ONCE else PACE)
+            else:
+                self.mission.health.publish(self.mission.events)
+                self._wait(None)
         self._number += 1
         self._outcome = NAMES[result]
         seconds = self.clock.now() - began
@@ -256,19 +259,6 @@ class Runner:
         if cause is not None:
             _LOG_FILE.info("%s", line, exc_info=cause)
 
-    def _rest(self, has_changed: bool) -> None:
-        """Wait for an event, unless the tick itself changed something that another tick may act on.
-
-        BehaviorTree.CPP ticks every 10 ms anyway; a KeepRunningUntilFailure, for example, is
-        RUNNING after each round without a wake-up. A mission that changes something at every tick
-        is ticked at that pace.
-        """
-        self._rounds = self._rounds + 1 if has_changed else 0
-        if not has_changed:
-            self._wait(None)
-        else:
-            self._wait(GIVE_WAY if self._rounds <= ROUNDS_AT_ONCE else PACE)
-
     def wait(self, seconds: Optional[float]) -> None:
         """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run posted
         callbacks and due timers."""
@@ -296,6 +286,7 @@ class Runner:
             self.wait(seconds)
         except BehaviorControllerError as error:
             self.tree.failure = error
+            self.tree.wake.emit()
             self._report_exception(error)
 
     def _pause(self, seconds: float) -> None:

@@ -70,7 +70,7 @@ class SetBlackboard(SyncActionLeaf):
         value, origin, target = self.attributes["value"], TEXT, board.find(key)
         source = ports.reference(value, "value")
         if source is not None:
-            entry = board.find(source)
+            entry = board.read(source)
             if entry is None:
                 raise NodeError(f"there is no entry [{source}] to copy")
             if target is None:

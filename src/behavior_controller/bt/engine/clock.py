@@ -107,6 +107,8 @@ class Clock:
             callback, timer.callback = timer.callback, None
             if callback is not None:
                 _call(callback, timer.owner)
+                if timer.owner is not None:
+                    timer.owner.wake()  # the node may act on what its callback did
 
 
 def _call(callback: Callable[[], None], owner: Any) -> None:

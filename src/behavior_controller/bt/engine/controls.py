@@ -128,10 +128,13 @@ class _Reactive(Control):
     def update(self) -> Result:
         """Tick the children from the first; a RUNNING one halts all others."""
         self.begin()
-        skipped = 0
+        skipped, actions = 0, self.services.actions
         for child in self.children:
+            has_acted = self.services.actions != actions  # a child before this one
             result = child.execute()
             if result is RUNNING:
+                if has_acted:
+                    self.ask_for_tick()
                 for other in self.children:
                     if other is not child and other.status is not IDLE:
                         halt_child(other)
@@ -286,7 +289,10 @@ class WhileDoElse(_Branches):
     def update(self) -> Result:
         """Tick the condition, halt the other branch, tick the chosen one."""
         self.begin()
+        actions = self.services.actions
         result = self.children[0].execute()
+        if self.services.actions != actions:
+            self.ask_for_tick()
         if result is SKIPPED:
             result = IDLE  # which is refused, as in the library
         elif result is SUCCESS or (result is FAILURE and len(self.children) == 3):

@@ -79,7 +79,12 @@ class KeepRunningUntilFailure(Decorator):
     def update(self) -> Result:
         """Tick the child."""
         self.begin()
-        return FAILURE if self.tick_child() is FAILURE else RUNNING
+        was_idle, changes = self.decorated.status is IDLE, self.services.tree.changes
+        result = self.tick_child()
+        # a child that only looks is not ticked again before there is anything new
+        if result is not RUNNING and (not was_idle or self.services.tree.changes != changes):
+            self.ask_for_tick()
+        return FAILURE if result is FAILURE else RUNNING
 
 
 class Repeat(Decorator):
@@ -280,11 +285,12 @@ class Loop(Decorator):
             item = self.queue.popleft()
             if "value" in self.attributes:
                 self.set_output("value", item)
-            self.services.changes += 1
         if self.status is IDLE:
             self.store(RUNNING)
         result = self.tick_child()
         self.child_runs = result is RUNNING
+        if not self.child_runs:  # the next item follows
+            self.ask_for_tick()
         return FAILURE if result is FAILURE else RUNNING
 
     def _from_blackboard(self) -> Deque[Any]:
@@ -319,11 +325,11 @@ class Watching:
 
     def is_updated(self: Any) -> bool:
         """Return whether the entry was written since this was last true."""
-        entry = self.blackboard.find(self.key)
+        entry = self.blackboard.read(self.key)
         if entry is None or entry.sequence == self.seen:
             return False
         self.seen = entry.sequence
-        self.services.changes += 1
+        self.services.actions += 1
         return True
 
 

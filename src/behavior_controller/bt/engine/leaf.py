@@ -40,7 +40,7 @@ class ActionLeaf(Node):
         else:
             return status
         if result is not RUNNING:
-            self.services.changes += 1
+            self.services.actions += 1
         if result is IDLE:
             raise NodeError(f"StatefulActionNode::{callback}() must not return IDLE")
         return result
@@ -93,6 +93,8 @@ class BehaviourLeaf(Timed):
     To py_trees' tools the leaf is that behaviour: its id, its message, its blackboard clients.
     """
 
+    is_foreign = True
+
     def __init__(self, name: str, behaviour: Behaviour):
         """Raises ValueError if the behaviour is in a tree already."""
         super().__init__(name)
@@ -133,7 +135,7 @@ class BehaviourLeaf(Timed):
         if status is RUNNING:
             self.start_timer(POLLING)
         else:
-            self.services.changes += 1
+            self.services.actions += 1
         return status
 
     def halt(self) -> None:

@@ -56,8 +56,9 @@ class Services:
     clock: Clock
     wake: WakeUp
     enums: Dict[str, int]
-    # actions of nodes, other than writes to entries, that may change the effect of a tick
-    changes: int = 0
+    # number of actions that ended, and of updates that were seen: what has an effect beside writes
+    actions: int = 0
+    is_tick_wanted: bool = False  # a node has asked for another tick since the last traversal began
     tree: Any = None
     clients: Any = None  # shows py_trees' tools the entries that a node uses
 
@@ -359,8 +360,19 @@ class Node(Behaviour):
         return self.services.clock
 
     def wake(self) -> None:
-        """Ask for another tick soon (BT.CPP ``emitWakeUpSignal``); any thread may."""
+        """Have the tree traversed again within this tick (BT.CPP ``emitWakeUpSignal``), or ticked
+        at once; any thread may."""
         self.services.wake.emit()
+
+    def ask_for_tick(self) -> None:
+        """Have the tree ticked again soon after this tick."""
+        self.services.is_tick_wanted = True
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the node is of another package, and may act on a change without having asked for
+        a tick."""
+        return not type(self).__module__.startswith("behavior_controller.")
 
     # --------------------------------------------------------------------------------- for py_trees
 

@@ -67,7 +67,7 @@ def entry_value(text: str, port_name: str, blackboard: Blackboard) -> Any:
     """Return the value of the entry that ``text`` refers to. Raises PortError if there is none or
     it is empty."""
     key = reference(text, port_name)
-    entry = None if key is None else blackboard.find(key)
+    entry = None if key is None else blackboard.read(key)
     if entry is None:
         raise NoValue(f"port [{port_name}]: the blackboard has no entry [{key}]")
     if entry.value is None:

@@ -42,6 +42,8 @@ class Tree:
         self.sources = sources
         self.failure: Optional[BehaviorControllerError] = None
         """What a callback raised since the last traversal: the next one ends with it."""
+        self._has_foreign_nodes = any(node.is_foreign for node in nodes)
+        self._changes_before = 0  # the last traversal
         self.busy_loops = False  # the last tick_once was cut short: the mission never waits
         self._observers: List[Observer] = []
         self._followers: List[Follower] = []
@@ -95,37 +97,43 @@ class Tree:
 
     @property
     def changes(self) -> int:
-        """A number that grows when a tick changes what the next one may do: an action completed, an
-        entry was written.
+        """A number that grows when an action completes or an entry is written."""
+        return self.services.actions + self.blackboard.writes
 
-        A RUNNING tree whose tick changed nothing would do the same again: it needs no tick before a
-        wake-up.
+    @property
+    def is_tick_wanted(self) -> bool:
+        """Whether another tick may do what the last traversal could not: a node asked for one, an
+        entry was written that a node had read, or a node of another package may act on a change.
+
+        Without it a RUNNING tree would do the same again: it needs no tick before a wake-up.
         """
-        return self.services.changes + self.blackboard.writes
+        return (self.services.is_tick_wanted or self.blackboard.is_stale
+                or self._has_foreign_nodes and self.changes != self._changes_before)
 
     def tick_exactly_once(self) -> Result:
         """Traverse the tree once; the wake-up signal is ignored."""
-        return self._completed(self._traverse(True))
+        return self.complete(self.traverse(True))
 
     def tick_once(self) -> Result:
         """Traverse the tree, and again for as long as it is RUNNING and a wake-up was signalled
         meanwhile."""
-        result = self._traverse(True)
+        result = self.traverse(True)
         rounds = 1
         while result is RUNNING and self.wake.test_and_clear():
             if rounds == ROUNDS_PER_TICK:
                 self.wake.emit()
                 break
             rounds += 1
-            result = self._traverse(False)
+            result = self.traverse(False)
         self.busy_loops = rounds == ROUNDS_PER_TICK
-        return self._completed(result)
+        return self.complete(result)
 
     @tick_thread_only
-    def _traverse(self, is_first: bool, root: Optional[Node] = None) -> Result:
+    def traverse(self, is_first: bool, root: Optional[Node] = None) -> Result:
         """Traverse the tree, or the part below ``root``, at one moment of its clock.
 
-        Posted callbacks run before the nodes; in the first traversal of a tick, due timers too.
+        Posted callbacks run before the nodes; in the first traversal of a tick, due timers too. The
+        caller gives ``complete`` the result.
         """
         if self._ticked is not None:
             self._ticked.clear()
@@ -140,6 +148,8 @@ class Tree:
                 clock.run_posted()
             if self.failure is not None:
                 raise self.failure
+            self.services.is_tick_wanted = self.blackboard.is_stale = False
+            self._changes_before = self.changes
             return (root or self.root).execute()
         finally:
             self.failure = None
@@ -169,7 +179,9 @@ class Tree:
             due = self.clock.next_due()
             self.wake.wait(min(deadline, deadline if due is None else due) - now)
 
-    def _completed(self, result: Result, root: Optional[Node] = None) -> Result:
+    def complete(self, result: Result, root: Optional[Node] = None) -> Result:
+        """Reset the tree, or the part below ``root``, if that is the result of a tick; return it.
+        """
         if result is SUCCESS or result is FAILURE:
             (root or self.root).reset()
             self._hand_over()
@@ -188,7 +200,7 @@ class Tree:
             self._ticked = {}
             for node in self.nodes:
                 node.intercepted().ticked = self._ticked
-        self._completed(self._traverse(True, root), root)
+        self.complete(self.traverse(True, root), root)
         ticked = dict(self._ticked)
         for node, result in ticked.items():
             shown = IDLE if result is SKIPPED else result

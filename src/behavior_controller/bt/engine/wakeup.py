@@ -21,6 +21,11 @@ class WakeUp:
             self._signalled = True
             self._queue.put(None)
 
+    @property
+    def is_set(self) -> bool:
+        """Whether the flag is set."""
+        return self._signalled
+
     def test_and_clear(self) -> bool:
         """Return whether the flag was set since it was last cleared, and clear it."""
         if not self._signalled:

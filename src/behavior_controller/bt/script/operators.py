@@ -244,7 +244,7 @@ def value_of(name: str) -> Evaluate:
     def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
         if name in enums:
             return float(enums[name])
-        entry = blackboard.find(name)
+        entry = blackboard.read(name)
         if entry is None:
             raise ScriptError(f"Variable not found: {name}")
         return entry.value
@@ -272,6 +272,7 @@ def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Ev
             copied = None if source is None or source in enums else blackboard.find(source)
             _store(name, entry, value, enums, "" if copied is None else copied.origin)
         else:
+            entry.is_read = True
             entry.update(_combined(sign, entry.value, value))
         return entry.value
     return evaluate

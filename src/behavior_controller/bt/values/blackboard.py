@@ -8,15 +8,19 @@ from behavior_controller.bt.values.values import ANY, BT_ANY, GENERIC, TEXT, Val
 
 class Entry:
     """One entry. ``value`` None is empty; ``origin`` is the type the value had when it was first
-    stored; ``root`` is the blackboard that counts the writes."""
+    stored; ``root`` is the blackboard that counts the writes.
 
-    __slots__ = ("type", "value", "origin", "sequence", "_root")
+    ``is_read``: its value, or that there is none, was read since it was last written.
+    """
+
+    __slots__ = ("type", "value", "origin", "sequence", "is_read", "_root")
 
     def __init__(self, entry_type: str, root: "Blackboard"):
         self.type = entry_type
         self.value: Any = None
         self.origin = ""
         self.sequence = 0  # grows by 1 with every write, same value or not
+        self.is_read = True  # a node may have looked for it in vain
         self._root = root
 
     @property
@@ -47,7 +51,7 @@ class Entry:
 
     def _written(self) -> None:
         self.sequence += 1
-        self._root.write_count += 1
+        self._root.note_write(self)
 
     def from_text(self, text: str) -> Any:
         """Return ``text`` in the entry's type, or None if the type has no conversion. Raises
@@ -65,7 +69,10 @@ class Blackboard:
         self.path = path
         self.prefix = path and path + "/"  # of the paths of what is inside
         self.root: Blackboard = self if parent is None else parent.root
-        self.write_count = 0  # of the whole tree, at its root
+        # of the whole tree, at its root:
+        self.write_count = 0
+        self.is_stale = False
+        """An entry was written whose former value a node has read."""
         self.local: Dict[str, Entry] = {}
         self.remapping: Dict[str, str] = {}  # names here -> names in the parent
         self.autoremap = False
@@ -75,6 +82,19 @@ class Blackboard:
         """How often entries of this tree were written or removed so far: a tick that writes may
         change the effect of another tick."""
         return self.root.write_count
+
+    def note_write(self, entry: Entry) -> None:
+        """Note, at the root, that an entry was written or removed."""
+        self.write_count += 1
+        self.is_stale |= entry.is_read
+        entry.is_read = False
+
+    def read(self, key: str) -> Optional[Entry]:
+        """Return the entry that ``key`` means here, or None, for a node that acts on its value."""
+        entry = self.find(key)
+        if entry is not None:
+            entry.is_read = True
+        return entry
 
     def find(self, key: str) -> Optional[Entry]:
         """Return the entry that ``key`` means here, or None."""
@@ -115,7 +135,7 @@ class Blackboard:
 
     def get(self, key: str, default: Any = None) -> Any:
         """Return the value of ``key``, or ``default`` if it has none."""
-        entry = self.find(key)
+        entry = self.read(key)
         return default if entry is None or entry.value is None else entry.value
 
     def set(self, key: str, value: Any, value_type: Optional[str] = None) -> None:
@@ -156,8 +176,9 @@ class Blackboard:
 
     def unset(self, key: str) -> None:
         """Remove ``key`` from the storage here only; nothing happens if it does not exist."""
-        if self.local.pop(key, None) is not None:
-            self.root.write_count += 1
+        entry = self.local.pop(key, None)
+        if entry is not None:
+            self.root.note_write(entry)
 
 
 def _natural_type(value: Any) -> str:

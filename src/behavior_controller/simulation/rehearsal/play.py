@@ -204,7 +204,7 @@ class VirtualRunner(Runner):
         if seconds == PACE:
             seconds = LONG_PACE
         limit = math.inf if seconds is None else clock.now() + seconds
-        while not wake.test_and_clear():
+        while not wake.is_set:
             due = clock.next_due()
             moment = limit if due is None else min(limit, due)
             if moment > self._deadline and not self._is_over():  # the last pass was in time

@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
-from behavior_controller.bt.values.status import FAILURE, NAMES, RUNNING, SUCCESS
+from behavior_controller.bt.values.status import NAMES, RUNNING
 from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.run.events import (
@@ -29,7 +29,7 @@ from behavior_controller.run.events import (
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.run.health import GONE
-from behavior_controller.missions.replay import RecordedTopics
+from behavior_controller.missions.replay import RecordedTopics, complete, traverse_again
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 from behavior_controller.simulation.configuration import ACTION
@@ -295,30 +295,17 @@ class Execution(TaskContext):
         if tick.first is None:  # it follows from what the traversals do
             return
         self._check_clock(tick)
-        self.clock.set_to(tick.at)
         self.topics.begin()
-        self.traversal.recorded, self.traversal.changes = tick.changes, []
-        result: Any = None  # an exception, of a script, say: the pass is over
-        changes = self.tree.changes
-        try:
-            if tick.first:
-                self.clock.run_due()
-                halted = self.traversal.changes
-                # what a timer halts between two traversals is not on record
-                if list(tick.changes[:len(halted)]) != halted:
-                    halted.clear()
-            result = self.tree.root.execute()
-        except BehaviorControllerError as error:
-            if not isinstance(getattr(error, "cause", error), BehaviorControllerError):
-                self._differ(f"the mission cannot be done again: {error}")
+        self.traversal.recorded = tick.changes
+        result, error = traverse_again(
+            self.tree, self.clock, tick, tick.changes, self.traversal.changes)
+        if error and not isinstance(getattr(error, "cause", error), BehaviorControllerError):
+            self._differ(f"the mission cannot be done again: {error}")
         self._differ(self._first_difference())
         self.traversal = Traversal(self._last)
-        self._expect_traversal(result is RUNNING, self.tree.changes != changes)
+        self._expect_traversal(result is RUNNING)
         self._result = "" if result is RUNNING else NAMES.get(result, "FAILURE")
-        if result in (SUCCESS, FAILURE):
-            self.tree.root.reset()
-        elif result is not RUNNING:
-            self.tree.stop()
+        complete(self.tree, result)
         self.signs.end_traversal()
 
     def _check_clock(self, tick: Tick) -> None:
@@ -334,11 +321,11 @@ class Execution(TaskContext):
         if abs(offset - self._clock_began) > self._facts.late:
             self._differ(f"the mission's clock is {offset - self._clock_began:.1f} s wrong")
 
-    def _expect_traversal(self, is_running: bool, has_changed: bool) -> None:
-        """Note when the next traversal has to come: at once after a change, else at the next timer.
-        """
+    def _expect_traversal(self, is_running: bool) -> None:
+        """Note when the next traversal has to come: at once if one is wanted, else at the next
+        timer."""
         time, due = self.now, self.clock.next_due()
-        if is_running and not has_changed:
+        if is_running and not self.tree.is_tick_wanted:
             time = math.inf if due is None else due + (self.offset or 0.0)
         self._next = time, "" if is_running else "the end of the pass"
 

@@ -15,6 +15,8 @@ from unit_tests.judge import reference
 class Foreign(reference.Asking):
     """A leaf without a row."""
 
+    is_foreign = True
+
     def update(self) -> Result:
         letter, cause = self.course.of_record(self)
         for port in self.spec.ports:

@@ -204,6 +204,7 @@ class Fails(Exception):
 class Duty(Node):
     """A node whose row has steps."""
 
+    is_foreign = False
     course: Any  # the execution
     spec: Any  # its row
     resource = ""
