@@ -163,10 +163,10 @@ class ViewerProcess:
         child = self._child
         if child is None or child.stdin is None or child.poll() is not None:
             return  # the next one gets it
-        pipe, rest = child.stdin.fileno(), memoryview(data)
+        pipe, rest, room = child.stdin.fileno(), memoryview(data), select.poll()
+        room.register(pipe, select.POLLOUT)
         while rest:
-            writable = select.select([], [pipe], [], REST)[1]
-            if writable:
+            if room.poll(1000 * REST):
                 rest = rest[os.write(pipe, rest[:select.PIPE_BUF]):]
             elif self._is_in_trouble():
                 child.kill()
