@@ -63,6 +63,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
                              "%(default)s)")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     chosen = ros_arguments.parse(parser, arguments)
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # a client that goes away must not end it
     if chosen.child:
         return _show_parent(chosen)
     return _show_record(chosen)
