@@ -20,7 +20,7 @@ import time
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.join(os.path.dirname(HERE), "test", "rostest"))
-from robot import Controller, Package, Robot, start_master  # noqa: E402
+from robot import SETTLE, Controller, Package, Robot, start_master  # noqa: E402
 
 FACES, ATTENTION, SPEECH = "/faceDetection/data", "/overtAttention/mode", "/speechEvent/text"
 SAY, MODE = "/textToSpeech/say_text", "/overtAttention/set_mode"
@@ -36,7 +36,6 @@ YES = "<QueryTourSpeech/>" + UNTIL.format("<IsYesNoUttered/>") + "<MaybeAnotherT
 STEPS = "<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/>"
 STEP_SERVICES = (SAY, "/gestureExecution/perform_gesture", "/animateBehaviour/set_activation", MODE)
 ROUNDS = 200
-SETTLE = 0.02  # s between an answer and the message that follows: a visitor is not faster
 
 
 class Bench:
@@ -98,18 +97,6 @@ class Bench:
             self.node.wait()
         self.robot.stop()
 
-    def next_request(self, service, topic, *values):
-        """Publish, and return the seconds until the next request to ``service`` arrived."""
-        start = len(self.robot.lines.all)
-        self.robot.publish(topic, *values)
-        arrived = self.robot.wait_for_request(service, 5, start)["time"]
-        sent = next(event["time"]
-                    for event in map(json.loads, (line for _, line in self.robot.lines.all[start:]))
-                    if event.get("topic") == topic)
-        self.robot.lines.wait_for(lambda line: '"answered": "{}"'.format(service) in line, 5, start)
-        time.sleep(SETTLE)
-        return arrived - sent
-
     # --------------------------------------------------------------------------------- measurements
 
     def reaction(self, mission, *messages, is_watched=False):
@@ -126,7 +113,7 @@ class Bench:
     def reactions(self, messages):
         """Return the reaction times, and note the processor time of one."""
         before = processor_seconds(self.pid)
-        taken = [self.next_request(SAY, *messages[turn % len(messages)]) for turn in range(ROUNDS)]
+        taken = [self.robot.reaction(SAY, *messages[turn % len(messages)]) for turn in range(ROUNDS)]
         self.processor_time = (processor_seconds(self.pid) - before) / ROUNDS
         self.stop()
         return taken
@@ -190,7 +177,7 @@ class Bench:
         self.robot.publish(ATTENTION, "seeking", 3, hertz=2000)
         self.robot.publish(FACES, *TEN_FACES, hertz=30)
         time.sleep(1.0)
-        taken = [self.next_request(SAY, SPEECH, "yes") for _ in range(ROUNDS)]
+        taken = [self.robot.reaction(SAY, SPEECH, "yes") for _ in range(ROUNDS)]
         self.stop()
         return taken
 

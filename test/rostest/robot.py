@@ -1,5 +1,7 @@
 """Help for the tests: the commanded robot and the node itself, each in its own process, to command
 and wait for."""
+import contextlib
+import glob
 import json
 import os
 import re
@@ -38,6 +40,9 @@ def mission_starts(name="NAME"):
     before_count = re.split(r"\d", sentence(RunStarted(name + ".xml", [], {}, sources)))[0]
     return before_count.partition("NAME")[2] or before_count
 
+
+SETTLE = 0.02
+"""Seconds between an answer and the message that follows: a visitor is not faster."""
 
 BUSY = 4
 """How many times as long as on a quiet machine a wait for a line may take."""
@@ -142,6 +147,19 @@ class Robot:
                                                            for key in fields)
 
         return json.loads(self.lines.wait_for(is_wanted, seconds, start)[1])
+
+    def reaction(self, service, topic, *values):
+        """Publish, and return the seconds until the next request to ``service`` arrived, which is
+        answered before this returns."""
+        start = len(self.lines.all)
+        self.publish(topic, *values)
+        arrived = self.wait_for_request(service, 5, start)["time"]
+        sent = next(event["time"]
+                    for event in map(json.loads, (line for _, line in self.lines.all[start:]))
+                    if event.get("topic") == topic)
+        self.lines.wait_for(lambda line: '"answered": "{}"'.format(service) in line, 5, start)
+        time.sleep(SETTLE)
+        return arrived - sent
 
     def stop(self):
         """End it cleanly: it unregisters from the master."""
@@ -252,16 +270,27 @@ class Package:
 class Controller:
     """The node, run from a ``Package``, and the lines that it writes."""
 
-    def __init__(self, package, *arguments, **environment):
+    def __init__(self, package, *arguments, stdin=subprocess.DEVNULL, preexec_fn=None,
+                 **environment):
         paths = [package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **environment)
         self.started = time.monotonic()
         self.process = subprocess.Popen(
             [sys.executable,
              package.path("src/behavior_controller/behaviorController")] + list(arguments),
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            universal_newlines=True, env=environment)
+            stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            universal_newlines=True, env=environment, preexec_fn=preexec_fn)
         self.lines = Lines(self.process.stdout)
+
+    def viewer(self):
+        """Return the number of the process of its viewer."""
+        for path in glob.glob("/proc/{}/task/*/children".format(self.process.pid)):
+            with contextlib.suppress(FileNotFoundError), open(path) as file:
+                for number in map(int, file.read().split()):
+                    with open("/proc/{}/cmdline".format(number)) as command:
+                        if "--child" in command.read():
+                            return number
+        raise AssertionError("the node has no viewer:\n{}".format(self.lines.text()))
 
     def wait(self, seconds):
         """Return the exit code; fails if it does not come in time."""

@@ -32,6 +32,11 @@ CALLS = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
   </Sequence></BehaviorTree></root>""".format(CALLED)
 
 
+def descriptors(process):
+    """Return how many a process has."""
+    return len(os.listdir("/proc/{}/fd".format(process)))
+
+
 class TestWatch(unittest.TestCase):
     """One mission that hangs in its last leaf while it is monitored."""
 
@@ -52,6 +57,11 @@ class TestWatch(unittest.TestCase):
         self.node = Controller(self.package)
         self.addCleanup(self.node.close)
         self.robot.wait_for_request(SAY, 20)
+
+    def start_with_page(self):
+        """Start robot and node, and wait for the viewer, which starts beside the mission."""
+        self.start()
+        self.node.lines.wait_for(lambda line: " page: " in line, 20)
 
     def test_where_to_find_page_and_record_is_told(self):
         self.start()
@@ -88,7 +98,7 @@ class TestWatch(unittest.TestCase):
         return client
 
     def test_it_is_seen_while_it_runs_and_replayed_afterwards(self):
-        self.start()
+        self.start_with_page()
         client = self.groot2_client()
         client.send(struct.pack("<BBI", 2, ord("S"), 1))
         statuses = dict(struct.iter_unpack("<HB", client.recv_multipart()[1]))
@@ -109,12 +119,12 @@ class TestWatch(unittest.TestCase):
         self.assertIn("the same path: 1 pass,", printed)
 
     def connect_idly(self, number):
-        """Try to exhaust the node with ``number`` connections to each of its ports."""
+        """Try to exhaust the viewer with ``number`` connections to each of its ports."""
         for _ in range(number):
             for port in (self.page, self.groot2, self.groot2 + 1):
                 self.idle.append(socket.create_connection(("127.0.0.1", port), timeout=10))
 
-    def test_idle_connections_leave_the_robot_its_descriptors(self):
+    def test_idle_connections_take_no_descriptors_from_robot_and_viewer(self):
         self.package.write("data/m.xml", CALLS)
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         # for our own ends of the connections
@@ -122,25 +132,26 @@ class TestWatch(unittest.TestCase):
         self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
         self.idle = []
         self.addCleanup(lambda: [each.close() for each in self.idle])
-        self.start()
-        folder = "/proc/{}/fd".format(self.node.process.pid)
-        before = len(os.listdir(folder))
-        resource.prlimit(self.node.process.pid, resource.RLIMIT_NOFILE, (1024, hard))
+        self.start_with_page()
+        node, viewer = processes = self.node.process.pid, self.node.viewer()
+        before = dict(zip(processes, map(descriptors, processes)))
+        for process in processes:
+            resource.prlimit(process, resource.RLIMIT_NOFILE, (1024, hard))
         self.connect_idly(1100)
-        most = len(os.listdir(folder))
+        most = {process: descriptors(process) for process in processes}
         self.robot.set_mode(SAY, "done")
         try:
             while self.node.process.poll() is None:
                 self.connect_idly(1)
-                most = max(most, len(os.listdir(folder)))
+                most = {process: max(most[process], descriptors(process)) for process in processes}
                 while len(self.idle) > 5000:
                     self.idle.pop(0).close()
         except (ConnectionError, FileNotFoundError):
-            pass  # the node has ended
+            pass  # node and viewer have ended
         self.assertEqual(self.node.wait(30), 0, self.node.lines.text())
         self.assertEqual(len(self.robot.requests(SAY)), 1 + CALLED)
-        # the page's, Groot2's, and the robot's own
-        self.assertLess(most - before, 64 + 2 * 16 + 30)
+        self.assertLess(most[node] - before[node], 30)  # the robot's
+        self.assertLess(most[viewer] - before[viewer], 64 + 2 * 16 + 5)  # the page's, and Groot2's
         self.assertEqual(
             [line for _, line in self.node.lines.all if "[WARN]" in line or "[ERROR]" in line], [])
 
@@ -167,6 +178,8 @@ class TestWatch(unittest.TestCase):
                 listener.bind(("127.0.0.1", port))
                 listener.listen(1)
             self.start()
+            for word in ("groot2Port", "monitorPort"):  # another viewer could still end
+                self.node.lines.wait_for(lambda line: word in line, 20)
         self.assertEqual(self.node.stop()[0], 0)
         for word in ("groot2Port", "monitorPort"):
             self.assertEqual(sum(word in line for _, line in self.node.lines.all), 1,
