@@ -43,6 +43,7 @@ conformance:
 bench:
 	@tools/in_workspace.sh python3 bench/bench_engine.py
 	@tools/in_workspace.sh python3 bench/bench_runtime.py $(ARGS)
+	@tools/in_workspace.sh python3 bench/bench_viewer.py
 
 # the lab tour on the real node with every fault at every call, an adversary around it, and the judge's trials: about 90 minutes.
 # ARGS=sweep, pairs, rates, stops, adversary, broken or sound

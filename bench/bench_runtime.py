@@ -42,7 +42,8 @@ class Bench:
     """A master, and one robot and node after the other."""
 
     def __init__(self, folder):
-        self.folder = folder
+        self.records = os.path.join(folder, "record")
+        self.keys = {}  # of a node that is not watched
         self.master = start_master()
         self.package = Package(os.path.join(folder, "package"))
         self.robot = None
@@ -56,23 +57,24 @@ class Bench:
         """The process of the node."""
         return getattr(self.node, "process", self.node).pid
 
-    def start(self, mission, modes=None, is_watched=False):
+    def start(self, mission, modes=None, is_watched=False, how="look"):
         """Start a robot whose services behave by ``modes``, and the node with this mission.
 
-        If it is watched, Groot2 and a browser monitor the run, and it is recorded.
+        If it is watched, Groot2 and a browser monitor the run, or do what ``how`` says, and it is
+        recorded.
         """
         self.robot = Robot(modes)
         self.package.write("data/m.xml", MISSION.format(mission))
         ports = {"groot2Port": "21667", "monitorPort": "28080"}
-        keys = dict(ports, recordDirectory=os.path.join(self.folder,
-                                                        "record")) if is_watched else {}
+        keys = dict(ports, recordDirectory=self.records) if is_watched else self.keys
         self.package.configure(scenarioSpecification="m", **keys)
         self.node = Controller(self.package)
         self.node.lines.wait_for(lambda line: " starts, " in line, 20)
         if is_watched:
+            self.node.lines.wait_for(lambda line: " page: " in line, 20)
             clients = os.path.join(HERE, "monitoring_clients.py")
-            self.clients = subprocess.Popen([sys.executable, clients] + list(ports.values()),
-                                            stdout=subprocess.PIPE)
+            self.clients = subprocess.Popen([sys.executable, clients] + list(ports.values()) +
+                                            [how], stdout=subprocess.PIPE)
             self.clients.stdout.readline()
         time.sleep(0.5)
 
@@ -97,6 +99,10 @@ class Bench:
             self.node.wait()
         self.robot.stop()
 
+    def next_request(self, service, topic, *values):
+        """Publish, and return the seconds until the next request to ``service`` arrived."""
+        return self.robot.reaction(service, topic, *values)
+
     # --------------------------------------------------------------------------------- measurements
 
     def reaction(self, mission, *messages, is_watched=False):
@@ -113,7 +119,7 @@ class Bench:
     def reactions(self, messages):
         """Return the reaction times, and note the processor time of one."""
         before = processor_seconds(self.pid)
-        taken = [self.robot.reaction(SAY, *messages[turn % len(messages)]) for turn in range(ROUNDS)]
+        taken = [self.next_request(SAY, *messages[turn % len(messages)]) for turn in range(ROUNDS)]
         self.processor_time = (processor_seconds(self.pid) - before) / ROUNDS
         self.stop()
         return taken
@@ -177,7 +183,7 @@ class Bench:
         self.robot.publish(ATTENTION, "seeking", 3, hertz=2000)
         self.robot.publish(FACES, *TEN_FACES, hertz=30)
         time.sleep(1.0)
-        taken = [self.robot.reaction(SAY, SPEECH, "yes") for _ in range(ROUNDS)]
+        taken = [self.next_request(SAY, SPEECH, "yes") for _ in range(ROUNDS)]
         self.stop()
         return taken
 

@@ -24,7 +24,7 @@ import urllib.request
 import rostest
 import zmq
 
-from behavior_controller.monitoring.parts import patched
+from behavior_controller.viewer.parts import patched
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import BUSY, Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402
