@@ -163,15 +163,19 @@ def flood(trial, count):
     trial.package.configure(verboseMode="true", groot2Port=groot2_port, monitorPort=page_port,
                             robotNavigationDeadline=DRIVE_DEADLINE)
     tours = trial.node()
-    resource.prlimit(tours.process.pid, resource.RLIMIT_NOFILE, (FEW_DESCRIPTORS, FEW_DESCRIPTORS))
+    tours.lines.wait_for(lambda line: " page: " in line, A_START)
+    processes = tours.process.pid, tours.viewer()
+    for process in processes:
+        resource.prlimit(process, resource.RLIMIT_NOFILE, (FEW_DESCRIPTORS, FEW_DESCRIPTORS))
     see_tours(trial, tours, 1)
     idle = [
         connection for port in (page_port, groot2_port) for connection in connections(port, count)
     ]
     hang_a_drive(trial, robot, tours)  # the calls after it need a new connection
     see_tours(trial, tours, 3)
-    trial.times.append("{} connections, {} descriptors".format(
-        len(idle), len(os.listdir("/proc/{}/fd".format(tours.process.pid)))))
+    trial.require(tours.viewer() == processes[1], "the viewer was started again")
+    trial.times.append("{} connections, {} and {} descriptors".format(len(idle), *(
+        len(os.listdir("/proc/{}/fd".format(process))) for process in processes)))
     for connection in idle:
         connection.close()
     asked = time.monotonic()
@@ -381,6 +385,7 @@ def web_page(trial):
     robot = surroundings(trial)[1]
     trial.package.configure(groot2Port=groot2_port, monitorPort=page_port)
     tours = trial.node()
+    tours.lines.wait_for(lambda line: " page: " in line, A_START)
     see_tours(trial, tours, 1)
     node = urllib.parse.urlsplit(rosgraph.Master("/test").lookupNode(NODE))
     with xmlrpc.client.ServerProxy(node.geturl()) as proxy:
