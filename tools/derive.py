@@ -152,7 +152,7 @@ def keys_table(heading: str, keys: Iterable[Key]) -> str:
 def offers() -> str:
     """Return a table of the services that are called, and one of the topics that are read."""
     rows = [(f"`{offer.name}`", f"`{offer.type.replace('cssr_system/', '')}`",
-             offer.absence) for offer in DEFAULT.offers]
+             offer.impact_if_missing) for offer in DEFAULT.offers]
     services = len(DEFAULT.services)
     return "\n\n".join((_table([("service called", "type", "without it")] + rows[:services]),
                         _table([("topic read", "type", "without it")] + rows[services:])))

@@ -43,7 +43,7 @@ RULES = (
          'status is not SUCCESS and status is not FAILURE', 'True'),
     Rule('ParallelAll fails at max_failures', 'engine/controls.py', 'ParallelAll.update',
          'failures >= allowed', 'failures > allowed'),
-    Rule('Parallel resets its children at the end', 'engine/controls.py', '_Side.complete',
+    Rule('Parallel resets its children at the end', 'engine/controls.py', 'ParallelBase.complete',
          'self.halt_children()', ''),
     Rule('IfThenElse takes the second child on SUCCESS', 'engine/controls.py', 'IfThenElse.update',
          '1 if result is SUCCESS else 2', '2 if result is SUCCESS else 1'),

@@ -56,7 +56,8 @@ def action(name, **more):
     """Return the declaration of an action called ``name``."""
     return Action(**dict(dict(
         request=Turn, name=name, node="turner", type="actionlib/Test",
-        fields=lambda turn: (turn.number,), success=None, deadline=LONG, absence="nothing turns",
+        fields=lambda turn: (turn.number,), success=None, deadline=LONG,
+        impact_if_missing="nothing turns",
         answer=lambda result: Answer(response=str(result.result)),
         feedback=lambda feedback: "turned {}".format(feedback.feedback)), **more))
 

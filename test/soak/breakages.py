@@ -41,7 +41,7 @@ from behavior_controller.leaves.base import (
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.knowledge import RetrieveListOfExhibits, SelectExhibit
 from behavior_controller.leaves.recovery import HandleFallBack
-from behavior_controller.missions.runner import Persistence, Runner
+from behavior_controller.missions.runner import RetryGate, Runner
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.simulation.rehearsal.play import LoadedMission
@@ -1293,7 +1293,7 @@ def wrong_missions(known: Catalogue) -> Iterator[Breakage]:
                            ("the controller",), None, after_ticks(ticks, then))
     yield Breakage("passes", "no pause after a pass that failed for a cause that persists",
                    ("pause", "pass"), None,
-                   wrapping(Persistence, "cause", lambda method, *given: None))
+                   wrapping(RetryGate, "cause", lambda method, *given: None))
     for what, change in PAUSES:
         yield Breakage("passes", "the pause after such a pass is " + what, ("pause", "pass"), None,
                        wrapping(Policy, "pause", change))

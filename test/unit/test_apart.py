@@ -24,7 +24,7 @@ def test_the_limit_ends_the_wait():
 
 
 def test_the_end_of_the_work_ends_the_wait_at_once(monkeypatch):
-    monkeypatch.setattr(timeouts, "PATIENCE", 60.0)
+    monkeypatch.setattr(timeouts, "NOTICE_AFTER", 60.0)
     may_end = threading.Event()
     began = time.monotonic()
     threading.Timer(0.1, may_end.set).start()
@@ -33,7 +33,7 @@ def test_the_end_of_the_work_ends_the_wait_at_once(monkeypatch):
 
 
 def test_slow_work_is_told_once(monkeypatch):
-    monkeypatch.setattr(timeouts, "PATIENCE", 0.3)
+    monkeypatch.setattr(timeouts, "NOTICE_AFTER", 0.3)
     wake, told = WakeUp(), []
     began = time.monotonic()
     with pytest.raises(Late):

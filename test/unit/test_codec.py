@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from behavior_controller.errors import MissionError
 from behavior_controller.run.events import (
-    EVENTS, Answered, Asked, Happening, LeafFinished, Line, Message, Noticed, OfNode, PassFinished,
+    EVENTS, Answered, Asked, BaseEvent, LeafFinished, Line, Message, Noticed, OfNode, PassFinished,
     RunStarted, Sources, StepStarted, Tick, StopChanged, LeafSummary, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.d543 import INTERFACE
@@ -60,7 +60,7 @@ def test_each_event_comes_back_as_it_was(event):
 
 
 def test_each_kind_of_event_can_be_recorded():
-    kinds = Happening.__subclasses__() + OfNode.__subclasses__()
+    kinds = BaseEvent.__subclasses__() + OfNode.__subclasses__()
     assert set(EVENTS) == set(kinds) - {OfNode}
 
 

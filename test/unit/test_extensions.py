@@ -44,7 +44,7 @@ class Bell(Request, frozen=True):
 def bell(name="/bell", **changed):
     return Service(**dict(dict(request=Bell, name=name, node="bell", deadline=5.0,
         type="cssr_system/textService", fields=lambda bell: (bell.text,),
-        success=Success("success", True, False), absence="no bell rings"), **changed))
+        success=Success("success", True, False), impact_if_missing="no bell rings"), **changed))
 """
 RINGS = "SPECS = (leaf_spec('FixtureRing', FixtureRing, ''),)"
 SPEECH = "from behavior_controller.extend import Speech\n"
@@ -271,7 +271,8 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
     (INTERFACE, BELL + "SERVICES = (bell(deadline=-5.0),)", ["-5.0 s", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(deadline=float('nan')),)", ["nan s", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(success='yes'),)", ["no success", "(a/leaves.py:6)"]),
-    (INTERFACE, BELL + "SERVICES = (bell(absence=''),)", ["absence", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(impact_if_missing=''),)",
+     ["impact_if_missing", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(request=Say),)",
      ["are both declared for Say", "(a/leaves.py:9)"]),
     (INTERFACE, BELL + "class Say(Request):\n  text: str\nSERVICES = (bell(request=Say),)",

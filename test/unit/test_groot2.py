@@ -939,7 +939,7 @@ def test_a_link_that_zeromq_does_not_make_holds_nothing_up(monkeypatch):
 
 def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_unanswered():
     async def serve(sock):
-        found = tcp_proxy.Front(sock, 1000)
+        found = tcp_proxy.TcpProxy(sock, 1000)
         assert tcp_proxy.MOST_CONNECTIONS == 16  # as the operator's guide says
         assert [
             sock.getsockopt(option) for option in (zmq.LINGER, zmq.RECONNECT_IVL, zmq.MAXMSGSIZE,
@@ -974,7 +974,7 @@ def test_a_client_may_leave_as_many_bytes_unanswered_as_are_allowed(last, is_tak
         return router.recv_multipart()
 
     async def serve(router):
-        front, listener = tcp_proxy.Front(router, 1000), bind_sockets(0, "127.0.0.1")[0]
+        front, listener = tcp_proxy.TcpProxy(router, 1000), bind_sockets(0, "127.0.0.1")[0]
         front.add_sockets([listener])
         reader, writer = await asyncio.open_connection(*listener.getsockname())
         writer.write(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) + b"\x04\x06\x05READY")

@@ -344,7 +344,7 @@ def test_a_declaration_that_contradicts_itself_is_refused():
 
 @pytest.mark.parametrize("piece, following", [
     ("fields", Success("success", True, False)), ("success", 5.0), ("deadline", "it is dark"),
-    ("absence", lambda response: None), ("answer", True)])
+    ("impact_if_missing", lambda response: None), ("answer", True)])
 def test_a_service_names_the_piece_that_is_left_out(piece, following):
     with pytest.raises(TypeError) as raised:
         dataclasses.replace(INTERFACE.service(Say), **{piece: following})

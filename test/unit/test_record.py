@@ -303,7 +303,7 @@ def test_that_a_topic_is_still_heard_is_recorded_if_it_is(tmp_path):
     answers, topics = [False, True, False], record.topics(hears)
     assert [topics.is_hearing(SPEECH) for _ in range(3)] == [False, True, False]
     assert [(line["_type"], line["topic"]) for line in lines(record)] == [
-        ("StillHearing", SPEECH.name)]
+        ("RecognitionPending", SPEECH.name)]
 
 
 def test_each_message_is_recorded_once_at_the_reading_that_saw_it_first(tmp_path):

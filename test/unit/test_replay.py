@@ -12,7 +12,7 @@ from behavior_controller import folders
 from behavior_controller.errors import MissionError
 from behavior_controller.run.events import (Answered, Asked, HealthChanged, LeafFinished,
                                                   Line, Lost, Message, PassFinished, PassStarted,
-                                                  RunStarted, StillHearing, Tick)
+                                                  RunStarted, RecognitionPending, Tick)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
@@ -123,7 +123,7 @@ def test_a_message_is_returned_from_the_read_on_that_was_the_first_to_return_it(
 def test_that_something_is_still_heard_is_known_as_often_as_it_is_recorded():
     topics = RecordedTopics(INTERFACE)
     for topic in (SPEECH, FACES, SPEECH):
-        topics.take(StillHearing(topic.name))
+        topics.take(RecognitionPending(topic.name))
     assert [topics.is_hearing(SPEECH) for _ in range(3)] == [True, True, False]
     assert [topics.is_hearing(FACES) for _ in range(2)] == [True, False]
 

@@ -24,7 +24,7 @@ from behavior_controller.run.record.codec import header
 from behavior_controller.replay_cli import main
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.run.record.tree_shown import shown
-from behavior_controller.viewer.report import DEEPEST, Drawn, to_html
+from behavior_controller.viewer.report import MAX_LIST_DEPTH, Drawn, to_html
 from behavior_controller.run.history import Run
 from behavior_controller.run.moment import card, robot_line
 from behavior_controller.simulation.rehearsal.findings import BY_NAME
@@ -722,10 +722,10 @@ def test_a_line_that_the_node_cannot_have_written_is_named(lines, expected):
 def test_a_tree_of_many_levels_is_reported():
     nodes = [["N::{}".format(number), "N", "N", number - 1] for number in range(1, 2001)]
     page = Page(page_of(lines_of(tick([2000, "S"]), nodes=nodes)))
-    assert len(page.of("row")) == 2000 and page.deepest < 2 * DEEPEST + 20
+    assert len(page.of("row")) == 2000 and page.deepest < 2 * MAX_LIST_DEPTH + 20
     depth = itertools.accumulate({"<ul>": 1, "</ul>": -1}[tag]
                                  for tag in re.findall("</?ul>", page.text))
-    assert max(depth) == DEEPEST
+    assert max(depth) == MAX_LIST_DEPTH
 
 
 # ------------------------------------------------------------------------------------- in a browser

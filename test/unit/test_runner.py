@@ -19,7 +19,7 @@ from behavior_controller.run.safe_state import SafeState
 from behavior_controller.robot.d543 import ATTENTION, INTERFACE, SPEECH
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, GoTo, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
-from behavior_controller.missions.runner import Persistence, Runner, Running
+from behavior_controller.missions.runner import RetryGate, Runner, Running
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal, service_of, write
 
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
@@ -684,7 +684,7 @@ def test_a_pause_is_over_when_the_budget_allows_a_recovery_again():
 
 
 def test_a_pause_counts_when_it_is_over_and_none_where_the_budget_allows_a_recovery_already():
-    rig, persistence = one_leaf("<WelcomeSpeech/>"), Persistence()
+    rig, persistence = one_leaf("<WelcomeSpeech/>"), RetryGate()
     leaf, = rig.tree.nodes
     leaf.setup(mission=rig.mission)
     leaf.failed(refusal(Say))

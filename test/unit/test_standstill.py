@@ -14,7 +14,7 @@ from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.values.status import SUCCESS
 from behavior_controller.missions import blocked_tick
 from behavior_controller.missions.runner import Runner, Running
-from behavior_controller.missions.blocked_tick import CHECKS, Standstill
+from behavior_controller.missions.blocked_tick import CHECKS, BlockedTickMonitor
 from mission_rig import one_leaf
 
 
@@ -36,7 +36,7 @@ def watched(monkeypatch, act, ticks=1):
                      Registry(builtin_specs() + [NodeSpec("Blocks", Kind.ACTION, Blocks)]), "m.xml")
     lines = []
     runner = Runner(Running(tree, one_leaf("<AlwaysSuccess/>").mission, "m.xml", 1), lambda: False)
-    watch = Standstill(runner, lambda severity, text: lines.append((severity, text)))
+    watch = BlockedTickMonitor(runner, lambda severity, text: lines.append((severity, text)))
     tree.wake.emit()
     runner.wait(None)  # it is awake now
     monkeypatch.setattr(Blocks, "act", lambda self: act(watch))
@@ -78,7 +78,7 @@ def test_the_watch_checks_each_quarter_of_a_second_until_the_program_ends(monkey
         if len(slept) == 2:
             sys.exit()
 
-    watch = Standstill(None, pytest.fail)
+    watch = BlockedTickMonitor(None, pytest.fail)
     watch.check = check
     watch.start()
     times = [checked.get(timeout=5.0) for _ in range(2)]
@@ -106,7 +106,7 @@ def test_a_leaf_s_code_in_which_the_tick_thread_stays_is_named(monkeypatch):
     ([None, None], False), ([None, (1.0, None)], False), ([(1.0, None), None], False)])
 def test_a_thread_is_blocked_that_neither_waits_nor_goes_on(moments, is_blocked):
     runner = SimpleNamespace(moment=lambda moments=iter(moments): next(moments))
-    watch = Standstill(runner, pytest.fail)
+    watch = BlockedTickMonitor(runner, pytest.fail)
     assert watch.is_blocked(0.0) is is_blocked
     assert elsewhere(watch.blocking) == "the tick thread has not reacted"
 

@@ -164,7 +164,7 @@ def test_the_rows_of_a_tree(nodes, letters, tip, is_all, expected):
 def test_the_rows_of_a_deep_tree_are_indented_so_far():
     rows = tree_rows([(parent, "n") for parent in range(33)], 33 * "R")
     assert [len(row) - len(row.lstrip()) for row in rows] == [
-        2 * min(depth, status_tool.DEEPEST) for depth in range(33)]
+        2 * min(depth, status_tool.MAX_INDENT) for depth in range(33)]
 
 
 def told(*sentences):
@@ -392,7 +392,7 @@ def test_a_bad_server_is_one_line(capsys, pieces, expected, arguments):
     pytest.param([http(b""), endless(b": still here\n")], id="no message")])
 @pytest.mark.parametrize("arguments", [[], ["--watch"]], ids=["once", "watch"])
 def test_a_server_that_drips_is_not_waited_for(capsys, monkeypatch, pieces, arguments):
-    monkeypatch.setattr(status_tool, "LIMIT", 0.5)
+    monkeypatch.setattr(status_tool, "FIRST_ANSWER_LIMIT", 0.5)
     with server(*pieces, pause=0.05, keeps_open=True) as port:
         began = time.monotonic()
         assert status_tool.main(["--port", str(port)] + arguments) == 1

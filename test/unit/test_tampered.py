@@ -10,7 +10,7 @@ import pytest
 
 from behavior_controller.run.events import (
     EVENTS, BreakpointChanged, FeedbackReceived, HealthChanged, HookEnded, Line, Noticed, Paused,
-    Retried, RunFinished, Starting, StillHearing, StopChanged, Suspended)
+    Retried, RunFinished, Starting, RecognitionPending, StopChanged, Suspended)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller import replay_cli as command
 from mission_rig import recorded, visitor_who
@@ -56,7 +56,7 @@ def record(tmp_path_factory):
         Paused(failure, "/x"),
         BreakpointChanged(1, "x", True),
         Retried("x", "x", 1, failure),
-        StillHearing("/speechEvent/text"),
+        RecognitionPending("/speechEvent/text"),
         StopChanged(1, "x", "x", 1, 2, "x", "begun"),
         Suspended("-"),
         Starting("-"),

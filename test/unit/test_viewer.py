@@ -101,7 +101,7 @@ def is_over(pid):
     (signal.SIGSTOP, "it gave no sign of life for 3 s")])
 def test_a_viewer_that_ends_or_hangs_is_started_again_and_shows_the_run(
         view, monkeypatch, number, trouble):
-    monkeypatch.setattr(module, "HANGS", 3.0)
+    monkeypatch.setattr(module, "NO_SIGN_LIMIT", 3.0)
     drives, rig = [], Rig()
     viewed = view(rig)
     parts = [name for name in PARTS if name not in ("health", "alive")]  # which have ages

@@ -19,7 +19,7 @@ CHECKS = 4
 """A leaf that has been in the same tick at so many checks in a row, for a second, is reported."""
 
 
-class Standstill:
+class BlockedTickMonitor:
     """Watches the tick thread, which is the one that makes this object."""
 
     def __init__(self, runner: Runner, tell: Callable[[str, str], None]):

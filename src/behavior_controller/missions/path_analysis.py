@@ -20,7 +20,7 @@ from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.leaves.data import CURRENT_EXHIBIT, VISITOR_RESPONSE
 from behavior_controller.config.settings import Settings
 
-DEEPEST, LARGEST = 150, 2_000
+MAX_PATH_DEPTH, MAX_ELEMENTS = 150, 2_000
 """Levels and elements of a mission beyond which its paths are not followed: no mission drawn by
 hand has so many."""
 
@@ -46,7 +46,7 @@ def foresee(tree: Tree, settings: Settings) -> List[Fault]:
     for node in tree.nodes:  # parents come before their children
         levels[node] = levels[node.parent] + 1
     once = {id(node.element): node for node in tree.nodes}
-    if max(levels.values()) > DEEPEST or len(once) > LARGEST:
+    if max(levels.values()) > MAX_PATH_DEPTH or len(once) > MAX_ELEMENTS:
         return []
     nodes = [node for node in once.values() if isinstance(node, MissionLeaf)]
     follower = _Follower(tree, settings.tablet_tells)

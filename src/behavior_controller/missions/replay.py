@@ -120,7 +120,7 @@ class RecordedTopics(Topics):
 
     def take(self, event: events.Event) -> None:
         """Store a message, or that the robot still hears something, for the next traversal."""
-        if isinstance(event, events.StillHearing):
+        if isinstance(event, events.RecognitionPending):
             self._hearing.append(event.topic)
         elif isinstance(event, events.Message):
             sample = Sample(event.value, event.arrived)

@@ -45,7 +45,7 @@ class Running(NamedTuple):
     begins: Callable[[], None] = lambda: None
 
 
-class Persistence:
+class RetryGate:
     """Says after each pass what the next one has to wait for; the pauses grow until a pass
     succeeds."""
 
@@ -104,7 +104,7 @@ class Runner:
         self._reported = ""  # the newest exception of the pass
         self.is_stopping = False
         """The mission is halted, and the safe state is requested."""
-        self._persistence = Persistence()
+        self._persistence = RetryGate()
         self._woke: Optional[float] = None  # monotonic seconds; None while the tick thread waits
         self._is_prepared = False  # the nodes of the first mission are set up
 

@@ -64,7 +64,8 @@ class Service(Generic[Asked]):
     ``request`` is the kind of record that it carries out, ``fields`` returns the values of the srv
     request in order; ``answer`` reads a positive response and raises ``Unusable``. ``name`` is the
     canonical name, ``node`` the robot's node that offers it, ``type`` its ``package/Type``.
-    ``deadline`` is the default, in seconds. ``absence`` says what the robot cannot do without it;
+    ``deadline`` is the default, in seconds. ``impact_if_missing`` says what the robot cannot do
+    without it;
     ``is_optional``: a mission starts on a robot without it, where its leaves then succeed, unless
     ``fails_without``. ``simulated_answer`` returns the robot's answer in a rehearsal, of a service
     that ``simulation`` does not know. ``answers_early``: whether a request is answered when it
@@ -78,7 +79,7 @@ class Service(Generic[Asked]):
     fields: Callable[[Asked], Tuple[object, ...]]
     success: Optional[Success]
     deadline: float
-    absence: str
+    impact_if_missing: str
     answer: Callable[[Message], Answer] = lambda response: Answer()
     is_optional: bool = False
     fails_without: bool = False
@@ -94,7 +95,8 @@ class Service(Generic[Asked]):
         fits = {"fields": callable(self.fields),
                 "success": may_lack or isinstance(self.success, Success),
                 "deadline": isinstance(self.deadline, (int, float)),
-                "absence": isinstance(self.absence, str), "answer": callable(self.answer)}
+                "impact_if_missing": isinstance(self.impact_if_missing, str),
+                "answer": callable(self.answer)}
         for piece, is_there in fits.items():
             if not is_there:
                 raise TypeError(f"the declaration of {self.name} has no {piece}, but "
@@ -168,7 +170,7 @@ class Topic(Generic[Value]):
     type: str
     value: Type[Value]
     read: Callable[[Message], Value]
-    absence: str
+    impact_if_missing: str
     is_continuous: bool
     action: Optional[Action[Listen]] = None
     is_event: Optional[Callable[[Value], bool]] = None

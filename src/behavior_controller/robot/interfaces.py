@@ -42,8 +42,8 @@ def _fault(offer: Offer) -> str:
         return "its name has to begin with /, with letters, digits, _ and / after it"
     if not re.fullmatch(r"[a-z]\w*/\w+", offer.type):
         return f"its type {offer.type!r} is not package/Type"
-    if not offer.absence:
-        return "it does not say what the robot cannot do without it (absence)"
+    if not offer.impact_if_missing:
+        return "it does not say what the robot cannot do without it (impact_if_missing)"
     if not offer.node.isidentifier():
         return f"its node {offer.node!r} is not the name of a node, without /"
     field = "simulated_value" if isinstance(offer, Topic) else "simulated_answer"

@@ -48,12 +48,13 @@ SERVICES = (
             answers_early=lambda request: request.language == "English"),
 )
 
-ATTENTION = replace(d543.ATTENTION, absence="visitors are not noticed",
+ATTENTION = replace(d543.ATTENTION, impact_if_missing="visitors are not noticed",
                     is_event=lambda status: status == ("scanning", FOUND))
 RECOGNITION = Action(
     requests.Listen, "/speechEvent/recognise_speech_action", "speechEvent",
     "cssr_system/recogniseSpeech", lambda request: (request.seconds,), None, RESULT_WAIT,
-    d543.SPEECH.absence, lambda result: requests.Answer(response=result.transcription.strip()))
+    d543.SPEECH.impact_if_missing,
+    lambda result: requests.Answer(response=result.transcription.strip()))
 SPEECH = replace(d543.SPEECH, action=RECOGNITION)
 
 

@@ -21,11 +21,11 @@ from behavior_controller.robot.gateway import Cause, Failure, result_of
 from behavior_controller.robot.requests import Answer, Listen, Request
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.request_thread import Job, RequestThread
-from behavior_controller.ros.tcpros import CONNECT_LIMIT, ROUND, Trouble, ask_master
+from behavior_controller.ros.tcpros import CONNECT_LIMIT, RETRY_INTERVAL, Trouble, ask_master
 from behavior_controller.ros.types import TYPES, filled
 from behavior_controller.text import clean
 
-PATIENCE = 2.0
+ACK_LIMIT = 2.0
 """Seconds within which a server acknowledges a goal, and sends the result of one whose status says
 that it was done.
 
@@ -47,14 +47,14 @@ FEEDBACK_GAP = 0.5
 ROUND_WHEN_LISTENING = 0.05
 """Seconds between two looks at the action while a mission listens."""
 
-REST = 0.25
+GOAL_PAUSE = 0.25
 """Seconds between a goal without a result and the next: a server may refuse each at once."""
 
 
 class GoalThread(RequestThread):
     """A thread that carries requests as goals of one action, one at a time."""
 
-    IDLE = ROUND
+    IDLE = RETRY_INTERVAL
     READS_FEEDBACK = True
 
     def __init__(self, action: Action):
@@ -132,18 +132,18 @@ class GoalThread(RequestThread):
                     return result
                 raise _refusal(goal)
             if has_ended:
-                result_due = min(result_due, now + PATIENCE)
+                result_due = min(result_due, now + ACK_LIMIT)
             if not self.is_there:
                 raise Trouble(Cause.CONNECTION_LOST, "its server is gone")
             if has_ended and status in FAILED:
                 raise _refusal(goal)  # the status says why: no result is needed
             if now > result_due:
                 raise Trouble(Cause.UNUSABLE_ANSWER, "its result did not come")
-            if state == CommState.WAITING_FOR_GOAL_ACK and now > sent_at + PATIENCE:
+            if state == CommState.WAITING_FOR_GOAL_ACK and now > sent_at + ACK_LIMIT:
                 # rospy may have sent it to a server that has ended, and counts that as a success
                 goal.cancel()
-                raise Trouble(Cause.NO_ANSWER, f"the goal was not acknowledged in {PATIENCE:g} s")
-            self.wait(ROUND)
+                raise Trouble(Cause.NO_ANSWER, f"the goal was not acknowledged in {ACK_LIMIT:g} s")
+            self.wait(RETRY_INTERVAL)
         goal.cancel()
         raise Trouble(Cause.NO_ANSWER, "cancelled")
 
@@ -232,7 +232,7 @@ class SpeechActionClient(GoalThread):
             has_heard = self._has_heard()
             self._wake()
             if not has_heard:
-                time.sleep(REST)
+                time.sleep(GOAL_PAUSE)
         return Answer()
 
     def _has_heard(self) -> bool:

@@ -36,7 +36,7 @@ FORMAT = "ROSCONSOLE_FORMAT"
 FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
 """Its default here: the time of day; rospy's own default has seconds since 1970."""
 
-REST = 0.05
+WRITE_INTERVAL = 0.05
 """Seconds between two rounds of formatting lines, so that nothing the robot does waits for them."""
 
 MOST_WAITING = 2000
@@ -70,7 +70,8 @@ class Console:
         # what writes a line, or those of an event: rospy's logging takes longer than all that the
         # tick thread does with one
         self._lines = Sink("the console", lambda write: write(),
-                           lambda text: partial(self._log, "warning", text), MOST_WAITING, REST)
+                           lambda text: partial(self._log, "warning", text),
+                           MOST_WAITING, WRITE_INTERVAL)
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
         self._instruction = instruction(State())  # in the robot's line that was written last

@@ -39,9 +39,9 @@ from behavior_controller.ros.service_client import RosGateway
 from behavior_controller.ros.signals import Signals, block_signals
 from behavior_controller.ros.subscriber import RosTopics
 from behavior_controller.missions.runner import Runner, Running
-from behavior_controller.run.safe_state import LIMIT, SafeState
+from behavior_controller.run.safe_state import SAFE_STATE_LIMIT, SafeState
 from behavior_controller.config.settings import KEYS, OPERATOR, split_arguments, unread
-from behavior_controller.missions.blocked_tick import Standstill
+from behavior_controller.missions.blocked_tick import BlockedTickMonitor
 from behavior_controller.run.record.unended import may_be_live
 
 NAME = "behaviorController"
@@ -123,7 +123,7 @@ def _explain(wish: str) -> int:
 # ---------------------------------------------------------------------------------------------- ROS
 
 
-def _part_from_ros() -> None:
+def _unregister() -> None:
     """Unregister from the master. Unlike rospy's own shutdown, this does not wait for rospy's
     threads."""
     is_forgotten = threading.Event()
@@ -188,7 +188,7 @@ class _Node:
 
     def _stop_beside(self) -> None:
         """End the node without the tick thread if a leaf blocks it."""
-        if self._run is not None and self._run.calm_beside():
+        if self._run is not None and self._run.stop_without_tree():
             self.end(exit_codes.BROKEN)
 
     def _carry_out(self) -> int:
@@ -297,7 +297,7 @@ class _Node:
         closers = self._outputs.closers() + (self._run.closers() if self._run is not None else [])
         limit = min(CLOSING, self._signals.time_left - LAST_LINES - RESERVE)
         with contextlib.suppress(RuntimeError):  # no threads left: the process ends anyway
-            run_together(closers + [_part_from_ros], limit)
+            run_together(closers + [_unregister], limit)
         self._signals.is_over = True
         self._console.drain(LAST_LINES)
         os._exit(code)
@@ -337,7 +337,7 @@ class _Run:
         self._health = Health(self._wake.emit)
         self._robot = RosGateway(plan.settings.interface, plan.settings.deadline, self._clock,
                                  self._wake.emit, self._health)
-        self._standstill: Optional[Standstill] = None  # while the mission runs
+        self._standstill: Optional[BlockedTickMonitor] = None  # while the mission runs
         # what the operator holds the run for; empty: nothing
         self._held = WAITING if plan.settings.start_by == OPERATOR else ""
         self._monitor = Monitor(plan.settings.interface, topics, self._health,
@@ -348,7 +348,7 @@ class _Run:
     def carry_out(self) -> int:
         """Run the mission, whose leaves are set up, and return the exit code."""
         console = self._console
-        self._standstill = Standstill(self.runner, console.tell)
+        self._standstill = BlockedTickMonitor(self.runner, console.tell)
         console.start_heartbeat(self._clock, self._events.emit)
         try:
             self._monitor.start()
@@ -459,7 +459,7 @@ class _Run:
         """Return the plan that was reloaded since the last pass, or None."""
         return self._running(self._following.pop()) if self._following else None
 
-    def leave_safe(self, seconds: float = LIMIT) -> None:
+    def leave_safe(self, seconds: float = SAFE_STATE_LIMIT) -> None:
         """Ask the robot for the safe state, for ``seconds`` at most, and report what was reached.
 
         Nothing of the tick thread is used, which may have failed or be stuck: any thread may call
@@ -476,7 +476,7 @@ class _Run:
         self._events.emit(
             SafeState(gateway, robot, self._plan.offers, clock.now).wait(wait, seconds))
 
-    def calm_beside(self) -> bool:
+    def stop_without_tree(self) -> bool:
         """Request the safe state if the tick thread does not react to a stop, and report; return
         whether it does not.
 

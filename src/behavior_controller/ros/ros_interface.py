@@ -20,13 +20,13 @@ from behavior_controller.run.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
 from behavior_controller.ros.timeouts import start_thread
 
-ROUND = 0.1
+PUBLISH_INTERVAL = 0.1
 """Seconds between two looks for events: ``~state`` is published no more often."""
 
 DIAGNOSTICS_EVERY = 1.0
 """Seconds between two messages of /diagnostics, as REP 107 has it."""
 
-REST = 0.02
+CALL_INTERVAL = 0.02
 """Seconds that a call of a service takes at least, one after the other, however many callers there
 are: a flood of them must not take the processor from the robot."""
 
@@ -79,14 +79,14 @@ class RosInterface(LineQueue):
 
     def _carry_out(self, command: Command, request: Any) -> Any:
         with self._rest:
-            time.sleep(REST)
+            time.sleep(CALL_INTERVAL)
             outcome = (False, "the node ends") if self._closed.is_set() else command()
             return self._trigger._response_class(*outcome)
 
     def _work(self) -> None:
         is_over = False
         while not is_over:
-            is_over = self._closed.wait(ROUND)
+            is_over = self._closed.wait(PUBLISH_INTERVAL)
             try:
                 self._publish()
             except rospy.ROSException:

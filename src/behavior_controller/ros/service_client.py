@@ -32,7 +32,7 @@ from behavior_controller.ros.master import DIRECTORY, Place
 from behavior_controller.ros.request_thread import Job, RESERVE, RequestThread
 from behavior_controller.ros.types import TYPES, filled, resolved
 
-HURRY = 0.3
+LOOKUP_LIMIT = 0.3
 """Seconds that the lookup of a known service at the master may take; then the last address is used.
 
 The safe state has one second, in which the master may freeze. ``Monitor`` looks up restarted
@@ -43,7 +43,7 @@ WITHOUT_THREAD = 0.4
 """Seconds for a request of the safe state that gets no thread of its own: the other one waits for
 it, and both have one second."""
 
-ROUND = 0.05
+SUBSCRIBER_POLL = 0.05
 """Seconds between two looks for the subscribers of a topic that is published to."""
 
 
@@ -150,7 +150,7 @@ class ServiceThread(RequestThread):
         data = encode(self.service, job.request)
         if not self._connection.is_open:
             limit = self.limit or CONNECT_LIMIT
-            place = DIRECTORY.service(self.name, limit, HURRY)
+            place = DIRECTORY.service(self.name, limit, LOOKUP_LIMIT)
             open_service(place, self._connection, self.name, TYPES[self.service]._md5sum,
                          limit, persistent="1")
             if self.limit is None:
@@ -180,7 +180,7 @@ class PublisherThread(RequestThread):
         self._advertise()
         deadline = time.monotonic() + STEP_LIMIT
         while not self._publisher.get_num_connections():
-            if job.cut.wait(ROUND) or time.monotonic() > deadline:
+            if job.cut.wait(SUBSCRIBER_POLL) or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
         self._publisher.publish(message)
         return Answer()
@@ -225,7 +225,7 @@ class RosGateway(Gateway):
         its service."""
         service = self._interface.service(type(request))
         deadline = self.deadline(service)
-        call = Call(request, self._wake, lambda: self._give_up(call))
+        call = Call(request, self._wake, lambda: self._drop(call))
         try:
             thread = self._thread(service, request in self._interface.safe_state)
         except RuntimeError as error:
@@ -233,7 +233,7 @@ class RosGateway(Gateway):
             call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
             return call
         timer = self._clock.call_after(
-            deadline * SLOW_SHARE, lambda: self._grow_slow(call, deadline), is_foreign=True)
+            deadline * SLOW_SHARE, lambda: self._on_slow(call, deadline), is_foreign=True)
         self._under_way[call] = _UnderWay(thread, timer, time.monotonic())
         thread.carry(request, partial(self._hand_over, self._end, call),
                      partial(self._hand_over, self._report, call))
@@ -279,7 +279,7 @@ class RosGateway(Gateway):
     def close(self) -> None:
         """Drop every call under way and free every thread and connection."""
         for call in list(self._under_way):
-            self._give_up(call)
+            self._drop(call)
         for threads in self._spare.values():
             while threads:
                 thread = threads.pop()
@@ -310,7 +310,7 @@ class RosGateway(Gateway):
                                is_failure, thread.service.kind)
         call.finish(result)
 
-    def _give_up(self, call: Call) -> Optional[_UnderWay]:
+    def _drop(self, call: Call) -> Optional[_UnderWay]:
         """Cut the thread of ``call`` and return its resources; None if the call has ended already.
         """
         held = self._release(call)
@@ -318,7 +318,7 @@ class RosGateway(Gateway):
             self._spare[held.thread.service].append(held.thread)
         return held
 
-    def _grow_slow(self, call: Call, deadline: float) -> None:
+    def _on_slow(self, call: Call, deadline: float) -> None:
         """Report that ``call`` is slow, and wait for its deadline."""
         held = self._under_way[call]
         self._health.slow(held.thread.name, deadline, held.thread.service.kind)
@@ -327,7 +327,7 @@ class RosGateway(Gateway):
 
     def _expire(self, call: Call) -> None:
         """End ``call`` at its deadline."""
-        held = self._give_up(call)
+        held = self._drop(call)
         if held is not None:
             thread = held.thread
             where = "" if thread.is_asked else ", still connecting: nothing was asked"

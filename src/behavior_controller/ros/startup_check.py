@@ -19,7 +19,7 @@ from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.tcpros import (
-    Connection, ROUND, STEP_LIMIT, Trouble, ask_master, open_publisher)
+    Connection, RETRY_INTERVAL, STEP_LIMIT, Trouble, ask_master, open_publisher)
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.timeouts import begin, run_apart
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
@@ -154,7 +154,7 @@ class StartUpCheck(NamedTuple):
                 left = deadline - time.monotonic()
                 self.tell("info", f"waiting up to {left:.0f} s for {', '.join(names)}")
                 awaited = names
-            self.wake.wait(min(ROUND, max(0.0, deadline - time.monotonic())))
+            self.wake.wait(min(RETRY_INTERVAL, max(0.0, deadline - time.monotonic())))
             self.wake.test_and_clear()
             missing = self._missing(list(missing))
             self._look_for_another_robot(missing)
@@ -210,7 +210,7 @@ class StartUpCheck(NamedTuple):
         needed = []
         for offer, trouble in missing.items():
             line = (f"{offer.kind} {resolved(offer)} (of node /{offer.node}): {trouble.reason}; "
-                    f"without it {offer.absence}")
+                    f"without it {offer.impact_if_missing}")
             reason = self._reason_to_go_on(offer, trouble)
             if reason:
                 self.tell("warning", f"{line} ({reason})")

@@ -21,7 +21,7 @@ from behavior_controller.robot.gateway import Cause, Sample, Topics, since
 from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.robot.rhythm import Rhythm
 from behavior_controller.ros.tcpros import (
-    AGAIN, Connection, MOST_BYTES, ROUND, Trouble, open_publisher)
+    AGAIN, Connection, MOST_BYTES, RETRY_INTERVAL, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.action_client import SpeechActionClient
 from behavior_controller.ros.timeouts import start_thread
@@ -64,7 +64,7 @@ class Link:
     timeout, retries with pauses of up to half a minute, and contacts the master without a limit.
     """
 
-    def __init__(self, uri: str, latch: "Latch"):
+    def __init__(self, uri: str, latch: "TopicBuffer"):
         """``uri`` is the publisher's node. ``latch`` is called on the link's thread."""
         self._uri = uri
         self._latch = latch
@@ -97,7 +97,7 @@ class Link:
                 if trouble.shortage is not None:
                     fault = None  # this computer could not try
             finally:
-                pause = AGAIN if self.header else ROUND
+                pause = AGAIN if self.header else RETRY_INTERVAL
                 self.fault = fault
                 self.header = {}
                 self._connection.hang_up()
@@ -127,7 +127,7 @@ class Link:
             messages = split(buffer)
             if is_wrong:
                 # read all the same: a publisher that is not read from would block
-                time.sleep(ROUND)
+                time.sleep(RETRY_INTERVAL)
                 continue
             if messages and is_old:
                 is_old = False
@@ -138,7 +138,7 @@ class Link:
                     "same msg files")
 
 
-class Latch:
+class TopicBuffer:
     """The messages of one topic that count, and the alarms that wait for one.
 
     Messages arrive on the threads of its links.
@@ -197,7 +197,7 @@ class Latch:
         """The addresses of the nodes that are connected, by their names."""
         return {_sender(link.header): uri for uri, link in self._links.items() if link.header}
 
-    def meet(self, uris: Sequence[str]) -> None:
+    def set_publishers(self, uris: Sequence[str]) -> None:
         """Connect to the publishers at ``uris``, and stop trying to reach others. Only one thread
         calls this."""
         links = {uri: link for uri, link in self._links.items() if uri in uris or link.header}
@@ -330,9 +330,9 @@ class RosTopics(Topics):
     """The robot's topics. From ``subscribe`` on they are subscribed, on a separate thread."""
 
     def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None]):
-        """See ``Latch``."""
-        self.latches = {topic: Latch(topic, wake, warn) for topic in interface.topics}
-        self._alarmed: Dict[Any, Latch] = {}  # the latch that each alarm was set at last
+        """See ``TopicBuffer``."""
+        self.latches = {topic: TopicBuffer(topic, wake, warn) for topic in interface.topics}
+        self._alarmed: Dict[Any, TopicBuffer] = {}  # the latch that each alarm was set at last
 
     def subscribe(self) -> None:
         """Subscribe to the topics; this registers the node at the master."""
@@ -350,8 +350,9 @@ class RosTopics(Topics):
                 DIRECTORY.refresh()
                 for latch in self.latches.values():
                     with contextlib.suppress(Trouble):  # the others are met all the same
-                        latch.meet(DIRECTORY.publishers(latch.name, latch.connected_nodes))
-            time.sleep(ROUND)
+                        latch.set_publishers(
+                            DIRECTORY.publishers(latch.name, latch.connected_nodes))
+            time.sleep(RETRY_INTERVAL)
 
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """See ``Topics``."""

@@ -39,7 +39,7 @@ STEP_LIMIT = 2.0
 """Seconds that a publisher has for each step: to answer with its address, to accept the connection,
 to shake hands."""
 
-ROUND = 0.5
+RETRY_INTERVAL = 0.5
 """Seconds between two attempts to reach what is not there."""
 
 AGAIN = 0.05

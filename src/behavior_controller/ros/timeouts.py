@@ -25,7 +25,7 @@ class Late(BehaviorControllerError):
         self.frame = frame
 
 
-PATIENCE = 2.0
+NOTICE_AFTER = 2.0
 """Seconds after which ``is_slow`` is called for work that has not ended."""
 
 
@@ -60,14 +60,14 @@ def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bo
               is_slow: Callable[[], None] = lambda: None) -> Any:
     """Return what ``work()`` returns on another thread, or raise what it raises.
 
-    ``is_slow`` is called, on this thread, if it has not ended after ``PATIENCE`` seconds. Raises
+    ``is_slow`` is called, on this thread, if it has not ended after ``NOTICE_AFTER`` seconds. Raises
     ``Stopped`` as soon as ``wake`` is signalled and ``is_stopped()``, ``Late`` after ``seconds``,
     and RuntimeError if no thread can be started.
     """
     thread, outcome = begin("apart", work)
     outcome.add_done_callback(lambda _: wake.emit())
     deadline = time.monotonic() + seconds
-    slow_at = time.monotonic() + PATIENCE
+    slow_at = time.monotonic() + NOTICE_AFTER
     while not outcome.done():
         now = time.monotonic()
         if is_stopped():

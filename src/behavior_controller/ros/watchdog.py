@@ -19,11 +19,11 @@ from behavior_controller.run.health import (
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Topic)
 from behavior_controller.ros.tcpros import (
-    AGAIN, CHUNK, Connection, ROUND, STEP_LIMIT, Trouble, open_publisher)
+    AGAIN, CHUNK, Connection, RETRY_INTERVAL, STEP_LIMIT, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.shortage import SHORTAGE
-from behavior_controller.ros.subscriber import Latch, RosTopics
+from behavior_controller.ros.subscriber import TopicBuffer, RosTopics
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import resolved
 
@@ -31,7 +31,7 @@ CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
 seconds."""
 
-LONELY = 0.9
+NO_CONNECTION_LIMIT = 0.9
 """Seconds without a connection after which a topic is gone: a broken connection is first made
 again.
 
@@ -121,7 +121,7 @@ class Monitor:
                 is_known = is_needed or (resolved(offer), GONE) in self._reported
                 if is_known and trouble.shortage is None:
                     self._tell_gone(offer, trouble.reason)
-                self._closed.wait(ROUND)
+                self._closed.wait(RETRY_INTERVAL)
 
     def _hold(self, offer: Offer) -> None:
         """Stay connected to a server. Raises ``Trouble`` if it cannot be connected to, at first or
@@ -149,7 +149,8 @@ class Monitor:
             self._health.report(respect, change)
 
     def _tell_gone(self, offer: Offer, reason: str) -> None:
-        self._report(GONE, gone(offer.kind, resolved(offer), offer.node, reason, offer.absence))
+        self._report(GONE, gone(offer.kind, resolved(offer), offer.node, reason,
+                                offer.impact_if_missing))
 
     def _tell_back(self, offer: Offer) -> None:
         self._report(GONE, available_again(offer.kind, resolved(offer), offer.node))
@@ -197,13 +198,14 @@ class Monitor:
         else:
             report(NEW, "knows the robot's nodes again")
 
-    def _check_topic(self, topic: Topic, latch: Latch) -> None:
+    def _check_topic(self, topic: Topic, latch: TopicBuffer) -> None:
         """Report whether a topic is published, and whether it has been silent for too long."""
         if latch.rhythm.count:
             self._health.hear(latch.name, latch.rhythm.last)
         now = time.monotonic()
         if not latch.is_connected:
-            if latch.is_searched and now - self._lonely.setdefault(topic, now) > LONELY:
+            since = self._lonely.setdefault(topic, now) if latch.is_searched else now
+            if now - since > NO_CONNECTION_LIMIT:
                 self._tell_gone(topic, latch.absence)
             return
         self._lonely.pop(topic, None)
@@ -211,7 +213,7 @@ class Monitor:
         if topic.is_continuous:
             self._check_silence(topic, latch, now)
 
-    def _check_silence(self, topic: Topic, latch: Latch, now: float) -> None:
+    def _check_silence(self, topic: Topic, latch: TopicBuffer, now: float) -> None:
         """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""
         last_arrival, again_at = self._silent.get(topic, (0.0, 0.0))
         silence = now - latch.rhythm.last
@@ -225,7 +227,7 @@ class Monitor:
         if latch.rhythm.is_silent(now):
             self._silent[topic] = latch.rhythm.last, silence + RECONNECT
             status = f"silent for {silence:.1f} s"
-            consequence = "until it is heard again, " + topic.absence
+            consequence = "until it is heard again, " + topic.impact_if_missing
         self._report(SILENT, HealthChanged(
             topic.kind, latch.name, topic.node, not consequence, status, consequence))
 

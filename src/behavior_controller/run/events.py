@@ -32,11 +32,11 @@ LETTERS: Dict[str, Letter] = {"IDLE": "-", "RUNNING": "R", "SUCCESS": "S", "FAIL
 """The statuses of nodes in ``Tick``, by their names."""
 
 
-class Happening(Struct, frozen=True, tag=True, tag_field="_type"):
+class BaseEvent(Struct, frozen=True, tag=True, tag_field="_type"):
     """The base class of all kinds of events."""
 
 
-class OfNode(Happening, frozen=True):
+class OfNode(BaseEvent, frozen=True):
     """The base class of events about a node of the tree: its number, its type and its path."""
 
     uid: int
@@ -59,13 +59,13 @@ class Sources(Struct, frozen=True):
     knowledge: Tuple[Source, ...] = ()
 
 
-class Starting(Happening, frozen=True):
+class Starting(BaseEvent, frozen=True):
     """The node does a step of its start, or waits for ``what``."""
 
     what: str
 
 
-class RunStarted(Happening, frozen=True):
+class RunStarted(BaseEvent, frozen=True):
     """The node has checked everything and starts to tick. ``offers`` are the names and kinds of
     what the robot's interface has."""
 
@@ -142,7 +142,7 @@ class Recovering(OfNode, frozen=True):
     substitute: str = ""
 
 
-class Retried(Happening, frozen=True):
+class Retried(BaseEvent, frozen=True):
     """A retry of a failed step, or its substitute, failed too: which attempt, and why."""
 
     node: str
@@ -151,7 +151,7 @@ class Retried(Happening, frozen=True):
     failure: Failure
 
 
-class Recovered(Happening, frozen=True):
+class Recovered(BaseEvent, frozen=True):
     """A decision of HandleFallBack: which failure, what was done, after how many attempts, and
     whether it helped.
 
@@ -170,7 +170,7 @@ class Recovered(Happening, frozen=True):
     uid: int = 0  # of the HandleFallBack
 
 
-class HealthChanged(Happening, frozen=True):
+class HealthChanged(BaseEvent, frozen=True):
     """A service, topic or the master failed while the mission ran, or works again.
 
     ``kind`` is ``service``, ``topic``, ``action``, ``master`` or ``computer`` (on which the node
@@ -187,14 +187,14 @@ class HealthChanged(Happening, frozen=True):
     respect: str = ""  # the respect that changed: see ``health``
 
 
-class PassStarted(Happening, frozen=True):
+class PassStarted(BaseEvent, frozen=True):
     """One visitor's pass through the mission begins; ``at`` is the time of the mission's clock."""
 
     number: int
     at: float
 
 
-class PassFinished(Happening, frozen=True):
+class PassFinished(BaseEvent, frozen=True):
     """One visitor's pass through the mission ended."""
 
     number: int
@@ -202,7 +202,7 @@ class PassFinished(Happening, frozen=True):
     seconds: float
 
 
-class Paused(Happening, frozen=True):
+class Paused(BaseEvent, frozen=True):
     """The next pass waits, because the last one failed for a cause that persists.
 
     ``failure`` is what the mission gave up for. ``awaited`` is the node, service or topic that has
@@ -227,7 +227,7 @@ class SafePart(Struct, frozen=True):
     failure: Optional[Failure]
 
 
-class SafeStateReported(Happening, frozen=True):
+class SafeStateReported(BaseEvent, frozen=True):
     """The robot was asked for the safe state ``seconds`` ago: which parts of it were reached.
 
     A part that the robot does not have is left out.
@@ -237,7 +237,7 @@ class SafeStateReported(Happening, frozen=True):
     seconds: float
 
 
-class BreakpointChanged(Happening, frozen=True):
+class BreakpointChanged(BaseEvent, frozen=True):
     """A breakpoint of Groot2 holds a node, or lets it go on."""
 
     uid: int
@@ -245,7 +245,7 @@ class BreakpointChanged(Happening, frozen=True):
     is_held: bool
 
 
-class HookEnded(Happening, frozen=True):
+class HookEnded(BaseEvent, frozen=True):
     """A hook of Groot2 has removed itself: its place, and the number of the change that set it."""
 
     uid: int
@@ -253,7 +253,7 @@ class HookEnded(Happening, frozen=True):
     number: int
 
 
-class Suspended(Happening, frozen=True):
+class Suspended(BaseEvent, frozen=True):
     """The operator holds the run: nothing is begun until another of these comes with no ``words``,
     which say what the run waits for. ``is_due``: as soon as the robot has done what it does now.
     """
@@ -262,14 +262,14 @@ class Suspended(Happening, frozen=True):
     is_due: bool = False
 
 
-class Noticed(Happening, frozen=True):
+class Noticed(BaseEvent, frozen=True):
     """Something that an operator should know; ``level`` is ``info``, ``warning`` or ``error``."""
 
     level: str
     text: str
 
 
-class RunFinished(Happening, frozen=True):
+class RunFinished(BaseEvent, frozen=True):
     """The node stops. ``outcome`` is that of the last pass, or the reason to stop."""
 
     outcome: str
@@ -314,7 +314,7 @@ class TreeNode(Struct, frozen=True):
     ports: List[PortText] = []
 
 
-class TreeShown(Happening, frozen=True):
+class TreeShown(BaseEvent, frozen=True):
     """The nodes of the mission that runs from the next ``RunStarted`` on.
 
     ``subtrees`` are the paths of its SubTrees in the order in which they were made, ``summaries``
@@ -332,7 +332,7 @@ class TreeShown(Happening, frozen=True):
     number: int = 1
 
 
-class Tick(Happening, frozen=True):
+class Tick(BaseEvent, frozen=True):
     """A traversal of the tree: clock time, whether it is the first of its tick, and number and new
     status of nodes.
 
@@ -345,7 +345,7 @@ class Tick(Happening, frozen=True):
     changes: List[Tuple[int, Letter]]
 
 
-class Asked(Happening, frozen=True):
+class Asked(BaseEvent, frozen=True):
     """A request that the next traversal sends; ``call`` is its number, from 1 on."""
 
     call: int
@@ -353,21 +353,21 @@ class Asked(Happening, frozen=True):
     request: AnyRequest
 
 
-class Answered(Happening, frozen=True):
+class Answered(BaseEvent, frozen=True):
     """The result of a call, recorded before the traversal that uses it."""
 
     call: int
     result: Union[Answer, Failure]
 
 
-class FeedbackReceived(Happening, frozen=True):
+class FeedbackReceived(BaseEvent, frozen=True):
     """What an action reports of a call that is under way, in words for people."""
 
     call: int
     text: str
 
 
-class Message(Happening, frozen=True):
+class Message(BaseEvent, frozen=True):
     """A message that the ``read``-th read of a topic in the next traversal is the first to return.
     """
 
@@ -377,14 +377,14 @@ class Message(Happening, frozen=True):
     arrived: float
 
 
-class StillHearing(Happening, frozen=True):
+class RecognitionPending(BaseEvent, frozen=True):
     """When a leaf of the next traversal has listened to a topic, the robot still hears something.
     """
 
     topic: str
 
 
-class EntriesWritten(Happening, frozen=True):
+class EntriesWritten(BaseEvent, frozen=True):
     """Entries of the blackboard that were written or removed since the last traversal, by name: the
     value as text.
 
@@ -397,14 +397,14 @@ class EntriesWritten(Happening, frozen=True):
     values: Dict[str, Any] = {}
 
 
-class SignOfLife(Happening, frozen=True):
+class SignOfLife(BaseEvent, frozen=True):
     """The tick thread goes on: emitted every ``PULSE`` seconds. ``heard`` is when the last message
     of each topic came, as times of events."""
 
     heard: Dict[str, float] = {}
 
 
-class Lost(Happening, frozen=True):
+class Lost(BaseEvent, frozen=True):
     """The number of events that are missing here, and why; without a reason they did not fit into a
     queue.
     """
@@ -422,7 +422,7 @@ Event = Union[
     Starting, RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering,
     Retried, Recovered, HealthChanged, PassFinished, Paused, SafeStateReported,
     BreakpointChanged, HookEnded, Suspended, Noticed, RunFinished, TreeShown, Tick, Asked,
-    Answered, FeedbackReceived, Message, StillHearing, EntriesWritten, SignOfLife, Lost]
+    Answered, FeedbackReceived, Message, RecognitionPending, EntriesWritten, SignOfLife, Lost]
 EVENTS: Tuple[Any, ...] = get_args(Event)
 """The kinds of events."""
 

@@ -12,7 +12,7 @@ from behavior_controller.run.events import (
     BEGUN, DONE, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged,
     EntriesWritten, Event, FeedbackReceived, HealthChanged, HookEnded, LeafFinished, Lost, Message,
     Noticed, PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished,
-    RunStarted, SafeStateReported, SignOfLife, Starting, StepStarted, StillHearing, StopChanged,
+    RunStarted, SafeStateReported, SignOfLife, Starting, StepStarted, RecognitionPending, StopChanged,
     Suspended, Tick, TreeShown)
 from behavior_controller.run.health import GONE
 from behavior_controller.run.state import (
@@ -602,7 +602,7 @@ def _message(state: State, event: Message) -> State:
     return state  # what the mission makes of it are other events
 
 
-def _still_hearing(state: State, event: StillHearing) -> State:
+def _recognition_pending(state: State, event: RecognitionPending) -> State:
     return state
 
 
@@ -619,7 +619,7 @@ _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
         _tree_shown, _run_started, _pass_started, _step_started, _leaf_finished, _stop_changed,
         _recovering, _retried, _recovered, _paused, _safe_state_reported, _breakpoint_changed,
         _suspended, _health_changed, _pass_finished, _noticed, _run_finished, _ticked, _asked,
-        _answered, _feedback_received, _entries_written, _message, _still_hearing, _lost,
+        _answered, _feedback_received, _entries_written, _message, _recognition_pending, _lost,
         _starting, _sign_of_life, _hook_ended)}
 """What interprets each kind of event."""
 

@@ -23,10 +23,10 @@ FAILURES_IN_A_ROW = 3
 """A service is failing after this number of failed calls in a row."""
 
 
-def gone(kind: str, name: str, node: str, reason: str, absence: str) -> HealthChanged:
-    """Return the change of a service or topic that is gone; ``absence`` is what the robot cannot do
+def gone(kind: str, name: str, node: str, reason: str, impact: str) -> HealthChanged:
+    """Return the change of a service or topic that is gone; ``impact`` is what the robot cannot do
     without it."""
-    return HealthChanged(kind, name, node, False, "gone: " + reason, "until it is back, " + absence)
+    return HealthChanged(kind, name, node, False, "gone: " + reason, "until it is back, " + impact)
 
 
 def available_again(kind: str, name: str, node: str) -> HealthChanged:

@@ -7,7 +7,7 @@ from behavior_controller.run.events import SafePart, SafeStateReported
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway
 from behavior_controller.robot.declarations import Interface, Offer
 
-LIMIT = 1.0
+SAFE_STATE_LIMIT = 1.0
 """Seconds that the requests may take when the run ends."""
 
 AGAIN_AFTER = 0.1
@@ -47,7 +47,8 @@ class SafeState:
         for call in self._calls:
             call.drop()
 
-    def wait(self, wait: Callable[[float], None], seconds: float = LIMIT) -> SafeStateReported:
+    def wait(self, wait: Callable[[float], None],
+             seconds: float = SAFE_STATE_LIMIT) -> SafeStateReported:
         """Return the report when every request was carried out, after ``seconds`` at the latest. A
         request that fails is sent again meanwhile.
 

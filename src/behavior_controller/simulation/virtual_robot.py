@@ -159,7 +159,8 @@ class VirtualNode(SimulatedNode):
             if offer.node == self.name and isinstance(offer, Service):
                 change = available_again(offer.kind, offer.name, self.name)
                 if not is_well:
-                    change = gone(offer.kind, offer.name, self.name, NOT_RUNNING, offer.absence)
+                    change = gone(offer.kind, offer.name, self.name, NOT_RUNNING,
+                                  offer.impact_if_missing)
                 self._robot.health.report(GONE, change)
 
     # ------------------------------------------------------------------------------------- messages

@@ -24,7 +24,7 @@ from behavior_controller.run.from_viewer import (
     ALLOWED, Hook, HookChange, HookPlace, Unlocking)
 from behavior_controller.run.state import State
 from behavior_controller.viewer.hook_list import HookList
-from behavior_controller.viewer.tcp_proxy import Front
+from behavior_controller.viewer.tcp_proxy import TcpProxy
 from behavior_controller.viewer.server import LoopThread, opened
 
 PROTOCOL = 2
@@ -113,9 +113,9 @@ class Groot2Publisher:
         self._requests, self._news = self._context.socket(zmq.ROUTER), self._context.socket(zmq.PUB)
         self._requests.setsockopt(zmq.SNDHWM, MOST_QUEUED)
         self._requests.setsockopt(zmq.RCVHWM, MOST_QUEUED)
-        self._front = Front(self._requests, MOST_REQUEST)
+        self._front = TcpProxy(self._requests, MOST_REQUEST)
         self._front.add_sockets(self._sockets[0])
-        Front(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
+        TcpProxy(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
         # without the check for a client that is gone, no breakpoint may hold the robot
         self._tasks = list(map(asyncio.ensure_future, (self._serve(), self._check_clients())))
         for task in self._tasks:

@@ -30,7 +30,7 @@ from behavior_controller.viewer.web_page import Page
 PULSE = 1.0
 """Seconds between two signs of life for the controller."""
 
-REST = 0.5
+NEWER_RUN_POLL = 0.5
 """Seconds between two looks for a newer run."""
 
 PORTS_LIMIT = 10.0
@@ -143,7 +143,7 @@ def _show_parent(chosen: argparse.Namespace) -> int:
     # the controller may replace another one, whose viewer goes on for a moment
     ends = time.monotonic() + PORTS_LIMIT
     while time.monotonic() < ends and not _are_free(chosen):
-        time.sleep(REST)
+        time.sleep(NEWER_RUN_POLL)
     viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)
     alive.has_page = viewer.has_page
     decoder = Decoder("the controller")
@@ -218,7 +218,7 @@ def _show_record(chosen: argparse.Namespace) -> int:
                     return exit_codes.WRONG_INPUT
                 path = ""  # there is no run yet
             shown = path
-            time.sleep(REST)
+            time.sleep(NEWER_RUN_POLL)
 
 
 def _show_run(viewer: Viewer, path: str) -> None:

@@ -24,10 +24,10 @@ MOST_WAITING = 100_000
 MOST_KEPT = 2_000_000
 """The most bytes of lines that are kept for a viewer that is started again: all of a visit."""
 
-REST = 0.02
+LINES_POLL = 0.02
 """Seconds between two looks for lines."""
 
-HANGS = 10.0
+NO_SIGN_LIMIT = 10.0
 """Seconds without a sign of life after which a viewer is started again."""
 
 PAUSES = (1.0, 30.0)
@@ -81,14 +81,14 @@ class ViewerProcess:
         self._is_over.set()
         self._thread.join(CLOSING)
         child = self._child
-        if child is not None and time.monotonic() - self._lived > HANGS / 4:
+        if child is not None and time.monotonic() - self._lived > NO_SIGN_LIMIT / 4:
             child.kill()
 
     # -------------------------------------------------------------------------------- on its thread
 
     def _work(self) -> None:
         while True:
-            is_last = self._is_over.wait(REST)
+            is_last = self._is_over.wait(LINES_POLL)
             if self._is_in_trouble() and not is_last:
                 self._restart()
             with contextlib.suppress(OSError):  # it has ended: the next round sees that
@@ -109,8 +109,8 @@ class ViewerProcess:
         code = self._child.poll()
         if code is not None:
             return f"it was ended by signal {-code}" if code < 0 else f"it ended with code {code}"
-        if time.monotonic() - self._lived > HANGS:
-            return f"it gave no sign of life for {HANGS:g} s"
+        if time.monotonic() - self._lived > NO_SIGN_LIMIT:
+            return f"it gave no sign of life for {NO_SIGN_LIMIT:g} s"
         return "it did not take the lines of the run in time" if self._has_lost else ""
 
     def _restart(self) -> None:
@@ -166,7 +166,7 @@ class ViewerProcess:
         pipe, rest, room = child.stdin.fileno(), memoryview(data), select.poll()
         room.register(pipe, select.POLLOUT)
         while rest:
-            if room.poll(1000 * REST):
+            if room.poll(1000 * LINES_POLL):
                 rest = rest[os.write(pipe, rest[:select.PIPE_BUF]):]
             elif self._is_in_trouble():
                 child.kill()

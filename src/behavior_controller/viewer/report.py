@@ -38,7 +38,7 @@ LEGEND = {
     "S": "success", "F": "failure", "h": "halted", NO: "not yet true", RETRY: "a retry failed",
     "w": "waiting for a visitor", "warning": "warning", "error": "error"}
 
-DEEPEST = 100
+MAX_LIST_DEPTH = 100
 """Levels of nested lists; browsers accept no more than about 170, so deeper nodes are shown beside
 their parent."""
 
@@ -273,7 +273,7 @@ def _rows(run: Drawn) -> Iterator[Union[SimpleNamespace, str]]:
     levels = [0]  # of each node
     before = 0  # the level of the row before
     for uid, node in enumerate(run.nodes, 1):
-        level = min(levels[node.parent] + 1, before + 1, DEEPEST)
+        level = min(levels[node.parent] + 1, before + 1, MAX_LIST_DEPTH)
         if uid > 1:
             yield "<ul>" if level > before else "</li>" + "</ul></li>" * (before - level)
         yield _row(run, uid, _place(node, numbers))

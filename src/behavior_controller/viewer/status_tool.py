@@ -35,7 +35,7 @@ LATE = 2.0
 """Seconds without a message after which the display may be outdated; the node sends one every
 second."""
 
-LIMIT = 5.0
+FIRST_ANSWER_LIMIT = 5.0
 """Seconds within which the first answer must be complete."""
 
 GIVEN_UP = 30.0
@@ -44,7 +44,7 @@ GIVEN_UP = 30.0
 MOST_BYTES = 10_000_000
 """Bytes of a message; 2,000 nodes are about 300,000."""
 
-DEEPEST = 30
+MAX_INDENT = 30
 """Levels of the tree that are indented."""
 
 MOST_WAITING = 100
@@ -140,8 +140,9 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
     messages: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
     threading.Thread(target=_read, args=(address, port, messages.put), name="messages",
                      daemon=True).start()
-    state: Union[ShownState, NoMission] = NoMission(f"no complete answer within {LIMIT:g} s")
-    came, wait = time.monotonic(), LIMIT
+    state: Union[ShownState, NoMission] = NoMission(
+        f"no complete answer within {FIRST_ANSWER_LIMIT:g} s")
+    came, wait = time.monotonic(), FIRST_ANSWER_LIMIT
     while True:
         with contextlib.suppress(queue.Empty):
             state, came = messages.get(timeout=wait), time.monotonic()
@@ -250,5 +251,5 @@ def _tree(nodes: List[parts.NodeRow], statuses: parts.Statuses, is_all: bool) ->
         if is_shown:
             label = clean(" ".join(filter(None, (node.name, node.kind))))
             words = ": " + WORDS[letter] if WORDS.get(letter) else ""
-            indent = "  " * min(depths[number], DEEPEST)
+            indent = "  " * min(depths[number], MAX_INDENT)
             yield f"{indent}{SIGNS.get(letter, '·')} {label}{words}"

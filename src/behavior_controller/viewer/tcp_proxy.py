@@ -56,7 +56,7 @@ PACE = 0.001
 mission."""
 
 
-class Front(TCPServer):
+class TcpProxy(TCPServer):
     """Connects clients with one ZeroMQ socket."""
 
     def __init__(self, zmq_socket: zmq.Socket, most_unanswered: int):
@@ -114,7 +114,7 @@ class Front(TCPServer):
 class _Client:
     """One connection."""
 
-    def __init__(self, front: Front, stream: IOStream):
+    def __init__(self, front: TcpProxy, stream: IOStream):
         self._front = front
         self._stream = stream
         self.unanswered = 0

@@ -10,7 +10,7 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import phrases, recovery_policy, settings
 from behavior_controller.run.events import (
     Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished,
-    PassStarted, Recovered, RunStarted, SafeStateReported, StillHearing, StopChanged, Suspended,
+    PassStarted, Recovered, RunStarted, SafeStateReported, RecognitionPending, StopChanged, Suspended,
     Tick, TreeShown)
 from behavior_controller.run.history import Run
 from behavior_controller.missions.replay import replay
@@ -320,7 +320,7 @@ def hearing(seconds):
         began.append(self._robot.clock.now())
         is_so = began[-1] - began[0] < seconds
         if is_so:
-            self._robot.note(StillHearing(topic.name))
+            self._robot.note(RecognitionPending(topic.name))
         return is_so
     return mock.patch.object(VirtualTopics, "is_hearing", is_hearing)
 

@@ -15,7 +15,7 @@ from behavior_controller.simulation.journal import JournalEntry
 
 from unit_tests.judge.comparison import Query
 from unit_tests.judge.signs import JournalMessages, Signs, SignSearch, objections
-from unit_tests.judge.witness import Witness
+from unit_tests.judge.journal_check import JournalCheck
 
 from plays import facts, stage
 
@@ -41,7 +41,7 @@ def lines_of(queries, lines):
             at, cause = answered
             query.answered = BEGAN + at
             query.result = Answer() if cause is None else Failure(cause, "-", query.service)
-    witness = Witness(facts()._replace(run=Run(), journal=journal), SimpleNamespace(queries=made))
+    witness = JournalCheck(facts()._replace(run=Run(), journal=journal), SimpleNamespace(queries=made))
     numbers = {pair.query.call: journal.index(pair.line) if pair.line is not None else None
                for pair in witness.pairs if pair.query is not None}
     assert len(witness.pairs) == len(made) + len(journal) - sum(
@@ -148,7 +148,7 @@ def objected(answered=None, cause=None, got=None, dropped=None, request=Say("a")
         run=Run([*changes, Line(BEGAN + ends, Noticed("info", "-"))]), journal=sorted(journal),
         test=test, **of_test)
     signs = SimpleNamespace(waiting={}, searches=[])
-    return list(Witness(judged, SimpleNamespace(
+    return list(JournalCheck(judged, SimpleNamespace(
         queries={0: query}, offset=None, signs=signs)).objections())
 
 

@@ -160,7 +160,7 @@ class ReactiveFallback(_Reactive, composites.Selector):
     goes_on_at = FAILURE
 
 
-class _Side(Control, composites.Parallel):
+class ParallelBase(Control, composites.Parallel):
     """The base of Parallel and ParallelAll. A child that has completed keeps its status until all
     are reset, and is not ticked before."""
 
@@ -184,7 +184,7 @@ def _count(name: str, default: str, description: str, if_zero: str) -> Port:
                 if_zero=if_zero)
 
 
-class Parallel(_Side):
+class Parallel(ParallelBase):
     """All children at once; ``success_count`` and ``failure_count`` decide, and are tested after
     every child."""
 
@@ -218,7 +218,7 @@ class Parallel(_Side):
         return SKIPPED if skipped == count else RUNNING
 
 
-class ParallelAll(_Side):
+class ParallelAll(ParallelBase):
     """All children to their end; FAILURE if at least ``max_failures`` of them failed."""
 
     _if_zero = "waits for all children, and is then always FAILURE"

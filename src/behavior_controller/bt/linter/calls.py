@@ -4,7 +4,7 @@ from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import MissionFacts
-from behavior_controller.bt.loader.flow import CREATED, EXCUSED, READ, WRITTEN, Access, Name
+from behavior_controller.bt.loader.flow import CREATED, SUPPRESSED, READ, WRITTEN, Access, Name
 from behavior_controller.bt.loader.checks import condition_meant, is_cut_short
 from behavior_controller.bt.linter.scripts import WORDS
 from behavior_controller.bt.loader.structure import given, is_port_name, remaps_all
@@ -126,7 +126,7 @@ def check_entries(facts: MissionFacts) -> None:
         is_odd = name in WORDS or name != name.strip() or "{" in name
         # what another tree reads, its callers must give it, if they can
         is_of_callers = use.tree != facts.trees.main and is_port_name(name)
-        is_known = not use.entry.uses.isdisjoint((WRITTEN, EXCUSED))
+        is_known = not use.entry.uses.isdisjoint((WRITTEN, SUPPRESSED))
         if read is None or is_odd or is_of_callers or is_known:
             continue
         if read.attribute not in read.element.attributes:

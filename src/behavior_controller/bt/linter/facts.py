@@ -7,7 +7,7 @@ from behavior_controller.bt.engine.node import DECISIONS
 from behavior_controller.bt.engine.possible_results import BY_NAME
 from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port, Registry
 from behavior_controller.bt.loader.document import Element
-from behavior_controller.bt.loader.flow import EXCUSED, TOUCHED, WRITTEN, Flow
+from behavior_controller.bt.loader.flow import SUPPRESSED, TOUCHED, WRITTEN, Flow
 from behavior_controller.bt.loader.structure import Trees
 from behavior_controller.bt.values.status import NAMES
 
@@ -36,7 +36,7 @@ class MissionFacts:
             uses.add(TOUCHED)
             readers = [port.is_optional for _, port in users if port.direction is not Direction.OUT]
             if readers and all(readers):  # what they do without, a script may do without too
-                uses.add(EXCUSED)
+                uses.add(SUPPRESSED)
         self.written: Dict[str, Set[str]] = {tree: set() for tree in self.elements}
         for use in self.flow.all():
             if WRITTEN in use.entry.uses:
@@ -46,7 +46,7 @@ class MissionFacts:
 
     def excuse(self, tree: str, name: str) -> None:
         """Note that a warning is about an entry."""
-        self.flow.name(tree, name).entry.uses.add(EXCUSED)
+        self.flow.name(tree, name).entry.uses.add(SUPPRESSED)
 
     def written_by(self, name: str) -> str:
         """Return which nodes write an entry of the whole mission by default; "" if none does."""

@@ -25,7 +25,7 @@ WRITTEN = "written"
 CREATED = "created"  # without a script, or by := in one
 TOUCHED = "touched"  # written, and not only by scripts and texts of the file
 UNCREATED = "uncreated"  # a warning says that nothing creates it
-EXCUSED = "excused"  # a warning is about it: that nothing writes it is no further mistake
+SUPPRESSED = "excused"  # a warning is about it: that nothing writes it is no further mistake
 
 
 class Access(NamedTuple):

@@ -27,7 +27,7 @@ from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port, Registr
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Source
 
-DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to four Python frames a level
+MAX_TREE_DEPTH = 2_500  # levels of the unfolded tree; a tick takes up to four Python frames a level
 _FRAMES_PER_LEVEL = 4
 
 
@@ -98,8 +98,8 @@ class _Compiler:
             element, parent, blackboard, depth = stack.pop()
             if depth > self._deepest:
                 self._deepest = depth
-                if depth > DEEPEST:
-                    text = f"the mission unfolds to more than {DEEPEST} levels"
+                if depth > MAX_TREE_DEPTH:
+                    text = f"the mission unfolds to more than {MAX_TREE_DEPTH} levels"
                     self.faults.append(element.fault(rules.TOO_LARGE, text))
                     break
             node = None if id(element) in faulty else self._node(element, parent, blackboard)

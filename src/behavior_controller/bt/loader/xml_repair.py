@@ -13,7 +13,7 @@ from typing import Any, Iterator, List, Tuple
 
 from behavior_controller.bt.loader import rules
 
-DEEPEST = 2_040  # nested elements; libxml2 itself stops at 2,048
+MAX_ELEMENT_DEPTH = 2_040  # nested elements; libxml2 itself stops at 2,048
 MOST_TAGS = 400_000
 MOST_ATTRIBUTES = 500  # of one element; libxml2 2.9 compares each with each
 LONGEST_NAME = 300
@@ -98,8 +98,8 @@ def repaired(text: str) -> str:
             done = match.end()
             if kind == "repair" and not match.group("repair"):
                 depth += 1
-        if depth > DEEPEST:
-            wrong = f"elements are nested deeper than {DEEPEST} levels"
+        if depth > MAX_ELEMENT_DEPTH:
+            wrong = f"elements are nested deeper than {MAX_ELEMENT_DEPTH} levels"
             hint = "split the tree into SubTrees"
             raise MarkupFault(rules.TOO_LARGE, wrong, match.start(), hint)
         if depth == 0 and not end and kind in ("end", "leaf", "repair"):

@@ -19,7 +19,7 @@ __all__ = ["Script", "ScriptError", "ScriptSyntaxError", "compile_script", "to_b
 
 # expressions and operands within one another: each takes at most two of the 1,000 frames that
 # Python allows, and a pair of parentheses takes two of these levels
-DEEPEST = 200
+MAX_SCRIPT_DEPTH = 200
 
 
 class ScriptSyntaxError(BehaviorControllerError):
@@ -193,10 +193,11 @@ class _ScriptParser:
 
     def _enter(self) -> None:
         self.depth += 1
-        if self.depth > DEEPEST:
+        if self.depth > MAX_SCRIPT_DEPTH:
             position = self.tokens[self.at][2]
             wrong = f"Nested too deeply at position {position}"
-            raise ScriptSyntaxError(f"{wrong}: at most {DEEPEST} levels are allowed", position)
+            raise ScriptSyntaxError(
+                f"{wrong}: at most {MAX_SCRIPT_DEPTH} levels are allowed", position)
 
     def _assignment(self) -> Evaluate:
         target, known = self.last, len(self.facts.operations)

@@ -19,7 +19,7 @@ LASTING: Dict[type, Callable[[Any], Any]] = {
 """The events that hold until another one of the same kind with the same key."""
 
 SUMMED_UP = (events.TreeShown, events.RunStarted, events.EntriesWritten, events.Tick,
-             events.Message, events.StillHearing, events.SignOfLife)
+             events.Message, events.RecognitionPending, events.SignOfLife)
 """The kinds of events of which a head has the outcome; it repeats all others of the visit."""
 
 MOST_LINES = 1000

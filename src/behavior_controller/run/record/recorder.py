@@ -38,7 +38,7 @@ AT_ONCE = 2000
 OPENING = 0.5
 """The most seconds that ``open`` waits for the file."""
 
-REST = 0.05
+RECORD_INTERVAL = 0.05
 """Seconds between two rounds of formatting lines, and of writing them."""
 
 RETRY = 2.0
@@ -136,7 +136,7 @@ class Record(Feed, Topics):
     def _work(self) -> None:
         is_last = False
         while not is_last:
-            is_last = self._is_over.wait(REST)
+            is_last = self._is_over.wait(RECORD_INTERVAL)
             if is_last:
                 self.note_loss()
             self.hand_over()
@@ -186,7 +186,7 @@ class Record(Feed, Topics):
         """Record that the robot still hears something on a topic."""
         is_so = self._inner.is_hearing(topic)
         if is_so:
-            self.put(events.StillHearing, topic.name)
+            self.put(events.RecognitionPending, topic.name)
         return is_so
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
@@ -270,7 +270,7 @@ class RecordFiles:
             self._is_open.set()
             if is_last:
                 break
-            is_last = self._is_over.wait(RETRY if self._fails else REST)
+            is_last = self._is_over.wait(RETRY if self._fails else RECORD_INTERVAL)
         self._waiting.clear()
         if self._files is not None:
             self._files.close()

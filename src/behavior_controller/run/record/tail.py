@@ -8,7 +8,7 @@ from behavior_controller.run.events import Line
 from behavior_controller.run.record.codec import Decoder
 from behavior_controller.run.record.files import is_written, parts
 
-REST = 0.1
+TAIL_POLL = 0.1
 """Seconds between two looks for further lines."""
 
 
@@ -27,7 +27,7 @@ def follow(path: str) -> Iterator[Line]:
             why = f"the record cannot be read: {error.strerror}"
             raise MissionError.of(path, why) from error
         if goes_on:
-            time.sleep(REST)
+            time.sleep(TAIL_POLL)
 
 
 class RunTail:

@@ -24,7 +24,7 @@ from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, count, did_you_mean
 
 from behavior_controller.simulation.rehearsal import html_report, plays
-from behavior_controller.simulation.rehearsal.play import LIMIT
+from behavior_controller.simulation.rehearsal.play import PASS_LIMIT
 from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search, ScenarioRunner
 from behavior_controller.simulation.rehearsal.summary import (
     FindingSummary, VisitorRow, Share, Survey)
@@ -78,7 +78,7 @@ class Plan:
         self.silent = [offer.name for offer in self.stage.mission.offers
                        if isinstance(offer, Topic) and offer.name not in self.topics]
         is_restricted = options.faults == NONE or options.runs or options.planned \
-            or options.silent or options.kinds or options.limit < LIMIT
+            or options.silent or options.kinds or options.limit < PASS_LIMIT
         self.is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 \
             and not is_restricted
         others = [word for word in options.settings if not word.startswith(ASR + ":=")]
@@ -178,9 +178,9 @@ def _parser() -> argparse.ArgumentParser:
            f"failure rates for --runs, with commas between them; {rates} if not given")
     option("seed", _number(1, 1e9, int), "N", "the first seed for --runs; 1 if not given")
     option("limit", _number(1, 1e6), "SECONDS",
-           f"of the mission's time, after which a pass does not end; {LIMIT:g} if not given")
+           f"of the mission's time, after which a pass does not end; {PASS_LIMIT:g} if not given")
     option("jobs", _number(1, 1024, int), "N", "processes; one for each core if not given")
-    parser.set_defaults(planned=[], silent=[], limit=LIMIT, jobs=len(os.sched_getaffinity(0)))
+    parser.set_defaults(planned=[], silent=[], limit=PASS_LIMIT, jobs=len(os.sched_getaffinity(0)))
     parser.add_argument("--json", action="store_true", help="print all as JSON")
     parser.add_argument("--html", metavar="FILE", help="write all as a web page, too: a new file, "
                         "or in place of an earlier page")

@@ -41,7 +41,7 @@ from behavior_controller.simulation.configuration import Configuration
 START = 1000.0
 """When a play begins, in seconds of its clock; events and journal have the times of that clock."""
 
-LIMIT = 3600.0
+PASS_LIMIT = 3600.0
 """Seconds of the mission's time after which a pass counts as one that does not end."""
 
 STEP = 0.5
@@ -263,7 +263,7 @@ class Rehearsal(NamedTuple):
 def rehearse(stage: LoadedMission, behaviour: str) -> Optional[Rehearsal]:
     """Return how one pass of the mission goes with a visitor of that behaviour; None if that cannot
     be told."""
-    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=LIMIT)
+    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=PASS_LIMIT)
     played = stage.play(test, shortest_gap=STEP)
     visits = played.run().visits
     if not visits:

@@ -16,7 +16,7 @@ from behavior_controller.robot.requests import Answer
 
 from unit_tests.judge import reference
 from unit_tests.judge.foreign import Foreign
-from unit_tests.judge.reference import Decision, Duty
+from unit_tests.judge.reference import Decision, ReferenceNode
 
 
 @dataclass(eq=False)
@@ -73,7 +73,7 @@ def described(request: Any) -> str:
     return f"{words.doing} {words.what}".strip() if words is not None else str(request)
 
 
-def unlike(asked: Any, due: Any) -> str:
+def request_difference(asked: Any, due: Any) -> str:
     """Return what is asked otherwise than it was due; empty: another kind of request."""
     if type(asked) is not type(due):
         return ""
@@ -99,7 +99,7 @@ class Traversal:
         self.due: List[Decision] = []
         self._ends: Dict[int, List[str]] = {}
 
-    def ended(self, node: Duty, end: str) -> None:
+    def ended(self, node: ReferenceNode, end: str) -> None:
         """Note how a leaf had to end: SUCCESS, IDLE, or the cause of its failure."""
         self._ends.setdefault(node.uid, []).append(end)
 
@@ -108,7 +108,8 @@ class Traversal:
         return next((end for end in self._ends.get(uid, ()) if end not in ("SUCCESS", "IDLE")), "")
 
     def decided(
-            self, node: Duty, step: str, cause: Optional[Cause] = None, handler: int = 0) -> None:
+            self, node: ReferenceNode, step: str, cause: Optional[Cause] = None,
+            handler: int = 0) -> None:
         """Note what the record has to say of a step."""
         self.due.append(Decision(node.registration_id, node.full_path,
                                  cause.value if cause else "", step, handler))
@@ -177,11 +178,11 @@ class WrittenEntries:
         self._news.update(event.entries)
         return is_again
 
-    def stored(self, node: Duty, port: str) -> None:
+    def stored(self, node: ReferenceNode, port: str) -> None:
         """Note that a node wrote an entry."""
         self._writers[_entry_of(node, port).lstrip("@")] = node.registration_id
 
-    def copy(self, node: Duty, port: str) -> None:
+    def copy(self, node: ReferenceNode, port: str) -> None:
         """Write an entry of a node without a row, if the record has it now."""
         board, key = node.blackboard.home(_entry_of(node, port))
         path = next(path for path, other in self._tree.blackboards.items() if other is board)
@@ -217,7 +218,7 @@ def _left(value: Optional[str], is_news: bool) -> str:
     return value if is_news else f"{value}, from before"
 
 
-def _entry_of(node: Duty, port: str) -> str:
+def _entry_of(node: ReferenceNode, port: str) -> str:
     """Return the name of the entry that a port of a node stands for."""
     return ports.reference(node.attributes.get(port, ""), port) or port
 

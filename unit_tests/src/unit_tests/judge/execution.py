@@ -27,7 +27,7 @@ from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.run.events import (
     LETTERS, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message,
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
-    SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
+    SafeStateReported, StepStarted, RecognitionPending, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.run.health import GONE
 from behavior_controller.missions.replay import RecordedTopics, complete, traverse_again
 from behavior_controller.robot.gateway import Cause, Failure
@@ -36,10 +36,10 @@ from behavior_controller.simulation.configuration import ACTION
 
 from unit_tests.judge import reference
 from unit_tests.judge.comparison import (
-    Query, Traversal, WrittenEntries, decision, described, label, unlike)
+    Query, Traversal, WrittenEntries, decision, described, label, request_difference)
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
-from unit_tests.judge.reference import SAFE_STATE, TaskContext, Duty, safe_state
+from unit_tests.judge.reference import SAFE_STATE, TaskContext, ReferenceNode, safe_state
 from unit_tests.judge.signs import Signs
 
 SAFE_LIMIT = 1.0
@@ -115,7 +115,8 @@ class Execution(TaskContext):
         self.tree.subscribe(
             lambda node, old, new: self.traversal.changes.append((node.uid, LETTERS[NAMES[new]])))
         places = [(node.full_path, node.registration_id) for node in self.tree.nodes]
-        leaves = [place for place, node in zip(places, self.tree.nodes) if isinstance(node, Duty)]
+        leaves = [place for place, node in zip(places, self.tree.nodes)
+                  if isinstance(node, ReferenceNode)]
         if leaves != list(map(tuple, started.leaves)) or [places] != [
                 [(node.path, node.type) for node in tree.nodes] for tree in self._shown]:
             self._differ("the tree on record is not that of the mission file")
@@ -148,7 +149,7 @@ class Execution(TaskContext):
         elif query is not None:
             query.answered, query.result = self.now, event.result
 
-    def _note_hearing(self, event: StillHearing) -> None:
+    def _note_hearing(self, event: RecognitionPending) -> None:
         if self.test.recognise_by != ACTION:
             self._differ(f"{event.topic} is no action that goes on hearing")
         self.topics.take(event)
@@ -389,7 +390,7 @@ class Execution(TaskContext):
     def _after(self, place: int) -> str:
         """Return which leaf had ended before a change of status."""
         before = [uid for uid, letter in self.traversal.changes[:place]
-                  if letter in "SF" and isinstance(self.tree.nodes[uid - 1], Duty)]
+                  if letter in "SF" and isinstance(self.tree.nodes[uid - 1], ReferenceNode)]
         last = self._label(before[-1]) if before else self.traversal.last
         return f"after {last}, " if last else ""
 
@@ -404,7 +405,7 @@ class Execution(TaskContext):
 
     # ------------------------------------------------------------------------- what the nodes go by
 
-    def ask(self, node: Duty, request: Union[Request, type]) -> Query:
+    def ask(self, node: ReferenceNode, request: Union[Request, type]) -> Query:
         """Return a request with its answer, if that has come; of a node without a row only the
         request's kind is known."""
         if node.registration_id in TABLE and not isinstance(node, reference.RecoveryTask):
@@ -417,7 +418,8 @@ class Execution(TaskContext):
             what = "" if isinstance(request, type) else ": " + described(request)
             came = "nothing was asked"
             for asked in self._unexplained[:1]:
-                came = f"what was asked: {self._described(asked)}{unlike(asked.request, request)}"
+                came = (f"what was asked: {self._described(asked)}"
+                        f"{request_difference(asked.request, request)}")
             after = self._after(len(self.traversal.changes))
             self.traversal.changes.append((0, f"{after}{label(node)} was due{what}; {came}"))
             return Query(0, request, "", self.unix_now)
@@ -435,7 +437,7 @@ class Execution(TaskContext):
             return asked == [request]
         return bool(asked) and isinstance(asked[0], request)
 
-    def _take_next(self, node: Duty) -> Query:
+    def _take_next(self, node: ReferenceNode) -> Query:
         """Return the next request, which is that of the node."""
         self._asker, query = label(node), self._unexplained.pop(0)
         query.node, query.path = node.registration_id, node.full_path
@@ -459,12 +461,12 @@ class Execution(TaskContext):
                 for node, delays in self.delays.items()
                 if len(delays) > 1 and min(delays) > LATE_RETRY + self._facts.stall]
 
-    def ended(self, node: Duty, cause: Optional[Cause]) -> None:
+    def ended(self, node: ReferenceNode, cause: Optional[Cause]) -> None:
         """Note that a leaf ended; ``cause`` None: it succeeded."""
         self.traversal.ended(node, "SUCCESS" if cause is None else cause.value)
         self._last = label(node)
 
-    def of_record(self, node: Duty) -> Tuple[str, Optional[Cause]]:
+    def of_record(self, node: ReferenceNode) -> Tuple[str, Optional[Cause]]:
         """Return the next status of a node in this traversal, and why it failed, if it did."""
         traversal = self.traversal
         letters = traversal.letters.setdefault(node.uid, iter([
@@ -480,7 +482,7 @@ class Execution(TaskContext):
 _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     Asked: Execution._note_asked, Answered: Execution._note_answer,
     Message: lambda execution, event: execution.topics.take(event),
-    StillHearing: Execution._note_hearing, EntriesWritten: Execution._note_entries,
+    RecognitionPending: Execution._note_hearing, EntriesWritten: Execution._note_entries,
     HealthChanged: Execution._note_health, LeafFinished: Execution._note_leaf,
     Recovered: Execution._note_recovery, Recovering: Execution._note_recovery,
     Retried: Execution._note_recovery, PassStarted: Execution._start_pass,

@@ -10,7 +10,7 @@ from behavior_controller.simulation.faults import WRONG
 
 from unit_tests.judge.facts import Facts
 from unit_tests.judge.reference import DONE, HANDLERS
-from unit_tests.judge.witness import Pair, Witness
+from unit_tests.judge.journal_check import Pair, JournalCheck
 
 AGAIN = "tried again"
 """What the recovery did about a failure whose next attempt failed too."""
@@ -38,7 +38,7 @@ class FailureRow(NamedTuple):
     is_injected: bool
 
 
-def failure_rows(facts: Facts, witness: Witness) -> List[FailureRow]:
+def failure_rows(facts: Facts, witness: JournalCheck) -> List[FailureRow]:
     """Return a row for each injected fault, and for each failure beside them that is no false
     condition."""
     run, faults, found = facts.run, list(filter(_fault, witness.pairs)), []

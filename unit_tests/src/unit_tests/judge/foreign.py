@@ -12,7 +12,7 @@ from behavior_controller.robot.gateway import Cause
 from unit_tests.judge import reference
 
 
-class Foreign(reference.Asking):
+class Foreign(reference.ReferenceServiceAction):
     """A leaf without a row."""
 
     is_foreign = True

@@ -98,7 +98,7 @@ def _ports(text: str) -> Iterator[Port]:
 class TaskFailure(NamedTuple):
     """One failure of a node."""
 
-    node: "Duty"
+    node: "ReferenceNode"
     cause: Cause
     resource: str
 
@@ -171,7 +171,7 @@ class TaskContext:
             return min(usual, rest)
         return usual if any(cause is Cause.TYPE_MISMATCH for cause, _ in failures) else 0.0
 
-    def speech_lasts(self, node: "Duty", request: Any) -> float:
+    def speech_lasts(self, node: "ReferenceNode", request: Any) -> float:
         """Return the seconds for which a node waits while release 1.0's robot speaks: it answers
         at once in English."""
         is_early = self.interface.name == "release-1.0" and self.language == "English"
@@ -201,7 +201,7 @@ class Fails(Exception):
     """A node fails: the argument is the cause."""
 
 
-class Duty(Node):
+class ReferenceNode(Node):
     """A node whose row has steps."""
 
     is_foreign = False
@@ -284,7 +284,7 @@ class Duty(Node):
             self.course.entries.stored(self, port)
 
 
-class Check(Duty):
+class Check(ReferenceNode):
     """A node that is done anew at every tick: a condition, or an action within one tick."""
 
     def update(self) -> Result:
@@ -295,16 +295,16 @@ class Sign(Check):
     """A condition on messages."""
 
 
-class Task(Duty, ActionLeaf):
+class Task(ReferenceNode, ActionLeaf):
     """An action that may take several ticks."""
 
-    on_start = on_running = Duty.go_on
+    on_start = on_running = ReferenceNode.go_on
 
     def on_halted(self) -> None:
         self.course.traversal.ended(self, "IDLE")
 
 
-class Asking(Task):
+class ReferenceServiceAction(Task):
     """An action that asks the robot; a recovery may try it again."""
 
 
@@ -581,7 +581,7 @@ class RecoveryTask(Task):
         """Try the step again, then its substitute; return the outcome, empty: neither helped."""
         step: Any = self.failed.node
         work: Any = None
-        while step.parent is self.parent and isinstance(step, Asking):
+        while step.parent is self.parent and isinstance(step, ReferenceServiceAction):
             if self._retries < self._rule.retries:
                 work = step
                 self._decided(RETRY.format(attempt=self._retries + 1, of=self._rule.retries))
@@ -616,7 +616,7 @@ class RecoveryTask(Task):
             late = self.clock.now() - due
             self.course.delays.setdefault(self.failed.node.registration_id, []).append(late)
 
-    def _substitute(self, node_id: str) -> Duty:
+    def _substitute(self, node_id: str) -> ReferenceNode:
         # the policy was checked when the mission was loaded
         spec = self.course.registry.find(node_id)
         node: Any = spec.factory(node_id)
@@ -816,7 +816,7 @@ def _row(node_id: str, node: Callable[[str], Any], ports: str,
 
 def _asks(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "",
           **facts: Any) -> Row:
-    return _row(node_id, Asking, ports, partial(ask, kind=kind, rule=rule, **facts))
+    return _row(node_id, ReferenceServiceAction, ports, partial(ask, kind=kind, rule=rule, **facts))
 
 
 def _is_so(node_id: str, condition: Callable[[Any], Any], ports: str = "") -> Row:
@@ -891,7 +891,7 @@ ROWS: Tuple[Row, ...] = (
     _asks("DescribeExhibitSpeech_2", Say, partial(_describe, part="2"),
           "<currentExhibit <description2"),
     # release 1.0: the argument is the node's name
-    _row("StartOfTree", Asking, "", _start),
+    _row("StartOfTree", ReferenceServiceAction, "", _start),
     _asks("SayText", Say, _say_utility, ">questionAskedAt", is_question=True),
     _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, argument(node.name)),
           ">attentionSetAt <target:gestureTarget", keep=_keep_time),

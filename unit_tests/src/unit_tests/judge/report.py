@@ -24,7 +24,7 @@ from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.failures import IN_SAFE_STATE, FailureRow, failure_rows, table
 from unit_tests.judge.reference import HANDLERS
 from unit_tests.judge.verdict import Case, judge, reached
-from unit_tests.judge.witness import CAUSE_OF
+from unit_tests.judge.journal_check import CAUSE_OF
 
 ALWAYS_SHOWN = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
 """Keys of the test that the title always shows."""

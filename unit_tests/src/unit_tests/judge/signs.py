@@ -15,7 +15,7 @@ from behavior_controller.simulation import journal
 from behavior_controller.simulation.behaviour import TOPICS, read
 
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
-from unit_tests.judge.reference import Duty, is_asked_again
+from unit_tests.judge.reference import ReferenceNode, is_asked_again
 
 
 @dataclass(eq=False)
@@ -23,7 +23,7 @@ class SignSearch:
     """A node's search for its sign among the messages later than ``after``, at a moment of the
     mission's clock. Without a sign it goes on waiting ``until`` another moment."""
 
-    node: Duty
+    node: ReferenceNode
     topic: Topic
     after: float
     is_sign: Callable[[Any], bool]
@@ -47,7 +47,7 @@ class Signs:
         self.waiting.clear()
         self._newest: List[SignSearch] = []  # in this traversal
 
-    def searched(self, node: Duty, topic: Topic, messages: Sequence[Sample], after: float,
+    def searched(self, node: ReferenceNode, topic: Topic, messages: Sequence[Sample], after: float,
                  is_sign: Callable[[Any], bool], has_sign: bool) -> None:
         """Note that a node searched messages for its sign, and whether it was there."""
         now, newest = self._clock.now(), messages[-1].arrived if messages else -math.inf

@@ -19,7 +19,7 @@ from behavior_controller.simulation.visitor import (
 
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import Facts, of
-from unit_tests.judge.witness import Witness
+from unit_tests.judge.journal_check import JournalCheck
 
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
         LEAVES: "leaves", NO_GAZE: "never looks back"}
@@ -55,7 +55,7 @@ class Case:
     def __init__(self, facts: Facts):
         self.facts = facts
         self.execution = Execution(facts)
-        self.witness = Witness(facts, self.execution)
+        self.witness = JournalCheck(facts, self.execution)
 
     @property
     def longest_wait(self) -> Tuple[float, str]:

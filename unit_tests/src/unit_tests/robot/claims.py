@@ -42,7 +42,7 @@ REPLACED = "replaced"
 GONE = (ConnectionRefusedError, socket.gaierror)
 """What shows that no process of a node is left, or that none was ever here."""
 
-LIMIT = 20.0
+CLAIMS_LIMIT = 20.0
 """Seconds for all answers together."""
 
 
@@ -201,10 +201,11 @@ def find_others(claims: Sequence[Claim], arguments: Arguments) -> Tuple[List[Hol
     Raises ``NodesMissing`` if the master does not answer as a master does.
     """
     try:
-        holders: List[Holder] = run_apart(lambda: _holders(claims), WakeUp(), lambda: False, LIMIT)
+        holders: List[Holder] = run_apart(lambda: _holders(claims), WakeUp(), lambda: False,
+                                          CLAIMS_LIMIT)
     except Late:
         raise NodesMissing(f"the ROS master at {rosgraph.get_master_uri()} did not answer all "
-                           f"questions within {LIMIT:g} s")
+                           f"questions within {CLAIMS_LIMIT:g} s")
     others = [holder for holder in holders if not _is_of_this_launch(holder, arguments)]
     return others, len(others) < len(holders)
 

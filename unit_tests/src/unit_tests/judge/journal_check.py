@@ -46,7 +46,7 @@ class Pair(NamedTuple):
         return self.line.time if self.line is not None else self.query.asked  # type: ignore
 
 
-class Witness:
+class JournalCheck:
     """The journal beside the record."""
 
     def __init__(self, facts: Facts, execution: Execution):
