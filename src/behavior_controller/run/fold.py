@@ -12,8 +12,8 @@ from behavior_controller.run.events import (
     BEGUN, DONE, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged,
     EntriesWritten, Event, FeedbackReceived, HealthChanged, HookEnded, LeafFinished, Lost, Message,
     Noticed, PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished,
-    RunStarted, SafeStateReported, SignOfLife, Starting, StepStarted, RecognitionPending, StopChanged,
-    Suspended, Tick, TreeShown)
+    RunStarted, SafeStateReported, SignOfLife, Starting, StepStarted, RecognitionPending,
+    StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.run.health import GONE
 from behavior_controller.run.state import (
     BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,

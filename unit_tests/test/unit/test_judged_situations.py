@@ -10,7 +10,8 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import phrases, recovery_policy, settings
 from behavior_controller.run.events import (
     Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, PassFinished,
-    PassStarted, Recovered, RunStarted, SafeStateReported, RecognitionPending, StopChanged, Suspended,
+    PassStarted, Recovered, RunStarted, SafeStateReported, RecognitionPending, StopChanged,
+    Suspended,
     Tick, TreeShown)
 from behavior_controller.run.history import Run
 from behavior_controller.missions.replay import replay

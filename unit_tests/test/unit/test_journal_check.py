@@ -41,7 +41,8 @@ def lines_of(queries, lines):
             at, cause = answered
             query.answered = BEGAN + at
             query.result = Answer() if cause is None else Failure(cause, "-", query.service)
-    witness = JournalCheck(facts()._replace(run=Run(), journal=journal), SimpleNamespace(queries=made))
+    witness = JournalCheck(facts()._replace(run=Run(), journal=journal),
+                           SimpleNamespace(queries=made))
     numbers = {pair.query.call: journal.index(pair.line) if pair.line is not None else None
                for pair in witness.pairs if pair.query is not None}
     assert len(witness.pairs) == len(made) + len(journal) - sum(
