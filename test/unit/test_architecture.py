@@ -267,9 +267,9 @@ def test_only_the_ros_folder_imports_ros(name):
                                                   for other in imports(name)} & ROS == set()
 
 
-def test_mission_files_are_read_and_trees_written_as_xml_in_one_place_each():
-    assert [name for name in MODULES if "lxml" in map(outer, imports(name))] == [
-        PRODUCT + ".bt.loader.document", PRODUCT + ".run.record.tree_shown"]
+def test_only_the_document_imports_lxml():
+    assert [name for name in MODULES
+            if "lxml" in map(outer, imports(name))] == [PRODUCT + ".bt.loader.document"]
 
 
 def strings(tree):

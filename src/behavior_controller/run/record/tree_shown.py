@@ -1,8 +1,8 @@
 """Describes a tree for the record: its nodes, their ports, and the document that Groot2 asks for.
 """
-from typing import Any, Callable, Dict, List, Sequence
-
-from lxml import etree
+import itertools
+from typing import Any, Callable, Dict, List, Optional, Sequence
+from xml.sax.saxutils import quoteattr
 
 from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.ports import reference
@@ -78,19 +78,33 @@ def _ports(node: Node) -> List[PortText]:
 
 def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:
     """Return the tree as Groot2 reads it: a ``<BehaviorTree>`` for each subtree instance, then the
-    model."""
-    document = etree.Element("root", BTCPP_format="4")
-    elements: List[Any] = []
+    model. Takes no recursion, however deep the tree is."""
+    texts: Dict[str, List[str]] = {}  # of each instance, by path
+    unclosed: Dict[str, List[Node]] = {path: [] for path in tree.blackboards}
     for node in tree.nodes:
-        parent, path = node.parent, node.blackboard.path
-        if parent is None or parent.registration_id == "SubTree":
+        path, parent = node.blackboard.path, node.parent
+        if path not in texts:
             name = tree.id if parent is None else parent.attributes["ID"]
-            above = etree.SubElement(document, "BehaviorTree", ID=name, _fullpath=path)
-        else:
-            above = elements[parent.uid - 1]
-        elements.append(etree.SubElement(above, node.registration_id, _attributes(node)))
-    document.append(etree.fromstring(tree_nodes_model(specs)))
-    return etree.tostring(document, encoding="unicode")
+            texts[path] = [_tag("BehaviorTree", {"ID": name, "_fullpath": path})]
+        _close(texts[path], unclosed[path], node.parent)
+        texts[path].append(_tag(node.registration_id, _attributes(node)))
+        unclosed[path].append(node)
+    for path, text in texts.items():
+        _close(text, unclosed[path])
+        text.append("</BehaviorTree>")
+    trees = "".join(itertools.chain(*texts.values()))
+    return f'<root BTCPP_format="4">{trees}{tree_nodes_model(specs)}</root>'
+
+
+def _tag(name: str, attributes: Dict[str, str]) -> str:
+    words = "".join(f" {key}={quoteattr(text)}" for key, text in attributes.items())
+    return f"<{name}{words}>"
+
+
+def _close(text: List[str], unclosed: List[Node], parent: Optional[Node] = None) -> None:
+    """Close the elements that are no parents of what follows below ``parent``."""
+    while unclosed and unclosed[-1] is not parent:
+        text.append(f"</{unclosed.pop().registration_id}>")
 
 
 def _attributes(node: Node) -> Dict[str, str]:
