@@ -121,29 +121,15 @@ def test_what_does_not_fit_into_the_queue_of_a_disk_is_counted_where_it_is_missi
                           "mission goes on"]
 
 
-class HungDisk:
-    """A disk whose first write does not return."""
-
-    def __init__(self, monkeypatch):
-        self.is_met, self._returns = threading.Event(), threading.Event()
-        monkeypatch.setattr(module.files.os, "pwrite", self._hang)
-
-    def _hang(self, file, data, place):
-        self.is_met.set()
-        self._returns.wait(60.0)
-        return len(data)
-
-    def return_at_last(self):
-        self._returns.set()
-
-
 def test_a_disk_that_hangs_keeps_no_other_output_and_not_the_end_of_the_run(tmp_path, monkeypatch):
-    disk, queue = HungDisk(monkeypatch), LineQueue()
+    is_met, returns, queue, found = threading.Event(), threading.Event(), LineQueue(), []
+    monkeypatch.setattr(module.files.os, "pwrite", lambda file, data, place: (
+        is_met.set(), returns.wait(60.0)) and len(data))
     record = FileRecord(str(tmp_path)).open()
-    assert disk.is_met.wait(10.0)
     record.add(queue)
-    found, began = [], time.monotonic()
-    for number in range(3):  # also after it has hung for a while
+    assert is_met.wait(10.0)
+    began = time.monotonic()
+    for number in range(3):
         record(PassFinished(number, "SUCCESS", 1.0))
         while len(found) <= number:
             assert time.monotonic() - began < 10.0
@@ -153,7 +139,7 @@ def test_a_disk_that_hangs_keeps_no_other_output_and_not_the_end_of_the_run(tmp_
     record.close()
     assert time.monotonic() - began < 2 * module.CLOSING + 0.5 and record.is_kept
     assert found + [line.event.number for line in queue.take()] == [0, 1, 2, 3]
-    disk.return_at_last()
+    returns.set()
     written(record)
 
 
