@@ -164,7 +164,7 @@ def traverse_again(tree: Tree, clock: ManualClock, tick: events.Tick, recorded: 
     try:
         if tick.first:
             clock.run_due()
-            # what a timer halts between two traversals is not on record
+            # what a timer halts between two traversals has a line of its own
             if list(recorded[:len(changes)]) != changes:
                 changes.clear()
         return tree.traverse(bool(tick.first)), None

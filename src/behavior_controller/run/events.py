@@ -336,8 +336,8 @@ class Tick(BaseEvent, frozen=True):
     """A traversal of the tree: clock time, whether it is the first of its tick, and number and new
     status of nodes.
 
-    ``first`` None: these statuses changed between two traversals, as by a halt; that is not
-    recorded.
+    ``first`` None: these statuses changed between two traversals, as by a halt; or so they are
+    where a further file begins.
     """
 
     at: float
