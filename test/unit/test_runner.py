@@ -89,6 +89,16 @@ def test_a_tick_that_nothing_asked_for_does_not_happen():
     assert len(rig.requests) == 2 and sum(traversals) == 4 and len(beats) == 1
 
 
+def test_an_entry_asks_for_a_tick_if_it_was_read_since_its_last_write():
+    rig = one_leaf("<Sequence><ScriptCondition code='x == 0'/><Script code='x := 1'/><Sleep msec="
+                   "'100'/><Script code='x := 2'/><Sleep msec='100'/></Sequence>")
+    write(rig, x=0)
+    traversals = []
+    rig.tree.follow(lambda is_first, changes: traversals.append(is_first is not None))
+    rig.run(advance)
+    assert sum(traversals) == 4  # the first, for x, for the end of each Sleep
+
+
 UNTIL_WRITTEN = "<Script code='x := 1'/><Sleep msec='9000'/>"
 
 
@@ -110,6 +120,9 @@ UNTIL_WRITTEN = "<Script code='x := 1'/><Sleep msec='9000'/>"
      "</ReactiveFallback>", 0),
     ("<KeepRunningUntilFailure><Sequence><Script code='x += 1'/><ScriptCondition code='x &lt; 4'/>"
      "</Sequence></KeepRunningUntilFailure>", 3),
+    ("<KeepRunningUntilFailure><WasEntryUpdated entry='x'/></KeepRunningUntilFailure>", 3),
+    ("<WhileDoElse><WasEntryUpdated entry='x'/><Sleep msec='9000'/><AlwaysSuccess/></WhileDoElse>",
+     0),
     ("<LoopInt queue='1;2;3' value='{item}'><AlwaysSuccess/></LoopInt>", 0),
     ("<LoopInt queue='1;2;3'><AlwaysSuccess/></LoopInt>", 0),
 ])
