@@ -1,11 +1,13 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the
 visitors' passes."""
 import logging
+import math
 import time
 from typing import Callable, NamedTuple, Optional, Tuple
 
 from behavior_controller import exit_codes
 from behavior_controller.bt import Result, Tree, FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.engine.node import place_of
 from behavior_controller.bt.values.status import NAMES
 from behavior_controller.errors import BehaviorControllerError, MissionError
@@ -79,6 +81,8 @@ class RetryGate:
 
 class Runner:
     """Runs passes of a mission until ``is_stopped()``, or until their number is reached."""
+
+    pace = PACE
 
     def __init__(self, running: Running, is_stopped: Callable[[], bool],
                  successor: Callable[[], Optional[Running]] = lambda: None,
@@ -196,7 +200,7 @@ class Runner:
                 result, is_due = self._tick(), False
                 self._rounds = self._rounds + 1 if self.tree.is_tick_wanted else 0
                 if result is RUNNING and self._rounds:
-                    self._wait(GIVE_WAY if self._rounds <= ROUNDS_AT_ONCE else PACE)
+                    self._wait(GIVE_WAY if self._rounds <= ROUNDS_AT_ONCE else self.pace)
             else:
                 self.mission.health.publish(self.mission.events)
                 self._wait(None)
@@ -330,6 +334,38 @@ class Runner:
         # the report says what failed: that a service is failing is no news then
         self.mission.health.stop_counting()
         self.mission.events.emit(self.mission.ask_for_safe_state().wait(self._doze))
+
+
+class TimeIsUp(Exception):
+    """A run in virtual time ends here; the text says why."""
+
+
+class VirtualTimeRunner(Runner):
+    """Runs a mission in virtual time: it moves the clock to the next event instead of waiting for
+    it."""
+
+    pace = 0.25  # such a mission would take long
+
+    def __init__(self, running: Running, deadline: float, too_late: str):
+        """Unless the last pass is over, ``TimeIsUp`` is raised with ``too_late`` after that time of
+        the tree's clock, which must be a ManualClock."""
+        super().__init__(running, lambda: False)
+        self._deadline, self._too_late = deadline, too_late
+
+    def wait(self, seconds: Optional[float]) -> None:
+        """Advance time until the tree is woken, by ``seconds`` at most."""
+        clock = self.clock
+        assert isinstance(clock, ManualClock)
+        limit = math.inf if seconds is None else clock.now() + seconds
+        while not self.tree.wake.is_set:
+            due = clock.next_due()
+            moment = limit if due is None else min(limit, due)
+            if moment > self._deadline and not self._is_over():
+                raise TimeIsUp(self._too_late)
+            clock.set_to(max(clock.now(), moment))
+            clock.run_due()
+            if moment == limit:
+                return
 
 
 def _foreign(error: BehaviorControllerError) -> Optional[BaseException]:

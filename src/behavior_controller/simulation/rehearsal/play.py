@@ -23,7 +23,7 @@ from behavior_controller.run.events import Event, Events, Line, PassFinished, Tr
 from behavior_controller.run.history import Run
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.missions import load as missions
-from behavior_controller.missions.runner import PACE, Runner, Running
+from behavior_controller.missions.runner import Running, TimeIsUp, VirtualTimeRunner
 from behavior_controller.run.record.feed import Entries, traversed, written
 from behavior_controller.run.record.tree_shown import shown
 from behavior_controller.robot.requests import Request
@@ -46,10 +46,6 @@ PASS_LIMIT = 3600.0
 
 STEP = 0.5
 """Seconds between two messages of each topic where nothing fails."""
-
-LONG_PACE = 0.25
-"""Seconds between the ticks of a mission that changes something at every tick, instead of
-``runner.PACE``."""
 
 TIMED_OUT = "the mission did not end within {:g} s"
 """Why a play stops at the time limit."""
@@ -136,24 +132,18 @@ class LoadedMission:
         mission = dataclasses.replace(self.mission, tree=tree)
         robot = VirtualRobot(mission, self.world_of(test), test, shortest_gap)
         met = Situations(tree, robot, not test.planned_faults).met if has_situations else {}
-        play = VirtualRunner(robot, self._shown)
+        play = PlayRunner(robot, self._shown)
         for topic in rehearsed_topics(self.settings.interface):
             if topic.name not in silent:
                 robot.publish(topic)
         return play.played(met)
 
 
-class _TimeIsUp(Exception):
-    """The play ends here; the text says why."""
-
-
-class VirtualRunner(Runner):
-    """A play in progress: it advances the clock to the next event instead of waiting for it, and
-    records what happens."""
+class PlayRunner(VirtualTimeRunner):
+    """A play in progress: it records what happens."""
 
     def __init__(self, robot: VirtualRobot, shown_tree: TreeShown):
         self._robot, self._busy = robot, 0
-        self._deadline = START + robot.test.test_timeout
         self._history: List[Tuple[float, Event]] = []
         self._ended = math.inf
         self._errors: List[Place] = []
@@ -166,8 +156,9 @@ class VirtualRunner(Runner):
         self._note(shown_tree)
         mission.tree.follow(self._follow)
         context = mission.context(robot, robot.topics, events, robot.health)
+        limit = robot.test.test_timeout
         super().__init__(Running(mission.tree, context, mission.file, robot.test.mission_runs),
-                         lambda: False)
+                         START + limit, TIMED_OUT.format(limit))
 
     def played(self, situations: Mapping[Tuple[str, int], bytes]) -> RunResult:
         """Play until the mission is over or its time is up."""
@@ -176,7 +167,7 @@ class VirtualRunner(Runner):
         try:
             with blocked_leaf.ended():
                 exit_code = self.run()
-        except _TimeIsUp as reason:
+        except TimeIsUp as reason:
             cut_off, self._ended = str(reason), math.inf
         except Exception as error:  # as the node does: an exception in a leaf is an outcome too
             exit_code = exit_codes.BROKEN
@@ -192,27 +183,10 @@ class VirtualRunner(Runner):
         result = super()._tick()
         self._busy += self.tree.busy_loops
         if self._busy > MOST_BUSY:
-            raise _TimeIsUp(BUSY)
+            raise TimeIsUp(BUSY)
         if len(self._robot.asked) > MOST_REQUESTS:
-            raise _TimeIsUp(TOO_MANY)
+            raise TimeIsUp(TOO_MANY)
         return result
-
-    def wait(self, seconds: Optional[float]) -> None:
-        """Advance time until the tree is woken, by ``seconds`` at most."""
-        clock, wake = self.clock, self.tree.wake
-        assert isinstance(clock, ManualClock)
-        if seconds == PACE:
-            seconds = LONG_PACE
-        limit = math.inf if seconds is None else clock.now() + seconds
-        while not wake.is_set:
-            due = clock.next_due()
-            moment = limit if due is None else min(limit, due)
-            if moment > self._deadline and not self._is_over():  # the last pass was in time
-                raise _TimeIsUp(TIMED_OUT.format(self._deadline - START))
-            clock.set_to(max(clock.now(), moment))
-            clock.run_due()
-            if moment == limit:
-                return
 
     def _report(self, error: BehaviorControllerError, text: str) -> None:
         super()._report(error, text)
