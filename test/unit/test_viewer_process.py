@@ -1,11 +1,18 @@
-"""Does the controller start its viewer again, and not too often?"""
+"""Does the controller start its viewer again, and not too often, and does the viewer stay?"""
 import os
 import threading
 import time
+import urllib.request
+
+import zmq
 
 from behavior_controller.viewer import process
 
+from free_ports import free_port
+
 PAUSE = 0.2
+PUSHES = 5
+REQUESTS = 2000  # more than ZeroMQ and the sockets keep
 
 
 def test_a_viewer_that_cannot_be_started_is_reported_once_for_each_attempt(monkeypatch):
@@ -24,3 +31,23 @@ def test_a_viewer_that_cannot_be_started_is_reported_once_for_each_attempt(monke
     viewer.close()
     assert times[1] - times[0] >= 0.9 * PAUSE
     assert all("cannot be started" in text and "absent" in text for text in warnings)
+
+
+def test_clients_that_go_away_before_their_answers_do_not_end_the_viewer():
+    port = free_port(3)
+    warnings, is_served = [], threading.Event()
+    viewer = process.ViewerProcess(["--port", str(port), "--groot2-port", str(port + 1)], print,
+                                   lambda: None, warnings.append, is_served.set)
+    try:
+        assert is_served.wait(30.0), warnings
+        with zmq.Context() as context, context.socket(zmq.DEALER) as leaving:
+            leaving.setsockopt(zmq.LINGER, 0)
+            leaving.connect(f"tcp://127.0.0.1:{port + 1}")
+            for _ in range(REQUESTS):
+                leaving.send_multipart([b"", *10 * [b"20 bytes of nonsense"]])
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/events", timeout=10.0) as staying:
+            pushed = [line for line, _ in zip(staying, range(2 * PUSHES))]
+        assert len(pushed) == 2 * PUSHES  # each is followed by an empty line
+        assert warnings == []
+    finally:
+        viewer.close()
