@@ -108,12 +108,11 @@ def test_a_hook_that_went_by_itself_is_not_there_any_more(ask):
 
 def test_a_hook_set_where_one_went_by_itself_stays():
     tree, hooks, _ = hooked("<Probe/>")
-    old, new = Hook(1, AFTER, REPLACE, True, True, "FAILURE"), Hook(1, AFTER, REPLACE, True, True,
-                                                                    "FAILURE")
-    hooks.insert([old])
-    tree.root.during = lambda: hooks.insert([new])
+    hook = Hook(1, AFTER, REPLACE, True, True, "FAILURE")
+    hooks.insert([hook])
+    tree.root.during = lambda: hooks.insert([hook])
     assert tree.tick_exactly_once() is FAILURE
-    assert hooks.all() == [new]
+    assert hooks.all() == [hook]
     tree.root.during = lambda: None
     assert tree.tick_exactly_once() is FAILURE
     assert hooks.all() == []
@@ -201,70 +200,50 @@ def unlocks(status="SKIPPED", remove=False, position=BEFORE):
 WAITS, DISABLES, REMOVES_ALL = (lambda hooks: None), Hooks.disable_all, Hooks.remove_all
 REMOVES = lambda hooks: hooks.remove(HookPlace(1, BEFORE), ": so")  # noqa: E731
 HOLDS = ["breakpoint before is set"]
+GOES_ON, REMOVED = "breakpoint before lets the node go on", "breakpoint before is removed"
 DECIDES = "breakpoint before decides FAILURE and the node is not run"
+REPLACES = ["replacement before is set to FAILURE",
+            "replacement before decides FAILURE and the node is not run"]
+HOLDS_AFTER, GOES_ON_AFTER = "breakpoint after is set", "breakpoint after lets the node go on"
 
 
-@pytest.mark.parametrize(
-    "actions, results, lines",
-    [
-        ([sets(), WAITS, unlocks()], [RUNNING, RUNNING, SUCCESS
-                                      ], HOLDS + ["breakpoint before lets the node go on"]),
-        ([sets(), unlocks("FAILURE"), WAITS], [RUNNING, FAILURE, RUNNING], HOLDS +
-         ["breakpoint before lets the node go on", DECIDES]),
-        ([sets(), unlocks("FAILURE", True), WAITS], [RUNNING, FAILURE, SUCCESS], HOLDS +
-         ["breakpoint before lets the node go on", DECIDES, "breakpoint before is removed"]),
-        ([sets(once=True), unlocks(), WAITS], [RUNNING, SUCCESS, SUCCESS],
-         HOLDS + ["breakpoint before lets the node go on", "breakpoint before is removed"]),
-        ([sets(), DISABLES, WAITS], [RUNNING, SUCCESS, SUCCESS
-                                     ], HOLDS + ["breakpoint before is disabled"]),
-        ([sets(), sets(enabled=False)], [RUNNING, SUCCESS
-                                         ], HOLDS + ["breakpoint before is set, but disabled"]),
-        ([sets(), sets(), unlocks()], [RUNNING, RUNNING, SUCCESS],
-         HOLDS + ["breakpoint before is set", "breakpoint before lets the node go on"]),
-        ([sets(), REMOVES], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed: so"]),
-        ([sets(), REMOVES_ALL], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed"]),
-        ([sets(), REMOVES, sets()], [RUNNING, SUCCESS, RUNNING
-                                     ], HOLDS + ["breakpoint before is removed: so"] + HOLDS),
-        # as in the library, it waits to be let go
-        ([sets(), sets(mode=REPLACE), unlocks()], [RUNNING, RUNNING, SUCCESS], HOLDS +
-         ["replacement before is set to FAILURE", "replacement before lets the node go on"]),
-        ([sets(AFTER), sets(AFTER, REPLACE),
-          unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS], [
-              "breakpoint after is set",
-              "replacement after is set to FAILURE", "replacement after lets the node go on"
-          ]),
-        ([unlocks(), REMOVES, WAITS], [SUCCESS] * 3, []),
-        ([sets(AFTER), WAITS, unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS], [
-            "breakpoint after is set",
-            "breakpoint after lets the node go on"
-        ]),
-        ([sets(AFTER), unlocks("FAILURE", position=AFTER), WAITS], [RUNNING, FAILURE, RUNNING], [
-            "breakpoint after is set",
-            "breakpoint after lets the node go on",
-            "breakpoint after decides FAILURE instead of the node's SUCCESS"
-        ]),
-        ([sets(AFTER), sets(), REMOVES_ALL], [RUNNING, RUNNING, SUCCESS], [
-            "breakpoint after is set",
-            "breakpoint before is set", "breakpoint before is removed",
-            "breakpoint after is removed"
-        ]),
-        ([sets(mode=REPLACE), WAITS, sets(mode=REPLACE)], [FAILURE] * 3, [
-            "replacement before is set to FAILURE",
-            "replacement before decides FAILURE and the node is not run"
-        ] * 2),
-        ([sets(mode=REPLACE, status="SKIPPED")], [SUCCESS
-                                                  ], ["replacement before is set to SKIPPED"]),
-        ([sets(mode=REPLACE, enabled=False), sets(mode=REPLACE)], [SUCCESS, FAILURE], [
-            "replacement before is set to FAILURE, but disabled",
-            "replacement before is set to FAILURE",
-            "replacement before decides FAILURE and the node is not run"
-        ]),
-        ([sets(mode=REPLACE), DISABLES], [FAILURE, SUCCESS], [
-            "replacement before is set to FAILURE",
-            "replacement before decides FAILURE and the node is not run",
-            "replacement before is disabled"
-        ])
-    ])
+@pytest.mark.parametrize("actions, results, lines", [
+    ([sets(), WAITS, unlocks()], [RUNNING, RUNNING, SUCCESS], HOLDS + [GOES_ON]),
+    ([sets(), unlocks("FAILURE"), WAITS], [RUNNING, FAILURE, RUNNING], HOLDS + [GOES_ON, DECIDES]),
+    ([sets(), unlocks("FAILURE", True), WAITS], [RUNNING, FAILURE, SUCCESS],
+     HOLDS + [GOES_ON, DECIDES, REMOVED]),
+    ([sets(once=True), unlocks(), WAITS], [RUNNING, SUCCESS, SUCCESS], HOLDS + [GOES_ON, REMOVED]),
+    ([sets(), DISABLES, WAITS], [RUNNING, SUCCESS, SUCCESS],
+     HOLDS + ["breakpoint before is disabled"]),
+    ([sets(), sets(enabled=False)], [RUNNING, SUCCESS],
+     HOLDS + ["breakpoint before is set, but disabled"]),
+    ([sets(), sets(), unlocks()], [RUNNING, RUNNING, SUCCESS], HOLDS + HOLDS + [GOES_ON]),
+    ([sets(), REMOVES], [RUNNING, SUCCESS], HOLDS + [REMOVED + ": so"]),
+    ([sets(), REMOVES_ALL], [RUNNING, SUCCESS], HOLDS + [REMOVED]),
+    ([sets(), REMOVES, sets()], [RUNNING, SUCCESS, RUNNING], HOLDS + [REMOVED + ": so"] + HOLDS),
+    # as in the library, it waits to be let go
+    ([sets(), sets(mode=REPLACE), unlocks()], [RUNNING, RUNNING, SUCCESS],
+     HOLDS + [REPLACES[0], "replacement before lets the node go on"]),
+    ([sets(AFTER), sets(AFTER, REPLACE), unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS],
+     [HOLDS_AFTER, "replacement after is set to FAILURE",
+      "replacement after lets the node go on"]),
+    ([unlocks(), REMOVES, WAITS], [SUCCESS] * 3, []),
+    ([sets(AFTER), WAITS, unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS],
+     [HOLDS_AFTER, GOES_ON_AFTER]),
+    ([sets(AFTER), unlocks("FAILURE", position=AFTER), WAITS], [RUNNING, FAILURE, RUNNING],
+     [HOLDS_AFTER, GOES_ON_AFTER,
+      "breakpoint after decides FAILURE instead of the node's SUCCESS"]),
+    ([sets(AFTER), sets(), REMOVES_ALL], [RUNNING, RUNNING, SUCCESS],
+     [HOLDS_AFTER, *HOLDS, REMOVED, "breakpoint after is removed"]),
+    ([sets(mode=REPLACE), WAITS, sets(mode=REPLACE)], [FAILURE] * 3, REPLACES * 2),
+    ([sets(AFTER, REPLACE), WAITS], [FAILURE] * 2, [
+        "replacement after is set to FAILURE",
+        "replacement after decides FAILURE instead of the node's SUCCESS"]),
+    ([sets(mode=REPLACE, status="SKIPPED")], [SUCCESS], ["replacement before is set to SKIPPED"]),
+    ([sets(mode=REPLACE, enabled=False), sets(mode=REPLACE)], [SUCCESS, FAILURE],
+     ["replacement before is set to FAILURE, but disabled", *REPLACES]),
+    ([sets(mode=REPLACE), DISABLES], [FAILURE, SUCCESS],
+     REPLACES + ["replacement before is disabled"])])
 def test_what_hooks_do_tick_by_tick_and_what_the_operator_is_told(actions, results, lines):
     found = steps("<Probe/>", *actions)
     assert found[:2] == (results, lines)
