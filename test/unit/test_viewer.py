@@ -7,10 +7,12 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 
 import pytest
+import zmq
 
 from behavior_controller.run.events import BreakpointChanged, Noticed, RunFinished
 from behavior_controller.missions.breakpoints import Breakpoints
@@ -92,19 +94,27 @@ def is_over(pid):
         return True
 
 
+def wait_for_page(viewer):
+    """Read what a viewer sends to its controller until it serves the page."""
+    assert any(b"true" in line for line in viewer.stdout)
+
+
 # ------------------------------------------------------------------------- whatever happens to it
 
 
-@pytest.mark.parametrize("number, trouble", [
-    (signal.SIGKILL, "it was ended by signal 9"),
-    (signal.SIGTERM, "it was ended by signal 15"),
-    (signal.SIGSTOP, "it gave no sign of life for 3 s")])
+WITHOUT_AGES = [name for name in PARTS if name not in ("health", "alive")]
+
+
+@pytest.mark.parametrize("number, trouble, most_kept, parts", [
+    (signal.SIGKILL, "it was ended by signal 9", 1_000_000, WITHOUT_AGES),
+    (signal.SIGTERM, "it was ended by signal 15", 100, ["mission", "statuses", "blackboard"]),
+    (signal.SIGSTOP, "it gave no sign of life for 3 s", 1_000_000, WITHOUT_AGES)])
 def test_a_viewer_that_ends_or_hangs_is_started_again_and_shows_the_run(
-        view, monkeypatch, number, trouble):
+        view, monkeypatch, number, trouble, most_kept, parts):
     monkeypatch.setattr(module, "NO_SIGN_LIMIT", 3.0)
+    monkeypatch.setattr(module, "MOST_KEPT", most_kept)
     drives, rig = [], Rig()
     viewed = view(rig)
-    parts = [name for name in PARTS if name not in ("health", "alive")]  # which have ages
 
     def drive(request):
         drives.extend([request] if isinstance(request, GoTo) else [])
@@ -212,7 +222,7 @@ def test_a_line_that_the_controller_could_not_finish_is_left_out():
                           env=ENVIRONMENT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as viewer:
         viewer.stdin.write(header(1, 0.0) + encode(5.0, Noticed("info", "whole")))
         viewer.stdin.flush()
-        viewer.stdout.readline()
+        wait_for_page(viewer)
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/events", timeout=5) as stream:
             stream.readline(), stream.readline()
             viewer.stdin.write(encode(6.0, Noticed("info", "torn"))[:-5])
@@ -245,8 +255,8 @@ def test_it_imports_nothing_of_ros_nor_of_the_engine():
                         "behavior_controller.bt", "behavior_controller.ros"}
 
 
-def work_to_first_line(*command):
-    """Return the processor's seconds until a program says something, the least of three times."""
+def work_to_page(*command):
+    """Return the processor's seconds until a program serves a page, the least of three times."""
     def seconds():
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         return used.ru_utime + used.ru_stime
@@ -256,7 +266,7 @@ def work_to_first_line(*command):
         before = seconds()
         with subprocess.Popen([sys.executable, *command], env=ENVIRONMENT, stdin=subprocess.PIPE,
                               stdout=subprocess.PIPE) as started:
-            assert started.stdout.readline()
+            wait_for_page(started)
             started.kill()
         taken.append(seconds() - before)
     return min(taken)
@@ -265,6 +275,26 @@ def work_to_first_line(*command):
 @pytest.mark.timing
 def test_it_is_there_soon():
     """Half of the work are its libraries, which take a third of a second."""
-    libraries = "import tornado.web, tornado.httpserver, zmq.asyncio, msgspec\nprint(1, flush=True)"
+    libraries = "import tornado.web, tornado.httpserver, zmq.asyncio, msgspec\nprint('true')"
     viewer = module.COMMAND[1:] + ["--port", str(free_port()), "--groot2-port", "0"]
-    assert work_to_first_line(*viewer) < 2.0 * work_to_first_line("-c", libraries)
+    assert work_to_page(*viewer) < 2.0 * work_to_page("-c", libraries)
+
+
+def test_clients_that_go_away_before_their_answers_do_not_end_the_viewer():
+    port = free_port(3)
+    warnings, is_served = [], threading.Event()
+    viewer = ViewerProcess(["--port", str(port), "--groot2-port", str(port + 1)], print,
+                           lambda: None, warnings.append, is_served.set)
+    try:
+        assert is_served.wait(30.0), warnings
+        with zmq.Context() as context, context.socket(zmq.DEALER) as leaving:
+            leaving.setsockopt(zmq.LINGER, 0)
+            leaving.connect(f"tcp://127.0.0.1:{port + 1}")
+            for _ in range(2000):  # more than ZeroMQ and the sockets keep
+                leaving.send_multipart([b"", *10 * [b"20 bytes of nonsense"]])
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/events", timeout=10.0) as staying:
+            pushed = [line for line, _ in zip(staying, range(10))]
+        assert len(pushed) == 10  # each is followed by an empty line
+        assert warnings == []
+    finally:
+        viewer.close()
