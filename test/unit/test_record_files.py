@@ -274,8 +274,7 @@ def test_a_further_file_in_the_middle_of_a_visit_has_all_of_the_visit(tmp_path):
         if number % 20 == 0 and run.state.visit is not None:
             late = Run(Decoder("-").read_all(outset.head(number, line.time)))
             assert parts(late.state) == parts(run.state) and late.results == []
-            # but that a node was halted
-            assert late.state.letters == run.state.letters.replace("r", "-")
+            assert late.state.letters == run.state.letters
             compared += 1
     assert compared > 5
 

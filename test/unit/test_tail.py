@@ -10,7 +10,7 @@ from behavior_controller.errors import MissionError
 from behavior_controller.run.events import Noticed
 from behavior_controller.run.record import files, tail
 from behavior_controller.run.record.codec import encode, header
-from behavior_controller.monitoring.record.replay import read_record
+from behavior_controller.run.record.reader import read_record
 from mission_rig import FileRecord, recorded, visitor_who
 
 
@@ -55,7 +55,7 @@ def test_a_line_is_read_when_it_is_whole_and_the_end_comes_with_that_of_the_writ
 def test_a_long_run_is_followed_from_file_to_file_also_when_the_oldest_go(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "FILE_BYTES", 1000)
     monkeypatch.setattr(files, "RUN_BYTES", 5000)
-    monkeypatch.setattr(tail, "REST", 0.01)
+    monkeypatch.setattr(tail, "TAIL_POLL", 0.01)
     record = FileRecord(str(tmp_path)).open()
     following = followed(record.path)
     for number in range(0, 200, 5):

@@ -336,13 +336,18 @@ class Tick(BaseEvent, frozen=True):
     """A traversal of the tree: clock time, whether it is the first of its tick, and number and new
     status of nodes.
 
-    ``first`` None: these statuses changed between two traversals, as by a halt; or so they are
-    where a further file begins.
+    ``first`` None: these statuses changed between two traversals, as by a halt.
     """
 
     at: float
     first: Optional[bool]
     changes: List[Tuple[int, Letter]]
+
+
+class TreeStatuses(BaseEvent, frozen=True):
+    """The status of each node of the tree where a further file begins: see ``state.NOT_TICKED``."""
+
+    letters: str
 
 
 class Asked(BaseEvent, frozen=True):
@@ -421,8 +426,9 @@ class Lost(BaseEvent, frozen=True):
 Event = Union[
     Starting, RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering,
     Retried, Recovered, HealthChanged, PassFinished, Paused, SafeStateReported,
-    BreakpointChanged, HookEnded, Suspended, Noticed, RunFinished, TreeShown, Tick, Asked,
-    Answered, FeedbackReceived, Message, RecognitionPending, EntriesWritten, SignOfLife, Lost]
+    BreakpointChanged, HookEnded, Suspended, Noticed, RunFinished, TreeShown, Tick,
+    TreeStatuses, Asked, Answered, FeedbackReceived, Message, RecognitionPending,
+    EntriesWritten, SignOfLife, Lost]
 EVENTS: Tuple[Any, ...] = get_args(Event)
 """The kinds of events."""
 

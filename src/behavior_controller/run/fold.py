@@ -13,7 +13,7 @@ from behavior_controller.run.events import (
     EntriesWritten, Event, FeedbackReceived, HealthChanged, HookEnded, LeafFinished, Lost, Message,
     Noticed, PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished,
     RunStarted, SafeStateReported, SignOfLife, Starting, StepStarted, RecognitionPending,
-    StopChanged, Suspended, Tick, TreeShown)
+    StopChanged, Suspended, Tick, TreeShown, TreeStatuses)
 from behavior_controller.run.health import GONE
 from behavior_controller.run.state import (
     BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,
@@ -571,7 +571,7 @@ def _ticked(state: State, event: Tick) -> State:
         letters[uid - 1] = before.lower() if letter == "-" else letter
         if letter == "R":
             running[uid] = state.at
-        elif uid in running or event.first is not None and letter != "-":  # else it ended earlier
+        elif letter != "-" or uid in running:  # otherwise it ended earlier and is reset now
             mine = results.get(uid, ()) if letter == "F" else ()
             results[uid] = mine[1:]
             began, failure = running.pop(uid, state.at), mine[0] if mine else None
@@ -580,6 +580,11 @@ def _ticked(state: State, event: Tick) -> State:
                     facts=tuple(ended))
     return _end_steps(state, lambda step: step.is_wait and step.uid not in running and
                       step.until is not None and step.until <= state.at)
+
+
+def _tree_statuses(state: State, event: TreeStatuses) -> State:
+    running = {uid: state.at for uid, letter in enumerate(event.letters, 1) if letter == "R"}
+    return replace(state, letters=event.letters, running=running)
 
 
 def _entries_written(state: State, event: EntriesWritten) -> State:
@@ -620,7 +625,8 @@ _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
         _recovering, _retried, _recovered, _paused, _safe_state_reported, _breakpoint_changed,
         _suspended, _health_changed, _pass_finished, _noticed, _run_finished, _ticked, _asked,
         _answered, _feedback_received, _entries_written, _message, _recognition_pending, _lost,
-        _starting, _sign_of_life, _hook_ended)}
+        _starting, _sign_of_life, _hook_ended,
+        _tree_statuses)}
 """What interprets each kind of event."""
 
 _unknown = sorted(kind.__name__ for kind in set(EVENTS).difference(_HANDLERS))

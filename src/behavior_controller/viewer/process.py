@@ -14,15 +14,13 @@ import time
 from typing import Callable, Deque, List, Optional
 
 from behavior_controller.run import from_viewer
+from behavior_controller.run.events import unix_now
 from behavior_controller.run.from_viewer import HookChange, ViewerAlive, ViewerTold
-from behavior_controller.run.record.outset import Outset, is_full
+from behavior_controller.run.record.outset import Outset
 from behavior_controller.run.record.recorder import EncodedLine
 
 MOST_WAITING = 100_000
 """The most lines that wait for a viewer; with more it is started again."""
-
-MOST_KEPT = 2_000_000
-"""The most bytes of lines that are kept for a viewer that is started again: all of a visit."""
 
 LINES_POLL = 0.02
 """Seconds between two looks for lines."""
@@ -58,8 +56,6 @@ class ViewerProcess:
         self._has_lost = False
         self._outset = Outset()
         self._lines = 0  # that were handed over
-        # for the next viewer: what was so at some time, and the lines since
-        self._head, self._since = self._outset.head(0, 0.0), bytearray()
         self._trouble = ""
         self._child: Optional["subprocess.Popen[bytes]"] = None
         self._lived = self._started = 0.0
@@ -134,7 +130,7 @@ class ViewerProcess:
             self._warn(f"the viewer (page, Groot2) cannot be started: {error}; it is tried again")
             return
         with contextlib.suppress(OSError):
-            self._write(self._head + self._since)
+            self._write(self._outset.head(self._lines, unix_now()))
 
     def _new_child(self) -> "subprocess.Popen[bytes]":
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
@@ -152,11 +148,8 @@ class ViewerProcess:
         """Write the lines that wait. Raises OSError if the viewer does not take them."""
         while self._waiting:
             line = self._waiting.popleft()
-            if is_full(len(self._since), MOST_KEPT, line.event):
-                self._head, self._since = self._outset.head(self._lines, line.time), bytearray()
             self._lines += 1
             self._outset.take(line.time, line.event)
-            self._since += line.text
             self._write(line.text)
 
     def _write(self, data: bytes) -> None:

@@ -26,12 +26,6 @@ MOST_LINES = 1000
 """The most lines of the visit under way that are repeated: the newest."""
 
 
-def is_full(size: int, most: int, event: events.Event) -> bool:
-    """Whether a file of ``size`` bytes, of ``most`` at most, ends before this event: between two
-    passes if possible."""
-    return size > most // (2 if isinstance(event, events.PassStarted) else 1)
-
-
 class Outset:
     """What has to be known of a run where a further file of it begins, so that this file is read
     without those before it."""
@@ -42,14 +36,14 @@ class Outset:
         self._lasting: Dict[Any, List[events.Line]] = {}  # an ``Asked`` with its answer
         self._visit: Deque[events.Line] = collections.deque(maxlen=MOST_LINES)  # under way
         self._written = events.EntriesWritten([])  # what the entries of the blackboard are
-        # of the nodes that were ticked in this pass: of one that ended and was reset two
-        self._letters: Dict[int, List[events.Letter]] = {}
+        self._letters: Dict[int, str] = {}  # of the nodes that were ticked in this pass
+        self._nodes = 0  # of the tree
 
     def take(self, time: float, event: events.Event) -> None:
         """Note the next event."""
         kind, key_of, line = type(event), LASTING.get(type(event)), events.Line(time, event)
-        if kind is events.TreeShown:
-            self._written = events.EntriesWritten([])
+        if isinstance(event, events.TreeShown):
+            self._written, self._nodes = events.EntriesWritten([]), len(event.nodes)
         if kind in (events.TreeShown, events.PassStarted):
             self._letters.clear()
             self._visit.clear()
@@ -64,7 +58,9 @@ class Outset:
         elif isinstance(event, events.EntriesWritten):
             self._note_entries(event)
         elif isinstance(event, events.Tick):
-            self._note_letters(event)
+            for uid, letter in event.changes:
+                before = self._letters.get(uid, letter)
+                self._letters[uid] = before.lower() if letter == "-" else letter
         elif isinstance(event, events.Answered):
             for about in reversed(list(self._lasting.values())):
                 asked = about[0].event
@@ -84,14 +80,6 @@ class Outset:
         self._written = events.EntriesWritten(
             [entry for entry in texts.items() if entry[1] is not None], {**values, **news.values})
 
-    def _note_letters(self, tick: events.Tick) -> None:
-        for uid, letter in tick.changes:
-            before = self._letters.pop(uid, [])[:1]
-            if letter != "-":
-                self._letters[uid] = [letter]
-            elif before and before != ["R"]:
-                self._letters[uid] = before + [letter]
-
     def head(self, lines: int, at: float) -> bytes:
         """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
         the files before it."""
@@ -100,9 +88,9 @@ class Outset:
         known += self._visit
         if self._written.entries:
             known.append(events.Line(at, self._written))
-        if self._letters:  # None: a replay does not have to take the same way to them
-            known.append(events.Line(at, events.Tick(0.0, None, [
-                (uid, letter) for uid, letters in self._letters.items() for letter in letters])))
+        if self._letters:
+            letters = (self._letters.get(uid, "-") for uid in range(1, self._nodes + 1))
+            known.append(events.Line(at, events.TreeStatuses("".join(letters))))
         texts = [encode(line.time, replace(line.event, read=1)
                         if isinstance(line.event, events.Message) else line.event)
                  for line in known]

@@ -21,7 +21,7 @@ from behavior_controller.run import events
 from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode
 from behavior_controller.run.record.feed import Feed
-from behavior_controller.run.record.outset import Outset, is_full
+from behavior_controller.run.record.outset import Outset
 from behavior_controller.run.record.tree_shown import Describe, describe_alone
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.gateway import Sample, Topics
@@ -312,7 +312,8 @@ class RecordFiles:
             line = encoded(line.time, event)
             self._complain(f"the record {self.path} lacks {event.lines} lines: {event.reason}; "
                            "the mission goes on")
-        if out.size and is_full(out.size + len(line.text), files.FILE_BYTES, event):
+        room = files.FILE_BYTES // (2 if isinstance(event, events.PassStarted) else 1)
+        if out.size and out.size + len(line.text) > room:
             out.flush()
             out.begin_next(self._outset.head(out.lines, line.time))
         self._outset.take(line.time, event)
