@@ -109,7 +109,8 @@ def test_what_happened_is_in_the_file_before_the_node_ends(tmp_path):
 
 def test_what_does_not_fit_into_the_queue_of_a_disk_is_counted_where_it_is_missing(
         tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "RECORD_INTERVAL", 60.0)  # until it is closed, as if the disk were that slow
+    # until it is closed, as if the disk were that slow
+    monkeypatch.setattr(module, "RECORD_INTERVAL", 60.0)
     monkeypatch.setattr(module, "MOST_WAITING", 10)
     complaints = []
     record = FileRecord(str(tmp_path), complaints.append).open()

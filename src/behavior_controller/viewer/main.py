@@ -201,6 +201,8 @@ def _show_record(chosen: argparse.Namespace) -> int:
     viewer = Viewer(chosen, _print)
     if not viewer.is_serving:
         return exit_codes.UNAVAILABLE
+    if chosen.record == "-":
+        return _show_input(viewer)
     is_place = chosen.record == LATEST or bool(runs(chosen.record))
     place = folders.records() if chosen.record == LATEST else chosen.record
     shown = ""
@@ -219,6 +221,21 @@ def _show_record(chosen: argparse.Namespace) -> int:
                 path = ""  # there is no run yet
             shown = path
             time.sleep(NEWER_RUN_POLL)
+
+
+def _show_input(viewer: Viewer) -> int:
+    """Show the lines from standard input until Ctrl-C."""
+    decoder = Decoder("standard input")
+    try:
+        for text in sys.stdin.buffer:
+            for line in decoder.read(text):
+                viewer.take(line)
+    except BehaviorControllerError as error:
+        print(error, file=sys.stderr)
+        return exit_codes.WRONG_INPUT
+    viewer.note_end()
+    threading.Event().wait()
+    return exit_codes.SUCCESS
 
 
 def _show_run(viewer: Viewer, path: str) -> None:
