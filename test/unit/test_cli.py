@@ -50,7 +50,8 @@ def file(tmp_path):
 
 
 @pytest.mark.parametrize("tool",
-                         ["validateMission", "exportNodeModel", "missionStatus", "replayMission"])
+                         ["validateMission", "exportNodeModel", "missionStatus", "missionViewer",
+                          "replayMission"])
 def test_a_word_that_no_tool_reads_is_refused(tool):
     done = run(tool, "missionRun:=1")
     assert done.returncode == 2
@@ -391,7 +392,8 @@ def test_the_palette_executable():
 
 TOOLS = {
     "validateMission": ([LAB_TOUR], 0), "exportNodeModel": ([], 0),
-    "replayMission": (["no such record"], 2), "missionStatus": (["--port", "1"], 1)
+    "replayMission": (["no such record"], 2), "missionStatus": (["--port", "1"], 1),
+    "missionViewer": (["--port", "0", "--groot2-port", "0"], 2)
 }
 """Tool -> arguments, and the exit code in an ordinary terminal."""
 

@@ -20,7 +20,7 @@ def offered(*words):
 
 @pytest.mark.parametrize("words, expected", [
     (("cssr_system", ""),
-     "behaviorController exportNodeModel missionStatus rehearseMission replayMission "
+     "behaviorController exportNodeModel missionStatus missionViewer rehearseMission replayMission "
      "validateMission"),
     (("unit_tests", "r"), "robotLocalization robotNavigation runTest"),
     (("cssr_system", "validateMission", "--w"), "--watch"),

@@ -16,7 +16,8 @@ NODES = os.path.join(ROOT, "unit_tests", "nodes")
 BUSY = os.path.join(ROOT, "test", "unit", "planted", "busy_loop.xml")
 CALLS = {  # with their exit codes, where there is no master and no mission runs
     ("validateMission", "lab_tour"): 0, ("exportNodeModel", ): 0,
-    ("missionStatus", "--port", "9"): 1, ("replayMission", "RECORD", "--story"): 0,
+    ("missionViewer", "--port", "x"): 2, ("missionStatus", "--port", "9"): 1,
+    ("replayMission", "RECORD", "--story"): 0,
     ("behaviorController", ): 1, ("textToSpeech", ): 1, ("faceDetection", ): 1,
     ("rehearseMission", BUSY, "--faults", "none", "--visitors", "engages", "--jobs", "1"): 4,
     ("runTest", "failureRate:=7"): 2, ("report", "_failureRate:=7"): 2,

@@ -614,7 +614,8 @@ def test_the_palette_is_xml_whatever_the_text_of_other_packages(tmp_path):
 
 
 @pytest.mark.parametrize("tool",
-                         ["validateMission", "exportNodeModel", "replayMission", "missionStatus"])
+                         ["validateMission", "exportNodeModel", "replayMission", "missionStatus",
+                          "missionViewer"])
 def test_a_wrong_call_shows_no_control_characters(tmp_path, tool):
     code, text = run(tool, "--\x1b[31m\x07", "\x1b]0;title\x07", packages=tmp_path)
     assert code == 2 and not set("\x1b\x07") & set(text)

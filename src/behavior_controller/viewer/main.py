@@ -63,6 +63,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
                              "%(default)s)")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     chosen = ros_arguments.parse(parser, arguments)
+    if not chosen.port and not chosen.groot2_port:
+        parser.error("--port and --groot2-port are both 0: nothing would be served")
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # a client that goes away must not end it
     if chosen.child:
         return _show_parent(chosen)
