@@ -7,6 +7,7 @@ from behavior_controller.bt import ManualClock, Result
 from behavior_controller.bt.loader.document import parse, read, with_includes
 from behavior_controller.config import settings
 from behavior_controller.run.events import Event, Events
+from behavior_controller.run.health import Health
 from behavior_controller.missions import load as missions
 from behavior_controller.robot.declarations import Plain
 from behavior_controller.robot.gateway import Failure, FakeGateway, FakeTopics
@@ -43,7 +44,8 @@ class Trial:
         self.events: List[Event] = []
         log = Events()
         log.subscribe(self.events.append)
-        self.mission = loaded.context(self.gateway, self.topics, log)
+        self.mission = loaded.context(
+            self.gateway, self.topics, log, Health(self.tree.wake.emit))
         self._is_set_up = False
 
     def tick(self) -> Result:
