@@ -34,8 +34,8 @@ class Clock:
     """Monotonic seconds, a queue of timers, and what other threads posted. ``now`` and ``post`` are
     for any thread.
 
-    A callback belongs to the node whose code has set it. What it raises is a TickError of that
-    node, as in its rule.
+    A callback belongs to the node whose code, or whose callback, has set it. What it raises is a
+    TickError of that node, as in its rule.
     """
 
     def __init__(self) -> None:
@@ -44,6 +44,7 @@ class Clock:
         self._queue: List[Tuple[float, int, Timer]] = []
         self._order = itertools.count()
         self._posted: Deque[Tuple[Callable[[], None], Any]] = collections.deque()
+        self._running: Any = None  # the owner of the callback that runs
 
     def now(self) -> float:
         """Return monotonic seconds; only differences mean something."""
@@ -66,7 +67,8 @@ class Clock:
 
         ``is_foreign``: it belongs to no node; the search for one is saved.
         """
-        timer = Timer(self.now() + seconds, callback, None if is_foreign else owner_of(callback))
+        owner = None if is_foreign else owner_of(callback) or self._running
+        timer = Timer(self.now() + seconds, callback, owner)
         heapq.heappush(self._queue, (timer.due, next(self._order), timer))
         return timer
 
@@ -80,7 +82,7 @@ class Clock:
         """Run the posted callbacks. Raises TickError; those after a callback that failed wait for
         the next time."""
         while self._posted:
-            _call(*self._posted.popleft())
+            self._call(*self._posted.popleft())
 
     @tick_thread_only
     def next_due(self) -> Optional[float]:
@@ -106,16 +108,18 @@ class Clock:
             timer = heapq.heappop(self._queue)[2]
             callback, timer.callback = timer.callback, None
             if callback is not None:
-                _call(callback, timer.owner)
+                self._call(callback, timer.owner)
                 if timer.owner is not None:
                     timer.owner.wake()  # the node may act on what its callback did
 
-
-def _call(callback: Callable[[], None], owner: Any) -> None:
-    try:
-        callback()
-    except BaseException as error:  # a leaf's callback may raise anything
-        raise failure_of(owner, error, "a callback of " if owner is not None else "")
+    def _call(self, callback: Callable[[], None], owner: Any) -> None:
+        self._running = owner
+        try:
+            callback()
+        except BaseException as error:  # a leaf's callback may raise anything
+            raise failure_of(owner, error, "a callback of " if owner is not None else "")
+        finally:
+            self._running = None
 
 
 class ManualClock(Clock):
