@@ -95,6 +95,14 @@ def test_a_hook_that_went_by_itself_while_it_was_unlocked_is_gone():
     assert hooks.all() == [] and "lets the node go on" not in "".join(lines)
 
 
+def test_a_tick_follows_the_one_in_which_a_hook_went_by_itself():
+    tree, hooks, _ = hooked(
+        "<KeepRunningUntilFailure><AlwaysFailure/></KeepRunningUntilFailure>")
+    hooks.insert([Hook(2, BEFORE, REPLACE, True, True, "SUCCESS")])
+    assert tree.tick_exactly_once() is RUNNING and tree.is_tick_wanted
+    assert tree.tick_exactly_once() is FAILURE
+
+
 @pytest.mark.parametrize("ask", [lambda hooks: hooks.remove(HookPlace(1, AFTER)),
                                  lambda hooks: hooks.unlock(Unlocking(1, AFTER, "SUCCESS", False))])
 def test_a_hook_that_went_by_itself_is_not_there_any_more(ask):

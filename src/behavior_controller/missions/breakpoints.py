@@ -214,6 +214,7 @@ class _NodeHooks(NodeHook):
                 own = f"instead of the node's {NAMES[result]}"
             self._tell(hook, f"decides {hook.desired_status} {own}")
         if hook.once:
+            self._node.ask_for_tick()  # which may end otherwise
             del self._set[hook.position]
             self._report_end(hook, place.number)
             self._tell(hook, "is removed")
