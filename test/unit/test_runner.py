@@ -125,6 +125,14 @@ UNTIL_WRITTEN = "<Script code='x := 1'/><Sleep msec='9000'/>"
      0),
     ("<LoopInt queue='1;2;3' value='{item}'><AlwaysSuccess/></LoopInt>", 0),
     ("<LoopInt queue='1;2;3'><AlwaysSuccess/></LoopInt>", 0),
+    ("<KeepRunningUntilFailure><Fallback><RunOnce><AlwaysSuccess/></RunOnce><AlwaysFailure/>"
+     "</Fallback></KeepRunningUntilFailure>", 3),
+    ("<ReactiveSequence><Fallback><RunOnce><AlwaysSuccess/></RunOnce><AlwaysFailure/></Fallback>"
+     "<Sleep msec='9000'/></ReactiveSequence>", 3),
+    ("<WhileDoElse><AlwaysFailure _successIf='true'/><Sleep msec='9000'/><AlwaysSuccess/>"
+     "</WhileDoElse>", 0),
+    ("<ReactiveFallback><IfThenElse><AlwaysSuccess _failureIf='true'/><AlwaysSuccess/></IfThenElse>"
+     "<Sleep msec='9000'/></ReactiveFallback>", 0),
 ])
 def test_what_a_tick_can_go_on_with_is_ticked_again(mission, code):
     rig = one_leaf(mission)

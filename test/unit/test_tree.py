@@ -4,6 +4,7 @@ import importlib
 import sys
 import threading
 import time
+from functools import partial
 
 import py_trees
 import pytest
@@ -12,7 +13,7 @@ from behavior_controller.bt.mission import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.failure import TickError
-from behavior_controller.bt.engine.leaf import ActionLeaf
+from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import MissionError
@@ -329,6 +330,59 @@ def test_a_tree_with_a_node_of_another_package_wants_a_tick_after_each_change():
     assert [tree.is_tick_wanted for tree in trees] == [False, True]
     trees[1].tick_once()
     assert not trees[1].is_tick_wanted  # nothing has changed in this tick
+
+
+class Chained(ActionLeaf):
+    """A leaf whose timer sets the next one, in a function that does not know the leaf."""
+
+    def on_start(self):
+        clock, self.beats = self.clock, []
+
+        def beat(beats):
+            beats.append(clock.now())
+            if len(beats) < 3:
+                clock.call_after(0.1, partial(beat, beats))
+
+        clock.call_after(0.1, partial(beat, self.beats))
+        return RUNNING
+
+    def on_running(self):
+        return SUCCESS if len(self.beats) == 3 else RUNNING
+
+
+def test_each_timer_that_a_timer_of_a_node_sets_wakes_the_tree():
+    tree = load("<Chained/>", registry=Registry([NodeSpec("Chained", Kind.ACTION, Chained)]))
+    for _ in range(3):
+        assert tree.tick_once() is RUNNING
+        tree.clock.advance(0.1)
+        assert tree.wake.test_and_clear()
+    assert tree.tick_once() is SUCCESS
+
+
+class Tries(SyncActionLeaf):
+    """A leaf of another package that does something at each tick, and fails in the end."""
+
+    tries = 0
+
+    def update(self):
+        self.tries += 1
+        return SUCCESS if self.tries < 3 else FAILURE
+
+
+@pytest.mark.parametrize("body, wanted", [
+    ("<ReactiveSequence><AsyncSequence><AlwaysSuccess/><AlwaysSuccess/></AsyncSequence>"
+     "<Sleep msec='9000'/></ReactiveSequence>", True),  # the AsyncSequence begins again
+    ("<ReactiveSequence><AlwaysSuccess/><Sleep msec='9000'/></ReactiveSequence>", False),
+    ("<KeepRunningUntilFailure><Sequence><AlwaysSuccess _skipIf='true'/></Sequence>"
+     "</KeepRunningUntilFailure>", False),
+    ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", False),
+    ("<KeepRunningUntilFailure><Tries/></KeepRunningUntilFailure>", True),
+])
+def test_a_tree_wants_a_tick_while_the_next_one_differs(body, wanted):
+    registry = Registry([*builtin_specs(), NodeSpec("Tries", Kind.ACTION, Tries)])
+    tree = load(body, registry=registry)
+    for _ in range(2):
+        assert tree.tick_once() is RUNNING and tree.is_tick_wanted is wanted
 
 
 def test_a_timer_of_a_node_wakes_the_tree():

@@ -128,9 +128,9 @@ class _Reactive(Control):
     def update(self) -> Result:
         """Tick the children from the first; a RUNNING one halts all others."""
         self.begin()
-        skipped, actions = 0, self.services.actions
+        skipped, has_acted = 0, False
         for child in self.children:
-            has_acted = self.services.actions != actions  # a child before this one
+            actions, was_running = self.services.actions, child.status is RUNNING
             result = child.execute()
             if result is RUNNING:
                 if has_acted:
@@ -142,6 +142,7 @@ class _Reactive(Control):
             if result is self.ends_at:
                 self.halt_children()
                 return result
+            has_acted |= was_running or self.services.actions != actions  # it may begin again
             if result is SKIPPED:
                 skipped += 1
                 halt_child(child)
@@ -267,12 +268,14 @@ class IfThenElse(_Branches):
         """Tick the condition once, then the branch that it chose."""
         self.begin()
         if self.branch == 0:
-            result = self.children[0].execute()
+            was, result = self.children[0].status, self.children[0].execute()
             if result is RUNNING:
                 return RUNNING
             if result is SKIPPED:
                 raise NodeError("Something unexpected happened in IfThenElseNode")
             if result is FAILURE and len(self.children) == 2:
+                # the condition keeps its status, with which its next tick may differ
+                self.services.actions += was is not result
                 return FAILURE
             self.branch = 1 if result is SUCCESS else 2
         result = self.children[self.branch].execute()
@@ -289,9 +292,10 @@ class WhileDoElse(_Branches):
     def update(self) -> Result:
         """Tick the condition, halt the other branch, tick the chosen one."""
         self.begin()
-        actions = self.services.actions
+        actions, was = self.services.actions, self.children[0].status
         result = self.children[0].execute()
-        if self.services.actions != actions:
+        # the condition keeps its status, with which its next tick may differ
+        if result is not RUNNING and (result is not was or self.services.actions != actions):
             self.ask_for_tick()
         if result is SKIPPED:
             result = IDLE  # which is refused, as in the library

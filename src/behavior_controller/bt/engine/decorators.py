@@ -1,5 +1,6 @@
 """The decorators of BehaviorTree.CPP v4 and the SubTree node: one child each."""
 from collections import deque
+from functools import cached_property
 from typing import Any, Deque, Optional, Tuple
 
 from py_trees import decorators
@@ -76,13 +77,23 @@ class ForceFailure(ForceSuccess):
 class KeepRunningUntilFailure(Decorator):
     """Repeats the child, one tick each, until it fails."""
 
+    ROUND = ("child_runs",)
+    child_runs = False  # by its last result: a SKIPPED child keeps the status RUNNING
+
+    @cached_property
+    def _does_foreign_work(self) -> bool:
+        return any(node.is_foreign and node.spec.kind is not Kind.CONDITION
+                   for node in self.decorated.iterate())
+
     def update(self) -> Result:
         """Tick the child."""
         self.begin()
-        was_idle, changes = self.decorated.status is IDLE, self.services.tree.changes
+        did_run, changes = self.child_runs, self.services.tree.changes
         result = self.tick_child()
+        self.child_runs = result is RUNNING
         # a child that only looks is not ticked again before there is anything new
-        if result is not RUNNING and (not was_idle or self.services.tree.changes != changes):
+        if not self.child_runs and (did_run or self.services.tree.changes != changes
+                                    or self._does_foreign_work):
             self.ask_for_tick()
         return FAILURE if result is FAILURE else RUNNING
 
@@ -153,6 +164,7 @@ class RunOnce(Decorator):
         result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
             self.result = result
+            self.services.actions += 1
         return result
 
 
