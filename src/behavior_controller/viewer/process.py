@@ -137,6 +137,7 @@ class ViewerProcess:
         child = subprocess.Popen(
             COMMAND + self._arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL, bufsize=0, env=environment,
+            cwd="/",  # Python's -m looks for modules in the working directory first
             start_new_session=True)  # Ctrl-C in the terminal is for the controller alone
         assert child.stdin is not None
         os.set_blocking(child.stdin.fileno(), False)
