@@ -207,20 +207,22 @@ def _show_record(chosen: argparse.Namespace) -> int:
         return _show_input(viewer)
     is_place = chosen.record == LATEST or bool(runs(chosen.record))
     place = folders.records() if chosen.record == LATEST else chosen.record
-    shown = ""
+    shown = told = ""
     with contextlib.ExitStack() as stack:
         if is_place and not stack.enter_context(watched(place)):
             _print(f"another missionViewer shows {place} too: a controller knows of one of them")
         while True:
+            path = ""  # there is no run yet
             try:
                 path = find_record(chosen.record)
                 if path != shown:
                     _show_run(viewer, path)
             except BehaviorControllerError as error:
-                if not is_place or shown:
-                    print(error, file=sys.stderr)
+                if str(error) != told:
+                    print(error, file=sys.stderr, flush=True)
+                if not is_place:
                     return exit_codes.WRONG_INPUT
-                path = ""  # there is no run yet
+                told = str(error)
             shown = path
             time.sleep(NEWER_RUN_POLL)
 
@@ -243,9 +245,11 @@ def _show_input(viewer: Viewer) -> int:
 def _show_run(viewer: Viewer, path: str) -> None:
     _print(f"the run {path}")
     viewer.begin()
-    for line in follow(path):
-        viewer.take(line)
-    viewer.note_end()
+    try:
+        for line in follow(path):
+            viewer.take(line)
+    finally:
+        viewer.note_end()
 
 
 def _print(text: str) -> None:
