@@ -2,9 +2,11 @@
 it."""
 import contextlib
 import json
+import math
 import os
 import resource
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -14,16 +16,17 @@ import urllib.request
 import pytest
 import zmq
 
-from behavior_controller.run.events import BreakpointChanged, Noticed, RunFinished
+from behavior_controller.run.events import Asked, BreakpointChanged, Noticed, RunFinished
 from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.viewer.board import Board
 from behavior_controller.run.record.codec import encode, header
 from behavior_controller.run.record.recorder import LineQueue, Record
-from behavior_controller.robot.requests import GoTo
+from behavior_controller.robot.requests import GoTo, Location
+from behavior_controller.viewer import main
 from behavior_controller.viewer import process as module
 from behavior_controller.viewer.process import ViewerProcess
 from free_ports import free_port
-from mission_rig import Rig, one_leaf
+from mission_rig import FileRecord, Rig, one_leaf
 from test_groot2 import Client, hook
 from test_page import Stop, until, wait_until
 
@@ -273,7 +276,87 @@ def test_it_is_there_soon():
     """Half of the work are its libraries, which take a third of a second."""
     libraries = "import tornado.web, tornado.httpserver, zmq.asyncio, msgspec\nprint('true')"
     viewer = module.COMMAND[1:] + ["--port", str(free_port()), "--groot2-port", "0"]
-    assert work_to_page(*viewer) < 2.0 * work_to_page("-c", libraries)
+    assert work_to_first_line(*viewer) < 2.0 * work_to_first_line("-c", libraries)
+
+
+# ------------------------------------------------------------------- what it must not depend on
+
+
+def test_a_module_in_the_working_directory_is_not_its_own(view, tmp_path, monkeypatch):
+    (tmp_path / "queue.py").write_text("raise SystemExit('this is no part of Python')")
+    monkeypatch.chdir(tmp_path)
+    viewed = view(one_leaf("<Sleep msec='9000'/>"))
+    wait_until(lambda: viewed.shows("mission"), 20.0)
+    assert viewed.warnings == []
+
+
+def test_an_event_that_cannot_be_read_is_left_out(view):
+    """JSON has no NaN: a request of another package, and its like, may hold one."""
+    viewed = view(one_leaf("<Sleep msec='9000'/>"))
+    nowhere = GoTo(Location(math.nan, 0.0, 0.0))
+    viewed.rig.mission.events.emit(Asked(1, "/robotNavigation/set_goal", nowhere))
+    viewed.rig.mission.events.emit(Noticed("info", "the next one"))
+    wait_until(lambda: "the next one" in json.dumps(viewed.state()), 20.0)
+    assert viewed.warnings == []
+
+
+SOON = ("import sys; from behavior_controller.viewer import main; main.PORTS_LIMIT = 0.1; "
+        "sys.exit(main.main())")
+
+
+def test_it_comes_when_another_program_leaves_its_port(view, monkeypatch):
+    """A controller may wait long for the robot before it replaces the one whose page has it."""
+    monkeypatch.setattr(module, "COMMAND", [sys.executable, "-c", SOON, "-", "--child"])
+    port = free_port()
+    given = free_port
+    monkeypatch.setitem(globals(), "free_port", lambda *count: given(*count) if count else port)
+    with socket.create_server(("127.0.0.1", port)):
+        viewed = view(one_leaf("<Sleep msec='9000'/>"))
+        wait_until(lambda: viewed.warnings != [], 20.0)
+    assert "no page in the browser" in viewed.warnings[0]
+    wait_until(lambda: viewed.shows("mission"), 20.0)
+
+
+# ------------------------------------------------------------------------------ by hand
+
+
+@contextlib.contextmanager
+def shown_by_hand(place):
+    """Start a viewer of all runs in a folder; yield its process and a function that returns the
+    state of its page."""
+    port = free_port()
+    with subprocess.Popen(
+            [sys.executable, "-m", "behavior_controller.viewer.main", str(place), "--port",
+             str(port), "--groot2-port", "0"], env=ENVIRONMENT, stderr=subprocess.PIPE) as viewer:
+        yield viewer, lambda: page(port)
+        viewer.kill()
+
+
+def page(port):
+    with contextlib.suppress(OSError):
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/state", timeout=2) as answer:
+            return answer.read().decode()
+    return ""
+
+
+def test_a_run_that_cannot_be_read_is_named_once_and_the_next_one_is_shown(tmp_path):
+    old = tmp_path / "000001_20260101-000000_1"
+    old.mkdir()
+    (old / "mission.jsonl").write_text(
+        '{"format":"behaviorController record","version":8,"pid":1,"time":1.0}\n')
+    with shown_by_hand(tmp_path) as (viewer, state):
+        lines = [viewer.stderr.readline().decode() for _ in range(2)]
+        assert str(old) in lines[0] and "the record has the version 8" in lines[1]
+        time.sleep(3 * main.NEWER_RUN_POLL)  # in which nothing is told again
+        record = FileRecord(str(tmp_path), lambda text: None).open()
+        record(Noticed("info", "of the next one"))
+        assert record.path in viewer.stderr.readline().decode()
+        wait_until(lambda: "of the next one" in state())
+        os.remove(record.path)  # as rosclean does
+        assert "No such file" in viewer.stderr.readline().decode()
+        record.close()
+        time.sleep(3 * main.NEWER_RUN_POLL)
+        assert viewer.poll() is None
 
 
 def test_clients_that_go_away_before_their_answers_do_not_end_the_viewer():

@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from typing import Callable, Deque, List, Optional
+from typing import Callable, Deque, List, Optional, Tuple
 
 from tornado.netutil import bind_sockets
 
@@ -41,6 +41,9 @@ PARENT_ENDS = 1
 
 END_LIMIT = 1.5
 """Seconds for the end to be shown, after that of a controller that is the parent."""
+
+Port = Tuple[str, int]
+"""An address of this computer, and the number of a port."""
 
 EXIT_CODES = """0: the run was shown until Ctrl-C, or, of a controller's child, until its end;
 1: no port could be opened; 2: wrong arguments, or the record cannot be read"""
@@ -90,7 +93,11 @@ class Viewer:
         if chosen.groot2_port:
             self._groot2 = Groot2Publisher(chosen.groot2_address, chosen.groot2_port, warn, send)
         self.has_page = self._page is not None and self._page.is_served
-        self.is_serving = self.has_page or self._groot2 is not None and self._groot2.is_served
+        has_groot2 = self._groot2 is not None and self._groot2.is_served
+        self.is_serving = self.has_page or has_groot2
+        page, groot2 = _ports(chosen)
+        self.missing = page * (not self.has_page) + groot2 * (not has_groot2)
+        """The ports that could not be opened."""
 
     def _new_board(self) -> Board:
         lines: Deque[Line] = collections.deque()
@@ -144,17 +151,20 @@ def _show_parent(chosen: argparse.Namespace) -> int:
     alive = _Alive(send)
     # the controller may replace another one, whose viewer goes on for a moment
     ends = time.monotonic() + PORTS_LIMIT
-    while time.monotonic() < ends and not _are_free(chosen):
+    while time.monotonic() < ends and _trouble(sum(_ports(chosen), [])) == errno.EADDRINUSE:
         time.sleep(NEWER_RUN_POLL)
     viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)
     alive.has_page = viewer.has_page
+    if viewer.missing:
+        threading.Thread(target=_end_when_free, args=(viewer.missing, send), daemon=True).start()
     decoder = Decoder("the controller")
-    with contextlib.suppress(BehaviorControllerError):  # a line that the controller did not finish
-        for text in iter(texts.get, b""):
+    for text in iter(texts.get, b""):
+        # a line that was not finished, or with a value of another package that JSON does not have
+        with contextlib.suppress(BehaviorControllerError):
             for line in decoder.read(text):
                 viewer.take(line)
-            if decoder.head.unix_at_zero:
-                use_clock_of(decoder.head.unix_at_zero)
+        if decoder.head.unix_at_zero:
+            use_clock_of(decoder.head.unix_at_zero)
     viewer.close()
     os._exit(exit_codes.SUCCESS)
 
@@ -182,17 +192,30 @@ class _Alive:
             time.sleep(PULSE)
 
 
-def _are_free(chosen: argparse.Namespace) -> bool:
-    """Return whether no other program has the ports."""
-    ports = [(chosen.address, chosen.port), (chosen.groot2_address, chosen.groot2_port),
-             (chosen.groot2_address, chosen.groot2_port + 1)]
+def _ports(chosen: argparse.Namespace) -> Tuple[List[Port], List[Port]]:
+    """Return the ports of the page, and those of Groot2; none of what is not wanted."""
+    number = chosen.groot2_port
+    return ([(chosen.address, chosen.port)] if chosen.port else [],
+            [(chosen.groot2_address, port) for port in (number, number + 1) if number])
+
+
+def _trouble(ports: List[Port]) -> int:
+    """Return the number of the system's error if one of the ports cannot be opened, or else 0."""
     try:
         for address, port in ports:
-            for sock in bind_sockets(port, address) if port > 1 else ():
+            for sock in bind_sockets(port, address):
                 sock.close()
     except OSError as error:
-        return error.errno != errno.EADDRINUSE
-    return True
+        return error.errno or errno.EADDRNOTAVAIL
+    return 0
+
+
+def _end_when_free(ports: List[Port], send: Callable[[FromViewer], None]) -> None:
+    """End the process when the ports can be opened: the controller starts another one."""
+    while _trouble(ports):
+        time.sleep(PULSE)
+    send(ViewerTold("the ports that page or Groot2 did not get are free now"))
+    os._exit(exit_codes.UNAVAILABLE)
 
 
 # ------------------------------------------------------------------------------------ of a record
