@@ -16,7 +16,8 @@ import urllib.request
 import pytest
 import zmq
 
-from behavior_controller.run.events import Asked, BreakpointChanged, Noticed, RunFinished
+from behavior_controller.run.events import (
+    Asked, BreakpointChanged, Noticed, RunFinished, SignOfLife, unix_at, use_clock_of)
 from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.viewer.board import Board
 from behavior_controller.run.record.codec import encode, header
@@ -328,8 +329,10 @@ def shown_by_hand(place):
     with subprocess.Popen(
             [sys.executable, "-m", "behavior_controller.viewer.main", str(place), "--port",
              str(port), "--groot2-port", "0"], env=ENVIRONMENT, stderr=subprocess.PIPE) as viewer:
-        yield viewer, lambda: page(port)
-        viewer.kill()
+        try:
+            yield viewer, lambda: page(port)
+        finally:
+            viewer.kill()
 
 
 def page(port):
@@ -377,3 +380,18 @@ def test_clients_that_go_away_before_their_answers_do_not_end_the_viewer():
         assert warnings == []
     finally:
         viewer.close()
+
+
+def test_a_clock_that_was_set_after_the_start_of_the_node_makes_nothing_old(tmp_path):
+    """A robot without a clock of its own gets the time from the network."""
+    own = unix_at(0.0)
+    try:
+        use_clock_of(own - 3600.0)  # that of the node
+        record = FileRecord(str(tmp_path)).open()
+        with shown_by_hand(tmp_path) as (_, state):
+            record(SignOfLife({}))
+            wait_until(lambda: state() and json.loads(state())["alive"]["age"] is not None, 20.0)
+            wait_until(lambda: json.loads(state())["alive"]["age"] < 60.0, 2.0)
+        record.close()
+    finally:
+        use_clock_of(own)

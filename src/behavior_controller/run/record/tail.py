@@ -1,10 +1,11 @@
 """Reads a run line by line while it is written, to its end."""
 import contextlib
+import os
 import time
 from typing import Dict, Iterator, Optional
 
 from behavior_controller.errors import MissionError
-from behavior_controller.run.events import Line
+from behavior_controller.run.events import Line, use_clock_of
 from behavior_controller.run.record.codec import Decoder
 from behavior_controller.run.record.files import is_written, parts
 
@@ -27,6 +28,7 @@ def follow(path: str) -> Iterator[Line]:
             why = f"the record cannot be read: {error.strerror}"
             raise MissionError.of(path, why) from error
         if goes_on:
+            tail.use_clock()
             time.sleep(TAIL_POLL)
 
 
@@ -50,6 +52,12 @@ class RunTail:
                 self._places[file], self._decoder = 0, Decoder(file, self._decoder)
             assert self._decoder is not None
             yield from self._decoder.read_all(self._added(file))
+
+    def use_clock(self) -> None:
+        """Have ``unix_now`` follow the process that writes, if it is one of this computer."""
+        head = self._decoder.head if self._decoder is not None else None
+        if head is not None and head.unix_at_zero and os.path.exists(f"/proc/{head.pid}"):
+            use_clock_of(head.unix_at_zero)
 
     def _added(self, file: str) -> bytes:
         """Return the whole lines that were added to a file."""
