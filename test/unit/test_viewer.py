@@ -243,6 +243,29 @@ def test_the_terminal_s_signals_are_not_for_it(view):
     assert viewed.warnings == []
 
 
+STOPPED_CONTROLLER = CONTROLLER.replace("time.sleep(60.0)", """
+from behavior_controller.viewer import process
+process.NO_SIGN_LIMIT = 2.5
+for _ in sys.stdin:
+    time.sleep(0.5)
+    print(viewed.pid, viewed.warnings, flush=True)
+viewed.close()""")
+
+
+def test_it_stays_when_the_controller_is_stopped_for_a_while():
+    """Ctrl-Z in the terminal, and fg: either of two threads goes on first."""
+    with subprocess.Popen([sys.executable, "-c", STOPPED_CONTROLLER], env=ENVIRONMENT,
+                          stdin=subprocess.PIPE, stdout=subprocess.PIPE) as controller:
+        pid = int(controller.stdout.readline())
+        for _ in range(4):
+            os.kill(controller.pid, signal.SIGSTOP)
+            time.sleep(3.2)  # more than the limit without a sign of life
+            os.kill(controller.pid, signal.SIGCONT)
+            controller.stdin.write(b"\n")
+            controller.stdin.flush()
+            assert controller.stdout.readline().decode() == f"{pid} []\n"
+
+
 # ------------------------------------------------------------------------------ what it costs
 
 

@@ -58,7 +58,7 @@ class ViewerProcess:
         self._lines = 0  # that were handed over
         self._trouble = ""
         self._child: Optional["subprocess.Popen[bytes]"] = None
-        self._lived = self._started = 0.0
+        self._lived = self._started = self._checked = 0.0
         self._pause = PAUSES[0]
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._work, name="viewer", daemon=True)
@@ -105,7 +105,10 @@ class ViewerProcess:
         code = self._child.poll()
         if code is not None:
             return f"it was ended by signal {-code}" if code < 0 else f"it ended with code {code}"
-        if time.monotonic() - self._lived > NO_SIGN_LIMIT:
+        now, before, self._checked = time.monotonic(), self._checked, time.monotonic()
+        if now - before > NO_SIGN_LIMIT / 4:
+            self._lived = now  # this process was stopped, and has not read what came
+        if now - self._lived > NO_SIGN_LIMIT:
             return f"it gave no sign of life for {NO_SIGN_LIMIT:g} s"
         return "it did not take the lines of the run in time" if self._has_lost else ""
 
