@@ -300,7 +300,7 @@ def test_it_is_there_soon():
     """Half of the work are its libraries, which take a third of a second."""
     libraries = "import tornado.web, tornado.httpserver, zmq.asyncio, msgspec\nprint('true')"
     viewer = module.COMMAND[1:] + ["--port", str(free_port()), "--groot2-port", "0"]
-    assert work_to_first_line(*viewer) < 2.0 * work_to_first_line("-c", libraries)
+    assert work_to_page(*viewer) < 2.0 * work_to_page("-c", libraries)
 
 
 # ------------------------------------------------------------------- what it must not depend on
