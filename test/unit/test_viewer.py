@@ -1,6 +1,7 @@
 """The viewer as a process of its own: it shows the run that it is fed with, whatever happens to
 it."""
 import contextlib
+import errno
 import json
 import math
 import os
@@ -20,6 +21,7 @@ from behavior_controller.run.events import (
     Asked, BreakpointChanged, Noticed, RunFinished, SignOfLife, unix_at, use_clock_of)
 from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.viewer.board import Board
+from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode, header
 from behavior_controller.run.record.recorder import LineQueue, Record
 from behavior_controller.robot.requests import GoTo, Location
@@ -418,3 +420,25 @@ def test_a_clock_that_was_set_after_the_start_of_the_node_makes_nothing_old(tmp_
         record.close()
     finally:
         use_clock_of(own)
+
+
+def test_a_folder_that_takes_no_lock_is_shown_and_a_controller_starts_its_own(
+        tmp_path, monkeypatch):
+    record = FileRecord(str(tmp_path)).open()
+    record(Noticed("info", "in a folder without a lock"))
+    record.close()
+    (tmp_path / files.VIEWER).mkdir()  # as little to be opened as a file of a read-only disk
+    with shown_by_hand(tmp_path) as (viewer, state):
+        assert b"does not know of this viewer" in viewer.stderr.readline()
+        wait_until(lambda: "in a folder without a lock" in state(), 20.0)
+    (tmp_path / files.VIEWER).rmdir()
+    with files.watched(str(tmp_path)) as trouble:
+        assert (trouble, files.has_viewer(str(tmp_path))) == ("", True)
+
+    def refuse(file, operation):
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(files.fcntl, "flock", refuse)
+    with files.watched(str(tmp_path)) as trouble:
+        assert trouble.endswith("No locks available")
+        assert not files.has_viewer(str(tmp_path))

@@ -232,8 +232,9 @@ def _show_record(chosen: argparse.Namespace) -> int:
     place = folders.records() if chosen.record == LATEST else chosen.record
     shown = told = ""
     with contextlib.ExitStack() as stack:
-        if is_place and not stack.enter_context(watched(place)):
-            _print(f"another missionViewer shows {place} too: a controller knows of one of them")
+        trouble = is_place and stack.enter_context(watched(place))
+        if trouble:
+            _print(f"a controller that writes to {place} does not know of this viewer: {trouble}")
         while True:
             path = ""  # there is no run yet
             try:

@@ -73,25 +73,29 @@ VIEWER = "viewer.lock"
 
 
 @contextlib.contextmanager
-def watched(place: str) -> Iterator[bool]:
-    """Have ``has_viewer`` be true of a folder of runs meanwhile; yield whether no other viewer
-    does. Raises OSError."""
-    os.makedirs(place, 0o750, exist_ok=True)
-    with open(os.path.join(place, VIEWER), "ab") as file:
+def watched(place: str) -> Iterator[str]:
+    """Have ``has_viewer`` be true of a folder of runs meanwhile; yield why it is not, if so."""
+    with contextlib.ExitStack() as stack:
+        trouble = ""
         try:
+            os.makedirs(place, 0o750, exist_ok=True)
+            file = stack.enter_context(open(os.path.join(place, VIEWER), "ab"))
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            yield False
-        else:
-            yield True
+            trouble = "another missionViewer shows them too"
+        except OSError as error:  # such as a disk that is read-only
+            trouble = f"{error.filename or place}: {error.strerror}"
+        yield trouble
 
 
 def has_viewer(place: str) -> bool:
-    """Return whether a viewer shows all runs of a folder."""
+    """Return whether a viewer shows all runs of a folder; not if the file system has no locks."""
     try:
-        return is_written(os.path.join(place, VIEWER))
-    except OSError:
-        return False
+        with open(os.path.join(place, VIEWER), "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return isinstance(error, BlockingIOError)
+    return False
 
 
 def parts(path: str) -> List[str]:
