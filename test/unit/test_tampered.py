@@ -10,7 +10,8 @@ import pytest
 
 from behavior_controller.run.events import (
     EVENTS, BreakpointChanged, FeedbackReceived, HealthChanged, HookEnded, Line, Noticed, Paused,
-    Retried, RunFinished, Starting, RecognitionPending, StopChanged, Suspended)
+    Retried, RunFinished, Starting, RecognitionPending, StopChanged, Suspended,
+    TreeStatuses)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller import replay_cli as command
 from mission_rig import recorded, visitor_who
@@ -61,6 +62,7 @@ def record(tmp_path_factory):
         Suspended("-"),
         Starting("-"),
         HookEnded(1, 1, 1),
+        TreeStatuses("R-"),
         FeedbackReceived(1, "-")
     ]
     at = lines[began]["time"]

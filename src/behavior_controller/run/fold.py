@@ -583,8 +583,10 @@ def _ticked(state: State, event: Tick) -> State:
 
 
 def _tree_statuses(state: State, event: TreeStatuses) -> State:
-    running = {uid: state.at for uid, letter in enumerate(event.letters, 1) if letter == "R"}
-    return replace(state, letters=event.letters, running=running)
+    count = len(state.nodes)
+    letters = event.letters[:count].ljust(count, NOT_TICKED)
+    running = {uid: state.at for uid, letter in enumerate(letters, 1) if letter == "R"}
+    return replace(state, letters=letters, running=running)
 
 
 def _entries_written(state: State, event: EntriesWritten) -> State:
