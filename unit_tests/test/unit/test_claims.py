@@ -128,7 +128,7 @@ def test_a_master_is_asked_again_if_its_first_answer_is_late(master, monkeypatch
 
 def test_a_master_that_answers_without_end_is_one_line_in_time(master, monkeypatch):
     master([1, "", STATE])
-    monkeypatch.setattr(claims, "LIMIT", 0.2)
+    monkeypatch.setattr(claims, "CLAIMS_LIMIT", 0.2)
     monkeypatch.setattr(claims, "ask_master", lambda *_, **__: threading.Event().wait(5.0))
     with pytest.raises(NodesMissing):
         claims.check_test(of({}))
