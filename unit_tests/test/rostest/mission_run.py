@@ -43,7 +43,7 @@ class MissionRun(unittest.TestCase):
         test = configuration.defaults(visitorBehaviour=cls.behaviour, missionRuns=cls.runs,
                                       callTimes=configuration.NONE, testTimeout=cls.limit)
         around = world(cls.behaviour, settings.defaults(**cls.chosen))
-        facts = test_node.wait_for_end(options.of_process().folder, test, around)
+        facts = test_node.wait_for_end(options.Options(options.of_process(), test, around))
         cls.model, cls.journal, cls.exit_code = facts[:3]
         cls.requests = [line for line in cls.journal if line.call > 0]
         cls.verdict = judge(facts)
