@@ -212,8 +212,11 @@ def is_stale(reference, module):
     owners = [names for known, names in defined().items() if ("." + known).endswith("." + owner)]
     if not owners and owner in defined()[module]:
         owners = [set().union(*defined().values())]
-    if not owners and importlib.util.find_spec(owner.split(".")[0]) is not None:
+    library = owner.split(".")[0]
+    if not owners and importlib.util.find_spec(library) is not None:
         return not hasattr(importlib.import_module(owner), name)
+    if library in ROS | {"rospkg"}:  # which not every Python has
+        return False
     return not any(name in names for names in owners)
 
 
