@@ -14,7 +14,7 @@ from typing import Any, Callable, Deque, Dict, List, NoReturn, Optional, Tuple
 import rosgraph
 import rospy
 
-from behavior_controller import exit_codes, extensions
+from behavior_controller import exit_codes, extensions, folders
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -32,7 +32,7 @@ from behavior_controller.ros.handshakes import (
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.configuration import read_plan, report_faults, valid_values
-from behavior_controller.ros.outputs import NO_RECORD, Outputs, default_records
+from behavior_controller.ros.outputs import NO_RECORD, Outputs
 from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
@@ -178,7 +178,7 @@ class _Node:
         """Say what the robot may still do since the run before, if that was killed: this one does
         not take over. What cannot be found out is not said."""
         def find_out() -> str:
-            place = valid_values()["recordDirectory"] or default_records()
+            place = valid_values()["recordDirectory"] or folders.records()
             return may_be_live(place) if place != NO_RECORD else ""
 
         with contextlib.suppress(Exception):
@@ -241,7 +241,7 @@ class _Node:
         for doubt in extensions.doubts:
             self._console.warn(str(doubt))
         self._console.is_verbose = plan.settings.verbose_mode
-        return plan, plan.settings.record_directory or default_records()
+        return plan, plan.settings.record_directory or folders.records()
 
     def _open_log(self) -> None:
         """Write to rospy's log file from now on, or report why not."""

@@ -1,11 +1,9 @@
 """What is kept and shown of a run: the files of its record, the viewer, and the ROS interface."""
 import contextlib
-import os
 import socket
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional
 
 import rosgraph.network
-import rospkg
 
 from behavior_controller import folders
 from behavior_controller.bt.engine.tree import Tree
@@ -44,7 +42,7 @@ class Outputs:
         page, groot2 = values["monitorPort"], values["groot2Port"]
         if not page and not groot2:
             return
-        place = values["recordDirectory"] or default_records()
+        place = values["recordDirectory"] or folders.records()
         if place != NO_RECORD and has_viewer(place):
             self._tell("info", f"a missionViewer shows the runs in {place}: no other is started")
             return
@@ -105,11 +103,6 @@ class Outputs:
     def closers(self) -> List[Callable[[], None]]:
         """Return the functions that end all of it; each may take long."""
         return self.record.closers()
-
-
-def default_records() -> str:
-    """Return the folder of the records if the configuration names none."""
-    return os.path.join(rospkg.get_log_dir(), folders.RECORDS)
 
 
 def _url(address: str, port: int) -> str:
