@@ -92,7 +92,7 @@ def play(*steps, behaviour=ENGAGES, faults=0, calm=None, times=None, **played):
     """Return a play of 100 s with these steps: from 1 s after the beginning, a second apart, if
     ``times`` does not say when."""
     moments = times or [float(number) for number in range(1, len(steps) + 1)]
-    events = [(START, shown(TREE, [])), (START, PassStarted(1, START))]
+    events = [(START, shown(TREE)), (START, PassStarted(1, START))]
     events += [(START + at + number / 1000, event) for at, step in zip(moments, steps)
                for number, event in enumerate(step)]
     given = dict(events=events, journal=[], exit_code=0, cut_off="", errors=[], reached=frozenset(),

@@ -123,7 +123,7 @@ class Served(Groot2Publisher):
 
     def show(self, tree):
         self._feed.follow(tree)
-        self._feed.put(shown, tree, SPECS, (), next(self._numbers))
+        self._feed.put(shown, tree, next(self._numbers), SPECS)
         self._breakpoints.show(tree)
 
     def _emit(self, event):

@@ -66,7 +66,7 @@ class Hooks(HookList):
         self.held = []
         self.nodes = Breakpoints(self._take, tell)
         self.nodes.show(tree)
-        super().__init__(shown(tree, SPECS), self.nodes.change)
+        super().__init__(shown(tree, specs=SPECS), self.nodes.change)
 
     def _take(self, event):
         if isinstance(event, BreakpointChanged):

@@ -279,7 +279,7 @@ def test_of_a_node_are_kept_its_pause_and_what_follows_it():
               "<Sleep msec='1500'/><Sleep msec='{pause}'/><Delay delay_msec='250'>"
               "<AlwaysSuccess _skipIf='false'/></Delay></Sequence></BehaviorTree></root>")
     assert [(node.type, node.parent, node.pause, node.next)
-            for node in shown(rig.tree, []).nodes] == [
+            for node in shown(rig.tree).nodes] == [
         ("Sequence", 0, 0.0, (0,)), ("Sleep", 1, 1.5, (3,)), ("Sleep", 1, -1.0, ()),
         ("Delay", 1, 0.25, (0,)), ("AlwaysSuccess", 4, 0.0, (0,))]
 

@@ -521,7 +521,7 @@ def test_nodes_stand_in_lists_below_their_parents(parents, expected):
 def loaded(body):
     """Return the text of a mission with this body, and its tree as it is recorded."""
     text = f"<root BTCPP_format='4'><BehaviorTree ID='M'>\n{body}\n</BehaviorTree></root>\n"
-    return text, shown(load_text(text, registry(), "/m/first.xml"), registry().all())
+    return text, shown(load_text(text, registry(), "/m/first.xml"), specs=registry().all())
 
 
 @pytest.mark.parametrize("node, letters, is_bare, has_run", [

@@ -54,7 +54,7 @@ class Situation:
 
     def __init__(self, rig):
         self.rig = rig
-        self.run = Run([Line(rig.clock.now(), tree_shown(rig.tree, ()))])
+        self.run = Run([Line(rig.clock.now(), tree_shown(rig.tree))])
         rig.mission.events.subscribe(self._take)
         self.entries = Entries(rig.tree)
         rig.tree.follow(self._follow)
@@ -470,7 +470,7 @@ def rows(body):
     """Return a tree as the record has it."""
     return tree_shown(bt.load_text(
         "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>" + body +
-        "</BehaviorTree><BehaviorTree ID='S'><A/></BehaviorTree></root>", TYPES), ())
+        "</BehaviorTree><BehaviorTree ID='S'><A/></BehaviorTree></root>", TYPES))
 
 
 def around(kind, body="<A/>"):

@@ -232,4 +232,4 @@ def missions() -> List[str]:
 
 def describe(tree: Tree, number: int) -> TreeShown:
     """Return the event for a mission's tree that is going to run, the ``number``-th of the run."""
-    return shown(tree, leaves.registry().all(), data.TIMES, number)
+    return shown(tree, number, leaves.registry().all(), data.TIMES)

@@ -22,7 +22,7 @@ from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode
 from behavior_controller.run.record.feed import Feed
 from behavior_controller.run.record.outset import Outset
-from behavior_controller.run.record.tree_shown import Describe, describe_alone
+from behavior_controller.run.record.tree_shown import Describe, shown
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.gateway import Sample, Topics
 
@@ -83,7 +83,7 @@ class Record(Feed, Topics):
     """Makes the lines of a run, and hands them to its ``outputs``. A sink of events, and the
     robot's topics as the mission reads them."""
 
-    def __init__(self, *outputs: Output, describe: Describe = describe_alone):
+    def __init__(self, *outputs: Output, describe: Describe = shown):
         """``describe`` makes the event for a tree that is going to run; its number counts them."""
         super().__init__()
         self._outputs = list(outputs)

@@ -19,22 +19,17 @@ Describe = Callable[[Tree, int], TreeShown]
 """Makes the event for a tree that is going to run, and for its number."""
 
 
-def shown(tree: Tree, specs: Sequence[NodeSpec] = (), times: Sequence[str] = (),
-          number: int = 1) -> TreeShown:
-    """Return the event for a tree that is going to run. ``specs`` are the node types to describe,
-    ``times`` the entries whose values are times of the mission's clock, and ``number`` counts the
-    trees of the run."""
+def shown(tree: Tree, number: int = 1, specs: Sequence[NodeSpec] = (),
+          times: Sequence[str] = ()) -> TreeShown:
+    """Return the event for a tree that is going to run, the ``number``-th of the run. ``specs`` are
+    the node types to describe, and ``times`` the entries whose values are times of the mission's
+    clock."""
     types = {node.registration_id for node in tree.nodes}
     successors = Successors(tree.nodes)
     return TreeShown(
         tree.id, [_shown_node(node, successors) for node in tree.nodes], list(tree.blackboards),
         {spec.id: spec.summary for spec in specs if spec.id in types}, full_tree(tree, specs),
         list(times), number)
-
-
-def describe_alone(tree: Tree, number: int) -> TreeShown:
-    """Return the event for a tree without what is known of its types."""
-    return shown(tree, (), (), number)
 
 
 def _shown_node(node: Any, successors: Successors) -> TreeNode:
