@@ -16,9 +16,9 @@ from py_trees.common import Status
 from behavior_controller.cli import create_tree
 from behavior_controller.run import history as run_module
 from behavior_controller.run.events import (
-    PULSE, EntriesWritten, HealthChanged, LeafFinished, LeafSummary, Noticed, PassFinished,
-    PassStarted, Recovering, RunFinished, RunStarted, Sources, StepStarted, Suspended, Tick,
-    TreeNode, TreeShown)
+    PULSE, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, LeafSummary, Noticed,
+    PassFinished, PassStarted, Recovering, RunFinished, RunStarted, Sources, StepStarted,
+    Suspended, Tick, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import GONE
 from behavior_controller.run.state import State
@@ -476,6 +476,14 @@ def test_calls_and_the_age_of_topics_are_part_of_the_health(monkeypatch):
     assert seen["age"] == 3.3
     goal = parts["/robotNavigation/set_goal"]
     assert (goal["calls"], goal["failures"], goal["seconds"], goal["age"]) == (0, 0, None, None)
+
+
+def test_calls_are_counted():
+    shown, failed = view.View(), Failure(Cause.REFUSED, "-", "/say")
+    for call, (seconds, result) in enumerate(((0.5, Answer()), (2.0, failed), (1.0, failed)), 1):
+        shown.take(10.0 * call, Asked(call, "/say", Say("")))
+        shown.take(10.0 * call + seconds, Answered(call, result))
+    assert shown.calls["/say"] == (3, 2, 1.0)
 
 
 def test_there_is_a_sign_of_life_every_second_though_nothing_happens():

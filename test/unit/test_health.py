@@ -3,7 +3,7 @@ from msgspec.structs import replace
 
 from behavior_controller.run.events import Events, HealthChanged
 from behavior_controller.run.health import (
-    CallCount, GONE, Health, SLOW, available_again, gone)
+    GONE, Health, SLOW, available_again, gone)
 
 DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer",
                      "the robot cannot speak", GONE)
@@ -67,16 +67,6 @@ def test_each_respect_is_for_itself():
     assert published(health) == [replace(DEAD, respect=SLOW), DEAD]
 
 
-def test_calls_are_counted():
-    health = Health()
-    for seconds, has_failed in ((0.5, False), (2.0, True), (1.0, True)):
-        health.ended("/say", seconds, 9.0, has_failed)
-    assert health.calls["/say"] == CallCount(3, 2, 2, 1.0)
-    health.ended("/say", 0.25, 9.0, False)
-    assert health.calls["/say"].in_a_row == 0
-    assert published(health) == []
-
-
 def statuses(health):
     return [(event.is_well, event.status.split(":")[0]) for event in published(health)]
 
@@ -97,7 +87,7 @@ def test_calls_of_a_node_that_is_gone_do_not_make_it_failing_when_it_is_back():
     for _ in range(4):
         health.ended("/say", 0.1, 9.0, True)
     health.report(GONE, BACK)
-    assert published(health) == [BACK] and health.calls["/say"].failures == 4
+    assert published(health) == [BACK]
 
 
 def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline():

@@ -6,7 +6,7 @@ reported twice and recovery and operator get the same information (D5.4.3 sectio
 monitoring).
 """
 import collections
-from typing import Callable, Deque, Dict, List, Mapping, NamedTuple, Tuple
+from typing import Callable, Deque, Dict, List, Tuple
 
 from msgspec.structs import replace
 
@@ -34,23 +34,12 @@ def available_again(kind: str, name: str, node: str) -> HealthChanged:
     return HealthChanged(kind, name, node, True, "available again", "")
 
 
-class CallCount(NamedTuple):
-    """The calls of a service so far: how many ended, how many failed, and the seconds of the last.
-    """
-
-    calls: int = 0
-    failures: int = 0
-    in_a_row: int = 0  # failures since the last success
-    last_seconds: float = 0.0
-
-
 class Health:
     """The state of each service and topic, by resolved name, in each respect that is monitored
     (``GONE`` …).
 
     Any thread may call ``report``, which only queues its argument for ``publish``, and ``hear``,
-    and may read ``last_arrivals`` by name. All else belongs to the tick thread, but ``calls`` is
-    replaced as a whole, so any thread may read it.
+    and may read ``last_arrivals`` by name. All else belongs to the tick thread.
     """
 
     @tick_thread_only
@@ -61,7 +50,7 @@ class Health:
         self._troubles: Dict[Tuple[str, str], HealthChanged] = {}  # by name and respect
         self._changes: List[HealthChanged] = []
         self._counts = True
-        self.calls: Mapping[str, CallCount] = {}
+        self._failures: Dict[str, int] = {}  # of each service since its last success
         self.last_arrivals: Dict[str, float] = {}
         """The time of each topic's last message (monotonic seconds)."""
 
@@ -88,13 +77,9 @@ class Health:
               kind: str = "service") -> None:
         """Count a call that ended after ``seconds``; its ``deadline`` decides whether that was
         slow."""
-        before = self.calls.get(service, CallCount())
         # of a node that is gone something stronger is known, which ends when it is started again
         is_counted = has_failed and self._counts and not self.is_gone(service)
-        row = before.in_a_row + 1 if is_counted else 0
-        failures = before.failures + 1 if has_failed else before.failures
-        counted = CallCount(before.calls + 1, failures, row, seconds)
-        self.calls = {**self.calls, service: counted}
+        row = self._failures[service] = self._failures.get(service, 0) + 1 if is_counted else 0
         if row >= FAILURES_IN_A_ROW:
             self._note(HealthChanged(kind, service, "", False, f"failing: {row} calls in a row",
                                      "the recovery policy says what is left out", FAILING))
