@@ -3,8 +3,8 @@ shows how to use it alone.
 
 Its folders use one another one way: ``values`` < ``script`` < ``engine`` (node types, and the tick
 pipeline that all nodes share) < ``loader`` (from a file to every fault and the tree) < ``linter``
-(warnings). The names in ``__all__`` are for use outside of the project; changes of their meaning are
-listed in the changelog.
+(warnings). The names in ``__all__`` are for use outside of the project; changes of their meaning
+are listed in the changelog.
 """
 import importlib.util
 import os

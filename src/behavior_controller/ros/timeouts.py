@@ -60,9 +60,9 @@ def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bo
               is_slow: Callable[[], None] = lambda: None) -> Any:
     """Return what ``work()`` returns on another thread, or raise what it raises.
 
-    ``is_slow`` is called, on this thread, if it has not ended after ``NOTICE_AFTER`` seconds. Raises
-    ``Stopped`` as soon as ``wake`` is signalled and ``is_stopped()``, ``Late`` after ``seconds``,
-    and RuntimeError if no thread can be started.
+    ``is_slow`` is called, on this thread, if it has not ended after ``NOTICE_AFTER`` seconds.
+    Raises ``Stopped`` as soon as ``wake`` is signalled and ``is_stopped()``, ``Late`` after
+    ``seconds``, and RuntimeError if no thread can be started.
     """
     thread, outcome = begin("apart", work)
     outcome.add_done_callback(lambda _: wake.emit())

@@ -1,5 +1,5 @@
-"""Warns of what loads, but is probably a mistake: the one walk over a checked mission's elements, on
-which each rule looks at each of them."""
+"""Warns of what loads, but is probably a mistake: the one walk over a checked mission's elements,
+on which each rule looks at each of them."""
 from typing import List
 
 from behavior_controller.bt.linter.calls import check_call, check_entries

@@ -44,7 +44,8 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see
     ``checks.check``; ``enums`` are names of integers for scripts; ``substitutes`` are substitution
     rules; ``clock`` and ``wake`` are those of a tree that the new one replaces; ``lint`` is
-    ``walker.lint`` to add its warnings; ``checked`` is the result of ``checks.check``, to build another tree.
+    ``walker.lint`` to add its warnings; ``checked`` is the result of ``checks.check``, to
+    build another tree.
     """
     trees = checked or check(documents, registry, main_tree, strict)
     services = Services(clock or Clock(), wake or WakeUp(), enums or {})
