@@ -91,13 +91,18 @@ class SetAnimation(Request, frozen=True):
 
 
 class PerformGesture(Request, frozen=True):
-    """``iconic`` or ``deictic`` gesture number ``id``; ``target`` matters to deictic ones only."""
+    """``iconic`` or ``deictic`` gesture number ``id``; ``target`` matters to deictic ones only.
+
+    So do ``arm`` and ``shape`` (of the hand), which a robot of release 1.1 needs.
+    """
 
     type: str
     id: int
     duration_ms: int
     target: Point = Point(0.0, 0.0, 0.0)
     bow_nod_angle_deg: int = 0
+    arm: str = ""
+    shape: str = ""
 
     @property
     def words(self) -> Words:
@@ -213,6 +218,21 @@ class Listen(Request, frozen=True):
 
     effect = NO_EFFECT
     seconds: float
+
+
+# -------------------------------------------------------------------------- requests of release 1.1
+
+
+class PerformGestureGoal(PerformGesture, frozen=True):
+    """Make the gesture as the goal of an action."""
+
+
+class GoToGoal(GoTo, frozen=True):
+    """Drive as the goal of an action."""
+
+
+class SayGoal(Say, frozen=True):
+    """Speak as the goal of an action."""
 
 
 class Answer(Struct, frozen=True, tag=True, tag_field="_type"):
