@@ -131,6 +131,16 @@ def test_all_runs_from_the_workspace(home, sourced):
              "visitorBehaviour:=declines arrivalRate:=6000 failureRate:=0 callTimes:=none")
 
 
+def test_a_program_starts_with_the_python_that_it_was_built_with(home, sourced):
+    other = home / "other_python"
+    other.mkdir(exist_ok=True)
+    (other / "python3").write_text("#!/bin/sh\necho another python; exit 9\n")
+    (other / "python3").chmod(0o755)
+    shell = Shell(home, str(sourced))
+    shell.do(f"export PATH={other}:$PATH; rosrun cssr_system validateMission --help && "
+             "rosrun unit_tests runTest --help && py-trees-render --help")
+
+
 def test_no_package_of_the_system_is_shadowed(home, workspace):
     added = [path.name for path in (workspace / "src/cssr_system/python_packages").iterdir()
              if "." not in path.name]
