@@ -294,7 +294,6 @@ def _fixed(derive: Callable[[], str]) -> Part:
 
 PARTS: Dict[str, Dict[str, Part]] = {
     "env-hooks/60.cssr_system.bash": {"words": _fixed(completion)},
-    "README.md": {"keys": _fixed(lambda: keys_table("key", settings.KEYS))},
     "docs/architecture.md": {"rooms": _fixed(house.drawing), "modules": _fixed(house.table)},
     "docs/authors_guide.md": {"findings": _fixed(rehearsal_findings)},
     "docs/reference.md": {

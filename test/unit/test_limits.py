@@ -18,7 +18,7 @@ DEADLINES = [
     "animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention", "robotNavigation",
     "tabletEvent", "textToSpeech"
 ]
-RANGES = [  # the first two are taken, the others are not; as the README's table says
+RANGES = [  # the first two are taken, the others are not; as the reference says
     ("missionRuns", "0", "1000000000", "-1", "1000000001"),
     ("startupTimeout", "0", "86400", "-0.001", "86400.001"),
     ("topicMaxAge", "0.001", "86400", "0", "86400.001"),
