@@ -89,7 +89,7 @@ class TestNodesAlone(unittest.TestCase):
             self.assertTrue(answered.wait(LIMIT))
 
     def test_requests_are_refused_at_the_failure_rate(self):
-        self.start("robotNavigation", "_failureRate:=1")
+        self.start("robotNavigation", "_failureRate:=1", "_callTimes:=none")
         rospy.wait_for_service("/robotNavigation/set_goal", LIMIT)
         go = rospy.ServiceProxy("/robotNavigation/set_goal", robotNavigationService,
                                 persistent=True)
