@@ -16,6 +16,7 @@ from msgspec.structs import asdict
 
 from behavior_controller import exit_codes
 from behavior_controller.config import settings
+from behavior_controller.config.config_file import Reader, integer, number, one_of
 from behavior_controller.errors import BehaviorControllerError, ConfigurationError, Fault
 from behavior_controller.missions.load import find
 from behavior_controller.output_files import page_of
@@ -108,30 +109,22 @@ class Plan:
 # ---------------------------------------------------------------------------------------- arguments
 
 
-def _one_of(*words: str) -> Callable[[str], str]:
-    def read(text: str) -> str:
-        if text not in words:
-            hint = did_you_mean(text, words) or f"allowed: {', '.join(words)}"
-            raise argparse.ArgumentTypeError(f"there is no {text or 'empty word'} ({hint})")
-        return text
-    return read
+def _word(*words: str) -> Callable[[str], str]:
+    return _allowed(one_of(*words), words)
+
+
+def _allowed(read: Reader[Any], words: Sequence[str] = ()) -> Callable[[str], Any]:
+    def parse_value(text: str) -> Any:
+        try:
+            return read(text)
+        except ValueError:
+            hint = did_you_mean(text, words) or f"allowed: {read.allowed}"
+            raise argparse.ArgumentTypeError(f"it cannot be {text or 'empty'} ({hint})") from None
+    return parse_value
 
 
 def _list_of(read: Callable[[str], Any]) -> Callable[[str], List[Any]]:
     return lambda text: [read(item.strip()) for item in text.split(",")]
-
-
-def _visitor(text: str) -> str:
-    return ALIASES.get(text) or _one_of(*BEHAVIOURS)(text)
-
-
-def _number(least: float, most: float, kind: Callable[[str], Any] = float) -> Callable[[str], Any]:
-    def read(text: str) -> Any:
-        with suppress(ValueError):
-            if least <= kind(text) <= most:
-                return kind(text)
-        raise argparse.ArgumentTypeError(f"it cannot be {text} (allowed: {least:g} to {most:g})")
-    return read
 
 
 def _planned(text: str) -> PlannedFault:
@@ -141,7 +134,7 @@ def _planned(text: str) -> PlannedFault:
     if form is None:
         raise argparse.ArgumentTypeError(f"{text} is not of the form node:call:kind")
     node, call, plus, kind = form.groups()
-    return PlannedFault(node, int(call), _one_of(*KINDS)(kind or KINDS[0]), bool(plus))
+    return PlannedFault(node, int(call), _word(*KINDS)(kind or KINDS[0]), bool(plus))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -159,27 +152,27 @@ def _parser() -> argparse.ArgumentParser:
     def option(name: str, read: Callable[[str], Any], metavar: str, meaning: str) -> None:
         parser.add_argument("--" + name, type=read, metavar=metavar, help=meaning)
 
-    option("faults", _one_of(*FAULTS), "|".join(FAULTS),
+    option("faults", _word(*FAULTS), "|".join(FAULTS),
            "each single fault (every call in every way, every service for good, every topic "
            "silent; the default), also each two of them, or none")
-    option("visitors", _list_of(_visitor), "NAMES",
+    option("visitors", _list_of(lambda text: ALIASES.get(text) or _word(*BEHAVIOURS)(text)), "NAMES",
            f"some of {', '.join(BEHAVIOURS)}, with commas between them; all if not given, with "
            f"--runs {ENGAGES}")
-    option("kinds", _list_of(_one_of(*KINDS)), "NAMES",
+    option("kinds", _list_of(_word(*KINDS)), "NAMES",
            f"in which ways calls go wrong: some of {', '.join(KINDS)}")
     option("planned", _list_of(_planned), "NODE:CALL:KIND",
            "calls that go wrong, with commas between them, instead of --faults; with a plus "
            "after the call, each later call too")
     option("silent", _list_of(str), "TOPICS", "topics that are silent, as --planned")
-    option("runs", _number(1, 1e6, int), "N",
+    option("runs", _allowed(integer(1, 10 ** 6)), "N",
            "play N passes for each failure rate, with random faults, instead of --faults")
     rates = ", ".join(f"{rate:g}" for rate in RATES)
-    option("failureRate", _list_of(_number(0, 1)), "P",
+    option("failureRate", _list_of(_allowed(number(0, 1))), "P",
            f"failure rates for --runs, with commas between them; {rates} if not given")
-    option("seed", _number(1, 1e9, int), "N", "the first seed for --runs; 1 if not given")
-    option("limit", _number(1, 1e6), "SECONDS",
+    option("seed", _allowed(integer(1, 10 ** 9)), "N", "the first seed for --runs; 1 if not given")
+    option("limit", _allowed(number(1, 10 ** 6)), "SECONDS",
            f"of the mission's time, after which a pass does not end; {PASS_LIMIT:g} if not given")
-    option("jobs", _number(1, 1024, int), "N", "processes; one for each core if not given")
+    option("jobs", _allowed(integer(1, 1024)), "N", "processes; one for each core if not given")
     parser.set_defaults(planned=[], silent=[], limit=PASS_LIMIT, jobs=len(os.sched_getaffinity(0)))
     parser.add_argument("--json", action="store_true", help="print all as JSON")
     parser.add_argument("--html", metavar="FILE", help="write all as a web page, too: a new file, "

@@ -5,7 +5,7 @@ import itertools
 import multiprocessing
 import signal
 from contextlib import ExitStack, contextmanager
-from functools import lru_cache, partial
+from functools import lru_cache
 from multiprocessing.pool import Pool
 from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
                     Optional, Sequence, Set, Tuple)
@@ -124,6 +124,10 @@ class ScenarioRunner:
         self.stage: Callable[[bool], LoadedMission] = lru_cache(maxsize=None)(self._stage)
         """Returns the stage, by voice or not. Raises FaultsFound if it cannot be played."""
         self._calm_play: Callable[[Scenario], Play] = lru_cache(maxsize=None)(self.play)
+
+    def __reduce__(self) -> Tuple[Any, ...]:
+        """Have another process make its own from the same arguments, once."""
+        return _of_process, (tuple(self.chosen.items()), self.mission, self.limit)
 
     def _stage(self, by_voice: bool) -> LoadedMission:
         own = dict(asrEnabled=by_voice, scenarioSpecification=mission_name(self.mission))
@@ -343,30 +347,22 @@ def _below(node: Any) -> Set[int]:
 # ------------------------------------------------------------------------------------- on all cores
 
 
-PlayAll = Callable[[Sequence[Scenario]], Iterator[Outcome]]
-
-
 @lru_cache(maxsize=1)
-def _theatre(chosen: Tuple[Tuple[str, Any], ...], mission: str, limit: float) -> ScenarioRunner:
+def _of_process(chosen: Tuple[Tuple[str, Any], ...], mission: str, limit: float) -> ScenarioRunner:
     return ScenarioRunner(dict(chosen), mission, limit)
 
 
-def _evaluate(arguments: Tuple[Any, ...], scene: Scenario) -> Outcome:
-    """Play a scene in another process, whose theatre has these arguments."""
-    return _theatre(*arguments).evaluate(scene)
-
-
 @contextmanager
-def players(theatre: ScenarioRunner, jobs: int) -> Iterator[PlayAll]:
-    """Give a function that yields the result of each scene as soon as it is known."""
+def players(runner: ScenarioRunner, jobs: int
+            ) -> Iterator[Callable[[Sequence[Scenario]], Iterator[Outcome]]]:
+    """Give a function that yields the result of each scenario as soon as it is known."""
     with ExitStack() as processes:
         pool = lru_cache()(lambda: processes.enter_context(_pool(jobs)))
 
-        def play_all(scenes: Sequence[Scenario]) -> Iterator[Outcome]:
-            if jobs <= 1 or len(scenes) <= FEW:
-                return map(theatre.evaluate, scenes)
-            arguments = tuple(theatre.chosen.items()), theatre.mission, theatre.limit
-            return pool().imap_unordered(partial(_evaluate, arguments), scenes, CHUNK)
+        def play_all(scenarios: Sequence[Scenario]) -> Iterator[Outcome]:
+            if jobs <= 1 or len(scenarios) <= FEW:
+                return map(runner.evaluate, scenarios)
+            return pool().imap_unordered(runner.evaluate, scenarios, CHUNK)
 
         yield play_all
 
