@@ -44,7 +44,7 @@ from behavior_controller.run.events import (  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.text import Source, count  # noqa: E402
 from unit_tests.judge.facts import LATE, Facts  # noqa: E402
-from unit_tests.judge.verdict import judge  # noqa: E402
+from unit_tests.judge.verdict import Verdict  # noqa: E402
 from behavior_controller.simulation.behaviour import OPTIONAL  # noqa: E402
 from behavior_controller.simulation.faults import KINDS, REFUSED  # noqa: E402
 from behavior_controller.simulation.rehearsal.play import (  # noqa: E402
@@ -73,7 +73,7 @@ def verdict_on(on: LoadedMission, test: Configuration, played: RunResult) -> Tup
     """Return the objections of the judge to a play; none: PASSED."""
     facts = Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
                   on.mission, played.cut_off, has_timed_out=played.has_timed_out)
-    return judge(facts).objections
+    return Verdict(facts).objections
 
 
 # --------------------------------------------------------------------------------------- sharpness

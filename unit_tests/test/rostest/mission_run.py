@@ -9,7 +9,7 @@ from behavior_controller.simulation.world import world
 
 from unit_tests.robot import options
 from unit_tests.run import test_node
-from unit_tests.judge.verdict import judge
+from unit_tests.judge.verdict import Verdict
 
 from expected import animate, attend
 
@@ -46,7 +46,7 @@ class MissionRun(unittest.TestCase):
         facts = test_node.wait_for_end(options.Options(options.of_process(), test, around))
         cls.model, cls.journal, cls.exit_code = facts[:3]
         cls.requests = [line for line in cls.journal if line.call > 0]
-        cls.verdict = judge(facts)
+        cls.verdict = Verdict(facts)
 
     def assert_ended_with_success(self):
         """Expect exit code 0 and a verdict without objections."""

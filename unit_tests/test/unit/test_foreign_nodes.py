@@ -20,7 +20,7 @@ from behavior_controller.robot.requests import Say
 from behavior_controller.simulation.behaviour import SERVICES
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 
-from unit_tests.judge.verdict import judge
+from unit_tests.judge.verdict import Verdict
 
 from plays import changed, facts
 
@@ -104,7 +104,7 @@ def test_its_entries_are_those_of_the_record(inner, entry, name):
                for item in line.event.entries if item[0].endswith("parity") or item[0] == "kept"]
     assert [text for _, text in written] == ["odd", None, "odd"]
     assert all(item[0].endswith(name) for item in written)
-    assert judge(of_test).objections == ()
+    assert Verdict(of_test).objections == ()
 
 
 def test_what_comes_of_its_result_is_judged():
@@ -117,7 +117,7 @@ def test_what_comes_of_its_result_is_judged():
                        for number, letter in line.event.changes]
             return [replace(line, event=replace(line.event, changes=changes))]
         return [line]
-    assert not judge(changed(of_test, failed)).passed
+    assert not Verdict(changed(of_test, failed)).passed
 
 
 def test_an_end_of_it_on_record_that_its_status_is_not_is_objected_to():
@@ -125,7 +125,7 @@ def test_an_end_of_it_on_record_that_its_status_is_not_is_objected_to():
         is_its = isinstance(line.event, LeafFinished) and line.event.node == "CountVisits"
         event = replace(line.event, status="FAILURE") if is_its else line.event
         return [replace(line, event=event)]
-    text, = judge(changed(of_mission(INNER.format(""), "{parity}"), failed)).objections
+    text, = Verdict(changed(of_mission(INNER.format(""), "{parity}"), failed)).objections
     assert "CountVisits ended with SUCCESS; on record is FAILURE although it did not fail" in text
 
 
@@ -139,20 +139,20 @@ def test_one_that_takes_its_time_runs_as_long_as_on_record(steps, seconds, outco
     of_test = facts(on=LoadedMission(settings.defaults(), [parse(PONDERING.format(steps))]))
     visit, = of_test.run.visits
     assert (visit.outcome, visit.seconds) == (outcome, pytest.approx(seconds, abs=0.1))
-    assert judge(of_test).objections == ()
+    assert Verdict(of_test).objections == ()
 
 
 def test_what_its_phrases_say_is_judged_and_a_question_of_it_is_answered():
     steps = "<CountingSpeech/><CountingQuestion/><Sleep msec='2000'/><IsYesNoUttered/>"
     of_test = facts(on=LoadedMission(settings.defaults(), [parse(PONDERING.format(steps))]))
     visit, = of_test.run.visits
-    assert visit.outcome == "SUCCESS" and judge(of_test).objections == ()
+    assert visit.outcome == "SUCCESS" and Verdict(of_test).objections == ()
 
     def other(line):
         is_it = isinstance(line.event, Asked) and line.event.request == Say("One, two.")
         event = replace(line.event, request=Say("One, three.")) if is_it else line.event
         return [replace(line, event=event)]
-    assert any("One, three." in text for text in judge(changed(of_test, other)).objections)
+    assert any("One, three." in text for text in Verdict(changed(of_test, other)).objections)
 
 
 CRASH = ("textToSpeech:1:crash",)
@@ -163,21 +163,21 @@ def test_what_it_asks_of_a_node_that_no_test_simulates_is_judged_by_the_record(f
     of_test = facts(fault)
     without = of_test._replace(
         journal=[line for line in of_test.journal if line.node != "textToSpeech"])
-    assert any("never got the request" in text for text in judge(without).objections)
+    assert any("never got the request" in text for text in Verdict(without).objections)
     with mock.patch.dict(SERVICES):
         del SERVICES[Say]
-        verdict = judge(without)
+        verdict = Verdict(without)
     assert verdict.objections == () and "only witness: textToSpeech" in str(verdict)
 
 
 def test_a_message_without_a_subscriber_need_not_be_noticed_by_the_monitor():
     unnoticed = changed(facts(CRASH), lambda line: [] if isinstance(line.event, HealthChanged)
                         else [line])
-    assert any("that was not noticed" in text for text in judge(unnoticed).objections)
+    assert any("that was not noticed" in text for text in Verdict(unnoticed).objections)
     interface = unnoticed.world.settings.interface
     say = interface.service(Say)
     fields = {field.name: getattr(say, field.name) for field in dataclasses.fields(say)}
     services = tuple(Publication(**fields) if service is say else service
                      for service in interface.services)
     with mock.patch.object(interface, "services", services):
-        assert not any("not noticed" in text for text in judge(unnoticed).objections)
+        assert not any("not noticed" in text for text in Verdict(unnoticed).objections)

@@ -26,7 +26,7 @@ from behavior_controller.simulation.virtual_robot import VirtualTopics
 
 from unit_tests.judge import reference
 from unit_tests.judge.failures import failure_rows
-from unit_tests.judge.verdict import Case, judge
+from unit_tests.judge.verdict import Verdict
 
 from plays import changed, facts, of_test_with
 
@@ -51,7 +51,7 @@ def policy(text):
 
 
 def objections(of_test):
-    return judge(of_test).objections
+    return Verdict(of_test).objections
 
 
 def from_then_on(time, seconds):
@@ -381,7 +381,7 @@ def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
 def test_each_attempt_of_a_recovery_has_its_row():
     with policy(POLICY.format("SocialOvertAttentionMode")):
         of_test = of_mission(STEP, ["textToSpeech:1", "textToSpeech:2", "overtAttention:1"])
-    rows = failure_rows(of_test, Case(of_test).witness)
+    rows = failure_rows(of_test, Verdict(of_test).witness)
     assert [(row.node, row.call, row.recovery) for row in rows] == [
         ("FollowMeSpeech", "textToSpeech:1", "tried again"),
         ("FollowMeSpeech", "textToSpeech:2", "SocialOvertAttentionMode instead"),
@@ -517,7 +517,7 @@ def test_a_pass_that_failed_otherwise_waits_too_for_what_it_gave_up_a_step_for(t
 def test_a_test_that_ends_while_the_mission_waits_for_a_service_has_passed():
     of_test = given_up(test_timeout=1.5, **TWO_PASSES)
     assert of_test.has_timed_out and len(of_test.run.visits) == 1
-    verdict = judge(of_test)
+    verdict = Verdict(of_test)
     assert verdict.passed and "it waited for the end of a cause that persists" in str(verdict)
     under_way = given_up('<Sleep msec="4000"/><AlwaysFailure/>', test_timeout=6.0, **TWO_PASSES)
     assert [event.number for _, event in times(under_way, PassStarted)] == [1, 2]
@@ -696,7 +696,7 @@ def test_what_is_due_at_the_end_of_a_test_is_no_wait_for_the_visitor():
                          chosen={"conditionWait": 3000.0}, visitor_behaviour="silent",
                          test_timeout=900.0)
     cut_off = of_test.cut_off
-    assert of_test.has_timed_out and judge(of_test).passed  # it has waited for long enough
+    assert of_test.has_timed_out and Verdict(of_test).passed  # it has waited for long enough
     lines = [line for line in of_test.run.lines if line.time < 6020.0]
     wait, = objections(of_test._replace(run=Run(lines), journal=[
         line for line in of_test.journal if line.time < 6020.0]))
@@ -747,7 +747,7 @@ def test_what_is_on_record_before_the_mission_begins_is_not_judged():
     earlier = [Line(line.time - 100.0, line.event) for line in lines[begun:]
                if not isinstance(line.event, (TreeShown, RunStarted))]
     unjudged = of_test._replace(run=Run(earlier + lines))
-    assert Case(unjudged).execution.difference == ""
+    assert Verdict(unjudged).execution.difference == ""
 
 
 # -------------------------------------------------------------------------------- nodes one by one

@@ -12,8 +12,6 @@ import pytest
 from behavior_controller.config import knowledge_files
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.run.events import HealthChanged, Noticed
-from behavior_controller.run.record.recorder import Record, RecordFiles
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.simulation import configuration
 from behavior_controller.simulation.behaviour import NODES, nodes
@@ -21,7 +19,6 @@ from behavior_controller.simulation.world import load_building
 
 from unit_tests.robot import options
 from unit_tests.run import controller
-from unit_tests.run.test_node import RecordTail
 
 REPOSITORY = os.path.dirname(
     os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
@@ -261,14 +258,3 @@ def test_a_node_whose_types_are_not_built_says_so_in_one_line():
         stderr=subprocess.PIPE, universal_newlines=True)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (4, "", 1)
     assert done.stderr.startswith("faceDetection: ") and "cssr_system" in done.stderr
-
-
-def test_the_record_of_a_run_is_read_from_its_beginning_on(tmp_path):
-    tail = RecordTail(str(tmp_path))
-    assert list(tail.news()) == []
-    record = Record(RecordFiles(str(tmp_path), pytest.fail)).open()
-    events = [HealthChanged("service", "/a", "", False, "gone", "", "gone"), Noticed("info", "-")]
-    for event in events:
-        record(event)
-    record.close()
-    assert [line.event for line in tail.news()] == events and list(tail.news()) == []

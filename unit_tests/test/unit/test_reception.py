@@ -13,7 +13,7 @@ from behavior_controller.robot.requests import Exhibit, GoTo, Location, PerformG
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 from behavior_controller.simulation.visitor import BEHAVIOURS, Visitor
 
-from unit_tests.judge.verdict import judge
+from unit_tests.judge.verdict import Verdict
 
 from plays import facts, stage
 
@@ -41,7 +41,7 @@ def drives(of_test):
 def test_each_visitor(by_voice, behaviour, outcome, asked, walks, is_told_goodbye):
     of_test = of_reception(by_voice, visitor_behaviour=behaviour)
     visit, = of_test.run.visits
-    assert judge(of_test).passed and visit.outcome == outcome
+    assert Verdict(of_test).passed and visit.outcome == outcome
     assert [(stop.noun, stop.name) for stop in visit.stops] == [
         ("place", name) for name in PLACES[:asked]]
     known = of_test.world.knowledge
@@ -61,7 +61,7 @@ def test_each_visitor_of_a_robot_of_release_1_0(by_voice, behaviour, outcome, as
               "tabletSuccessIs": "yes", "asrEnabled": by_voice}
     for rate in (0.0, 0.3):
         of_test = facts(mission=chosen.items(), visitor_behaviour=behaviour, failure_rate=rate)
-        assert judge(of_test).passed, judge(of_test).objections
+        assert Verdict(of_test).passed, Verdict(of_test).objections
         visit, = of_test.run.visits
         if not rate:
             assert visit.outcome == outcome
@@ -82,7 +82,7 @@ def test_a_visitor_is_shown_the_way_to_any_place_and_led_to_a_near_one(wanted, a
     on = LoadedMission(usual.settings, world=usual.world._replace(visitor=Visitor(manners)))
     of_test = facts(on=on)
     visit, = of_test.run.visits
-    assert judge(of_test).passed and visit.outcome == "SUCCESS" and len(visit.stops) == asked
+    assert Verdict(of_test).passed and visit.outcome == "SUCCESS" and len(visit.stops) == asked
     home = usual.world.knowledge.home.location
     assert drives(of_test) == ([place.location, home] if walks else [])
     pointed = [each.request.target for each in of_test.run.exchanges
@@ -97,7 +97,7 @@ def test_with_a_third_of_the_calls_failing_each_verdict_is_passed(behaviour, by_
     for seed in range(1, 6):
         of_test = of_reception(by_voice, visitor_behaviour=behaviour, failure_rate=0.3,
                                random_seed=seed)
-        verdict = judge(of_test)
+        verdict = Verdict(of_test)
         assert verdict.passed, (seed, verdict.objections)
 
 

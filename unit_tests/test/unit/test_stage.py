@@ -21,7 +21,7 @@ from behavior_controller.simulation.faults import Faults, KINDS, PlannedFault
 from behavior_controller.simulation.rehearsal.play import CALM, START, LoadedMission
 
 from unit_tests.judge.facts import Facts
-from unit_tests.judge.verdict import judge
+from unit_tests.judge.verdict import Verdict
 
 LAB_TOUR = LoadedMission(settings.defaults())
 M = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
@@ -57,7 +57,7 @@ def test_a_calm_tour_passes_and_its_facts_are_judged():
     played = play(mission_runs=2)
     assert [event.outcome for event in of(PassFinished, played)] == ["SUCCESS", "SUCCESS"]
     assert played.exit_code == 0 and not played.cut_off and not played.errors
-    assert judge(facts(played, runs=2)).passed
+    assert Verdict(facts(played, runs=2)).passed
 
 
 def test_all_that_happened_has_a_time_of_its_own():
@@ -191,7 +191,7 @@ def test_a_mission_that_does_not_end_is_cut_off_and_says_where_it_waits():
     # though they have not ended
     assert 1 in played.reached and set(played.waiting) <= played.reached
     assert [LAB_TOUR.mission.tree.nodes[uid - 1].name for uid in played.waiting] == ["ForEver"]
-    assert not judge(facts(played)).passed
+    assert not Verdict(facts(played)).passed
 
 
 def test_a_mission_that_ends_with_its_time_was_in_time():
@@ -304,7 +304,7 @@ def test_a_pass_that_gives_up_with_its_node_gone_waits_for_it():
     assert [event.awaited for event in of(Paused, played)] == ["/robotNavigation"]
     assert second == pytest.approx(crashed + virtual_robot.AWAY + virtual_robot.NOTICED,
                                    abs=0.01) and played.exit_code == 0
-    assert judge(facts(played, runs=2, on=on)).passed
+    assert Verdict(facts(played, runs=2, on=on)).passed
 
 
 def test_an_exception_beside_the_leaves_ends_the_mission(monkeypatch):

@@ -18,8 +18,8 @@ from behavior_controller.robot.requests import (
 from behavior_controller.text import Source
 from behavior_controller.simulation.rehearsal.play import CALM, TIMED_OUT
 
-from unit_tests.judge.junit import to_xml
-from unit_tests.judge.verdict import QUESTIONS, judge
+from unit_tests.judge.report import to_junit
+from unit_tests.judge.verdict import QUESTIONS, Verdict
 
 from plays import calls, changed, facts, of_test_with, stage
 
@@ -27,7 +27,7 @@ REFUSED = "textToSpeech:2"
 
 
 def objections(of_test):
-    return judge(of_test).objections
+    return Verdict(of_test).objections
 
 
 def assert_objects(of_test, *words):
@@ -44,14 +44,14 @@ def assert_objects(of_test, *words):
     ("unclear", "SUCCESS"), ("noGaze", "FAILURE")])
 def test_a_sound_tour_passes_with_each_visitor(behaviour, outcome):
     of_test = facts(visitor_behaviour=behaviour)
-    verdict = judge(of_test)
+    verdict = Verdict(of_test)
     assert verdict.passed
     assert [visit.outcome for visit in of_test.run.visits] == [outcome]
     assert ("ended early, as it had to: " in str(verdict)) is (outcome == "FAILURE")
 
 
 def test_a_test_that_passes_says_how_many_calls_were_made_to_fail():
-    verdict = judge(facts([REFUSED, "robotNavigation:1:exception"]))
+    verdict = Verdict(facts([REFUSED, "robotNavigation:1:exception"]))
     assert verdict.passed and ": 1 pass ended" in str(verdict) and " 2 of " in str(verdict)
     assert "the budget" not in str(verdict)
 
@@ -59,7 +59,7 @@ def test_a_test_that_passes_says_how_many_calls_were_made_to_fail():
 def test_a_mission_that_gives_up_ends_as_it_had_to():
     of_test = facts(["robotNavigation:{}".format(call) for call in (1, 2, 3)])
     assert [visit.outcome for visit in of_test.run.visits] == ["FAILURE"]
-    assert judge(of_test).passed
+    assert Verdict(of_test).passed
 
 
 @pytest.mark.parametrize("kind", ["refused", "exception", "unanswered", "crash", "wrong"])
@@ -72,7 +72,7 @@ def test_no_message_ever_comes_to_a_mission_that_waits_for_its_visitor():
     played = on.play(dataclasses.replace(CALM, test_timeout=1000.0), ["/faceDetection/data"])
     of_test = facts()._replace(run=played.run(), journal=played.journal, exit_code=None,
                                cut_off=TIMED_OUT.format(1000), has_timed_out=True)
-    verdict = judge(of_test)
+    verdict = Verdict(of_test)
     assert verdict.passed and "PASSED: no pass ended; " in str(verdict)
     assert "never came" in str(verdict)
     short = TIMED_OUT.format(100)
@@ -128,7 +128,7 @@ def test_an_exception_of_the_controller_comes_first():
         yield line
         if isinstance(line.event, RunFinished):
             yield Line(line.time, Noticed("error", "ValueError in WelcomeSpeech"))
-    verdict = judge(changed(facts(), raised))
+    verdict = Verdict(changed(facts(), raised))
     assert "ValueError in WelcomeSpeech" in verdict.objections[0]
 
 
@@ -201,9 +201,9 @@ def test_a_request_that_makes_no_sense():
 
 def test_a_node_that_is_away_has_crashed():
     of_test = facts(["animateBehavior:1:crash"])
-    assert judge(of_test).passed
+    assert Verdict(of_test).passed
     lines = [line for line in of_test.journal if line.fault is None]
-    assert not judge(of_test._replace(journal=lines)).passed
+    assert not Verdict(of_test._replace(journal=lines)).passed
 
 
 def test_a_message_that_nobody_published():
@@ -234,8 +234,8 @@ def test_the_knowledge_is_that_which_was_served():
 def test_what_a_real_node_was_asked_or_said_has_the_record_as_its_only_witness(node):
     of_test = facts()
     lines = [line for line in of_test.journal if line.node != node]
-    assert not judge(of_test._replace(journal=lines)).passed
-    verdict = judge(of_test._replace(journal=lines, real=frozenset({node})))
+    assert not Verdict(of_test._replace(journal=lines)).passed
+    verdict = Verdict(of_test._replace(journal=lines, real=frozenset({node})))
     assert verdict.passed and f"only witness: {node}" in str(verdict)
 
 
@@ -329,7 +329,7 @@ def again(event):
     (Retried, lambda event: None, "QueryTourSpeech (refused): failed too")])
 def test_what_the_record_says_otherwise(kind, change, words):
     of_test = facts([REFUSED, "textToSpeech:3"])
-    assert judge(of_test).passed
+    assert Verdict(of_test).passed
     assert_objects(changed(of_test, first(kind, change)), words)
 
 
@@ -363,7 +363,7 @@ def test_a_part_of_the_safe_state_that_is_refused_is_asked_for_again():
     asked = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)][-3:]
     assert [event.request for event in asked] == [
         SetAttention("disabled"), SetAnimation("disabled"), SetAttention("disabled")]
-    assert judge(of_test).passed
+    assert Verdict(of_test).passed
 
     def without_it(line):
         event = line.event
@@ -385,15 +385,15 @@ def test_a_part_of_the_safe_state_that_is_refused_is_asked_for_again():
 def test_the_verdict_says_what_a_pass_went_without():
     """The goodbye fails, and so does its retry; the policy goes on without it."""
     of_test = facts([f"gestureExecution:{number}" for number in range(1, 40)])
-    verdict = judge(of_test)
+    verdict = Verdict(of_test)
     assert verdict.passed and "1 pass ended as a visitor who engages should" in str(verdict)
     assert "pass 1 is complete without" in str(verdict) and "WelcomeGesture" in str(verdict)
-    assert "without" not in str(judge(facts()))
+    assert "without" not in str(Verdict(facts()))
 
 
 def test_a_deadline_is_kept():
     of_test = facts(["gestureExecution:1:unanswered"])
-    assert judge(of_test).passed
+    assert Verdict(of_test).passed
     call = next(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked)
                 and line.event.service == "/gestureExecution/perform_gesture")
     early = changed(of_test, lambda line: [
@@ -481,7 +481,7 @@ def test_the_safe_state_is_reported_as_it_was_reached():
 def test_a_pass_that_begins_without_the_pause_after_a_spent_budget():
     of_test = facts(failure_rate=0.5, mission_runs=5)
     pause = next(line for line in of_test.run.lines if isinstance(line.event, Paused))
-    assert judge(of_test).passed and "the budget of recoveries was spent" in str(judge(of_test))
+    assert Verdict(of_test).passed and "the budget of recoveries was spent" in str(Verdict(of_test))
 
     def at_once(line):
         is_meant = isinstance(line.event, PassStarted) and line.time > pause.time
@@ -655,18 +655,18 @@ def test_a_service_that_the_robot_does_not_offer():
     prompt = "/tabletEvent/prompt_and_get_response"
     mission = tuple(dict(RELEASE, asrEnabled=False).items())
     of_test = facts(mission=mission, absent_services=(prompt,))
-    assert judge(of_test).passed
-    assert not judge(of_test_with(of_test, absent_services=())).passed
+    assert Verdict(of_test).passed
+    assert not Verdict(of_test_with(of_test, absent_services=())).passed
 
 
 # ----------------------------------------------------------------------------------------- the rest
 
 
 def test_junit_has_a_case_for_each_question():
-    passed = ElementTree.fromstring(to_xml(judge(facts()), 1.0, "title"))
+    passed = ElementTree.fromstring(to_junit(Verdict(facts()), 1.0, "title"))
     assert (passed.get("tests"), passed.get("failures")) == (str(len(QUESTIONS)), "0")
     failed = ElementTree.fromstring(
-        to_xml(judge(of_test_with(facts(), mission_runs=2)), 1.0, "title"))
+        to_junit(Verdict(of_test_with(facts(), mission_runs=2)), 1.0, "title"))
     assert failed.get("failures") == "1"
     assert [case.get("name") for case in failed.iter("testcase")] == [
         question for question, _ in QUESTIONS]

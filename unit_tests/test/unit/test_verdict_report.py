@@ -17,10 +17,9 @@ from behavior_controller.simulation.rehearsal.play import LoadedMission
 from unit_tests import folders
 from unit_tests.judge import report
 from unit_tests.judge.failures import FailureRow, failure_rows, table
-from unit_tests.judge.junit import to_xml
 from unit_tests.judge.report import (
-    Report, decision_lines, failure_lines, summary_lines, title)
-from unit_tests.judge.verdict import Case
+    Report, decision_lines, failure_lines, summary_lines, title, to_junit)
+from unit_tests.judge.verdict import Verdict
 from unit_tests.robot import options
 
 from plays import changed, facts, of_test_with
@@ -62,7 +61,7 @@ def test_the_title_of_a_mission_that_did_not_start():
 
 
 def rows(of_test):
-    return failure_rows(of_test, Case(of_test).witness)
+    return failure_rows(of_test, Verdict(of_test).witness)
 
 
 def told(of_test):
@@ -88,7 +87,7 @@ def test_each_fault_of_a_recovery_has_its_row():
     handler = next(line.event for line in of_test.run.lines
                    if isinstance(line.event, LeafFinished) and line.event.status == "FAILURE"
                    and line.event.node == "HandleFallBack")  # it gave up first
-    lines = [line.split("\t")[1:5] for line in failure_lines(Case(of_test))]
+    lines = [line.split("\t")[1:5] for line in failure_lines(Verdict(of_test))]
     assert [line for line in lines if line[2] == "/animateBehaviour/set_activation"] == [[
         "HandleFallBack", handler.path, "/animateBehaviour/set_activation", "refused"]]
     assert [line[3] for line in lines if line[0] == "Navigate"] == ["refused", "exception",
@@ -187,7 +186,7 @@ def test_false_conditions_are_counted_and_no_rows():
 
 
 def test_every_failure_has_a_line_of_its_own():
-    lines = [line.split("\t") for line in failure_lines(Case(facts(["textToSpeech:1"])))]
+    lines = [line.split("\t") for line in failure_lines(Verdict(facts(["textToSpeech:1"])))]
     assert [line[1:5] for line in lines if line[4] != "condition-false"] == [[
         "WelcomeSpeech", lines[1][2], "/textToSpeech/say_text", "refused"]]
     assert [line[0] for line in lines] == sorted(line[0] for line in lines)
@@ -231,6 +230,18 @@ def test_a_controller_that_did_not_start_has_its_report():
     assert "coverage" not in shown.text() and "# recoveries" not in shown.text()
 
 
+def test_the_coverage_counts_the_leaves_and_the_branches_of_nodes_with_several_children():
+    of_test = facts(on=LoadedMission(settings.defaults(), [parse(
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback><Sequence>'
+        '<WelcomeSpeech name="a"/><Inverter><Inverter><FollowMeSpeech name="b"/></Inverter>'
+        '</Inverter></Sequence><EndTourSpeech name="c"/><Sleep msec="1"/></Fallback>'
+        '</BehaviorTree></root>')]))
+    assert summary_lines(of_test._replace(expected=frozenset("ac")))[-3:] == [
+        "coverage: 2 of 3 leaves of the mission ran",
+        "          1 of 2 that this visitor should bring about", "          3 of 4 branches"]
+    assert summary_lines(of_test)[-1] == "coverage: 2 of 3 leaves of the mission ran"
+
+
 def test_the_page_marks_the_point_of_difference_in_the_story():
     def silent(line):
         is_first = isinstance(line.event, Asked) and isinstance(line.event.request, Say)
@@ -239,8 +250,9 @@ def test_the_page_marks_the_point_of_difference_in_the_story():
     assert Report(of_test, "title").page().count("Here the run differs") == 0
     of_test = changed(of_test, silent)
     shown = Report(of_test, "title")
-    (time, text), = shown.verdict.differences
-    assert "WelcomeSpeech was due" in text and of_test.run.lines[0].time < time
+    execution = shown.verdict.execution
+    assert "WelcomeSpeech was due" in execution.difference
+    assert of_test.run.lines[0].time < execution.differs_at
     page = shown.page()
     assert page.count("Here the run differs. pass 1") >= 1
     assert Report(of_test._replace(run=Run()), "title").page() == ""
@@ -310,12 +322,12 @@ def test_what_the_robot_says_forges_no_line_of_the_report():
     of_test = of_test._replace(journal=[
         line._replace(objection=ODD) if line.call == 2 else line for line in of_test.journal])
     shown = Report(of_test, heading(of_test))
-    text, junit = shown.text(), to_xml(shown.verdict, 1.0, heading(of_test))
+    text, junit = shown.text(), to_junit(shown.verdict, 1.0, heading(of_test))
     for each in (text, shown.shown(1000), junit):
         assert not set("\x1b\x9b\u202e\ud800\x00\r") & set(each)
         assert SHOWN in each
     assert [line for line in text.splitlines() if line.startswith("PASSED")] == []
-    assert {len(line.split("\t")) for line in failure_lines(Case(of_test))} == {6}
+    assert {len(line.split("\t")) for line in failure_lines(Verdict(of_test))} == {6}
     ElementTree.fromstring(junit)
 
 
@@ -323,7 +335,7 @@ def test_what_the_robot_says_forges_no_line_of_the_report():
 def test_what_a_test_writes_is_known_as_its_own(tmp_path, run):
     shown = Report(run, heading(run))
     written = {folders.REPORT: shown.text(), folders.PAGE: shown.page(),
-               folders.JUNIT: to_xml(shown.verdict, 1.0, heading(run))}
+               folders.JUNIT: to_junit(shown.verdict, 1.0, heading(run))}
     for kind, text in written.items():
         path = tmp_path / "written"
         path.write_text(text)

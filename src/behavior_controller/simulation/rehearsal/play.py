@@ -175,9 +175,10 @@ class PlayRunner(VirtualTimeRunner):
         waiting = tuple(node.uid for node in self.tree.nodes if node.status is RUNNING
                         and not any(child.status is RUNNING for child in node.children))
         return RunResult(self._history, robot.journal, exit_code, cut_off, self._errors,
-                      frozenset(self._ticked), waiting, min(robot.clock.now(), self._ended) - START,
-                      [query for query in robot.asked if query[0] <= self._ended],
-                      robot.presence, self._ended, situations)
+                      frozenset(self._ticked), waiting,
+                         min(robot.clock.now(), self._ended) - START,
+                         [query for query in robot.asked if query[0] <= self._ended],
+                         robot.presence, self._ended, situations)
 
     def _tick(self) -> Result:
         result = super()._tick()
@@ -218,39 +219,12 @@ def _node_of(error: BehaviorControllerError, nodes: Sequence[Node]) -> int:
     return node.uid if node is not None else 0
 
 
-# ------------------------------------------------------------------------------ without any failure
-
-
-class Rehearsal(NamedTuple):
-    """How the mission should go: its outcome, the paths of the leaves that it reaches, and its
-    branches.
-
-    A branch is a child of a node with several children; it is given as the paths of the mission
-    leaves below it.
-    """
-
-    outcome: str
-    reached: FrozenSet[str]
-    branches: Tuple[FrozenSet[str], ...]
-
-
-def rehearse(stage: LoadedMission, behaviour: str) -> Optional[Rehearsal]:
-    """Return how one pass of the mission goes with a visitor of that behaviour; None if that cannot
-    be told."""
+def leaves_reached(stage: LoadedMission, behaviour: str) -> Optional[FrozenSet[str]]:
+    """Return the paths of the mission leaves that one pass reaches without faults, with a visitor
+    of that behaviour; None if the pass does not end."""
     test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=PASS_LIMIT)
     played = stage.play(test, shortest_gap=STEP)
-    visits = played.run().visits
-    if not visits:
+    if not played.run().visits:
         return None
-    tree = stage.mission.tree
-    reached = frozenset(node.full_path for node in tree.nodes
-                        if isinstance(node, MissionLeaf) and node.uid in played.reached)
-    return Rehearsal(visits[-1].outcome, reached, branches(tree))
-
-
-def branches(tree: Tree) -> Tuple[FrozenSet[str], ...]:
-    """Return the branches of a tree that have mission leaves."""
-    children = (child for node in tree.nodes if len(node.children) > 1 for child in node.children)
-    leaves = (frozenset(node.full_path for node in child.iterate() if isinstance(node, MissionLeaf))
-              for child in children)
-    return tuple(filter(None, leaves))
+    return frozenset(node.full_path for node in stage.mission.tree.nodes
+                     if isinstance(node, MissionLeaf) and node.uid in played.reached)

@@ -8,7 +8,6 @@ from behavior_controller.missions.load import Mission
 from behavior_controller.simulation.configuration import Configuration
 from behavior_controller.simulation.faults import CRASH
 from behavior_controller.simulation.journal import JournalEntry
-from behavior_controller.simulation.rehearsal.play import Rehearsal
 from behavior_controller.simulation.world import World
 
 Kind = TypeVar("Kind")
@@ -32,7 +31,8 @@ class Facts(NamedTuple):
     world: World  # that of the simulated nodes, before the robot's first request
     mission: Optional[Mission] = None  # as the test has read it; None: it has a fault
     cut_off: str = ""  # why the test did not wait for the end
-    rehearsal: Optional[Rehearsal] = None  # the same mission on a robot without faults
+    # the paths of the leaves that this visitor brings about on a robot without faults
+    expected: Optional[FrozenSet[str]] = None
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
     errors: Tuple[str, ...] = ()  # that the controller reported on its terminal
     has_timed_out: bool = False  # it was cut off because it had lasted too long

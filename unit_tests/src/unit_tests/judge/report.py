@@ -5,7 +5,8 @@ import math
 import os
 import sys
 from collections import Counter
-from typing import Iterator, List, Sequence, Tuple
+from typing import Iterator, List, Sequence, Set, Tuple
+from xml.etree import ElementTree
 
 from behavior_controller.config import settings
 from behavior_controller.config.config_file import to_text, values_of
@@ -23,7 +24,7 @@ from unit_tests.folders import COMMAND
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.failures import IN_SAFE_STATE, FailureRow, failure_rows, table
 from unit_tests.judge.reference import HANDLERS
-from unit_tests.judge.verdict import Case, judge, reached
+from unit_tests.judge.verdict import Verdict
 from unit_tests.judge.journal_check import CAUSE_OF
 
 ALWAYS_SHOWN = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
@@ -57,25 +58,25 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
                                              chosen_keys))
 
 
-def failure_lines(case: Case) -> List[str]:
+def failure_lines(verdict: Verdict) -> List[str]:
     """Return one line for each failure: time, node, path, topic or service, cause, message; tabs
     between them."""
-    failures = sorted(_failures(case), key=lambda failed: failed[0])
+    failures = sorted(_failures(verdict), key=lambda failed: failed[0])
     return ["\t".join([_clock(at)] + [clean(cell) for cell in (
         node or "-", path or "-", failure.resource or "-", failure.cause.value,
         " ".join(failure.message.split()))])
             for at, node, path, failure in failures]
 
 
-def _failures(case: Case) -> Iterator[Tuple[float, str, str, Failure]]:
+def _failures(verdict: Verdict) -> Iterator[Tuple[float, str, str, Failure]]:
     """Yield time, node, path and failure: of the failures on record, of those that a HandleFallBack
     handed on, and of the faults on the way to the safe state."""
-    for failed in case.facts.run.failures:
+    for failed in verdict.facts.run.failures:
         yield failed.at, failed.node, failed.path, failed.failure
-    for time, event in of(case.facts.run.lines, LeafFinished):
+    for time, event in of(verdict.facts.run.lines, LeafFinished):
         if event.failure is not None and event.node in HANDLERS:
             yield time, event.node, event.path, event.failure
-    for _, query, line in case.witness.pairs:
+    for _, query, line in verdict.witness.pairs:
         if query is not None and line is not None and query.is_for_safety and line.fault:
             yield line.time, query.node, query.path, Failure(
                 CAUSE_OF[line.fault], IN_SAFE_STATE, line.resource)
@@ -97,7 +98,7 @@ def summary_lines(facts: Facts) -> List[str]:
     ended = Counter(event.outcome for _, event in of(facts.run.lines, Recovered))
     outcomes = [f"{number} {outcome}" for outcome, number in sorted(ended.items())]
     lines += ["", "recoveries: " + "; ".join([str(sum(ended.values())), *outcomes])]
-    return lines + coverage_lines(facts)
+    return lines + list(coverage_lines(facts, {event.path for event in ended_leaves}))
 
 
 def decision_lines(facts: Facts) -> List[str]:
@@ -107,19 +108,22 @@ def decision_lines(facts: Facts) -> List[str]:
             for _, event in of(facts.run.lines, Recovered)]
 
 
-def coverage_lines(facts: Facts) -> List[str]:
-    """Return the coverage of the mission: leaves, and branches of nodes with several children."""
+def coverage_lines(facts: Facts, ran: Set[str]) -> Iterator[str]:
+    """Yield the coverage of the mission: leaves, of which those with these paths ``ran``, and
+    branches of nodes with several children."""
     begun = facts.run.state.started
     if begun is None:
-        return []
-    ran, leaves = reached(facts), {path for path, _ in begun.leaves}
-    lines = [f"coverage: {len(ran & leaves)} of {len(leaves)} leaves of the mission ran"]
-    if facts.rehearsal is not None:
-        wanted, ways = facts.rehearsal.reached, facts.rehearsal.branches
-        taken = sum(bool(paths & ran) for paths in ways)
-        both = f"{len(ran & wanted)} of {len(wanted)} that this visitor should bring about"
-        lines += ["          " + both, f"          {taken} of {len(ways)} branches"]
-    return lines
+        return
+    leaves = {path for path, _ in begun.leaves}
+    yield f"coverage: {len(ran & leaves)} of {len(leaves)} leaves of the mission ran"
+    if facts.expected is not None and facts.mission is not None:
+        both = f"{len(ran & facts.expected)} of {len(facts.expected)}"
+        yield f"          {both} that this visitor should bring about"
+        branches = [{node.full_path for node in child.iterate()} & leaves
+                    for node in facts.mission.tree.nodes if len(node.children) > 1
+                    for child in node.children]
+        taken = sum(bool(paths & ran) for paths in branches)
+        yield f"          {taken} of {len(list(filter(None, branches)))} branches"
 
 
 WIDEST = sys.maxsize
@@ -134,19 +138,18 @@ class Report:
 
     def __init__(self, facts: Facts, title: str, warnings: Sequence[str] = ()):
         """``warnings`` were printed before the start."""
-        self._case, self._title = Case(facts), title
-        self.verdict = judge(self._case)
-        self.rows = failure_rows(facts, self._case.witness)
+        self.verdict, self._title, self._run = Verdict(facts), title, facts.run
+        self.rows = failure_rows(facts, self.verdict.witness)
         self.visitors = list(warnings) + [clean(line) for line in _visitors(facts, self.rows)]
         self._began = facts.run.lines[0].time if facts.run.lines else 0.0
         self._counts = [clean(line) for line in summary_lines(facts)]
 
     def text(self) -> str:
         """Return the whole report, for the file."""
-        decisions = [clean(line) for line in decision_lines(self._case.facts)]
+        decisions = [clean(line) for line in decision_lines(self.verdict.facts)]
         lines = self._top(table(self.rows, self._began, WIDEST))
         lines += ["# time\tnode\tpath\ttopic or service\tcause\tmessage"]
-        lines += failure_lines(self._case) + [""]
+        lines += failure_lines(self.verdict) + [""]
         lines += ["# recoveries", *decisions, ""] if decisions else []
         return "\n".join([*lines, *self._counts, "", str(self.verdict)]) + "\n"
 
@@ -179,15 +182,15 @@ class Report:
         """Return the report as one HTML file: the verdict and the faults, then the record's own
         report with its story, in which the point of difference is marked, timeline and tree; empty
         if the mission did not start."""
-        run = self._case.facts.run
-        if run.state.started is None:
+        if self._run.state.started is None:
             return ""
         shown = [self._title, "", str(self.verdict), "", *self.visitors, "",
                  *table(self.rows, self._began, WIDEST)]
-        marks = [Line(time, Noticed("error", "Here the run differs. " + text))
-                 for time, text in self.verdict.differences]
-        return to_html(sorted([*run.lines, *marks], key=lambda line: line.time), "\n".join(shown),
-                       COMMAND)
+        lines, execution = list(self._run.lines), self.verdict.execution
+        if execution.difference:
+            what = "Here the run differs. " + clean(execution.difference)
+            lines.append(Line(execution.differs_at, Noticed("error", what)))
+        return to_html(sorted(lines, key=lambda line: line.time), "\n".join(shown), COMMAND)
 
 
 def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:
@@ -217,3 +220,21 @@ def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:
 
 def _clock(seconds: float) -> str:
     return datetime.datetime.fromtimestamp(seconds).isoformat(timespec="milliseconds")
+
+
+SUITE = "behaviorControllerTest"
+
+
+def to_junit(verdict: Verdict, seconds: float, title: str) -> str:
+    """Return the verdict as JUnit XML, which catkin and build servers collect: a case for each
+    question. ``seconds`` is how long the test took, ``title`` what ran."""
+    failed = sum(bool(objections) for _, objections in verdict.answers)
+    suite = ElementTree.Element("testsuite", name=SUITE, tests=str(len(verdict.answers)),
+                                failures=str(failed), errors="0", time=f"{seconds:.3f}")
+    for question, objections in verdict.answers:
+        case = ElementTree.SubElement(suite, "testcase", classname=SUITE, name=question, time="0")
+        if objections:
+            ElementTree.SubElement(case, "failure",
+                                   message=objections[0]).text = "\n".join(objections)
+    ElementTree.SubElement(suite, "system-out").text = f"{title}\n{verdict}"
+    return ElementTree.tostring(suite, encoding="unicode")

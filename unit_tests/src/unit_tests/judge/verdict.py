@@ -7,11 +7,10 @@ answer and message was given, and no sign was missed. Start, end and exit code a
 Nothing is excused otherwise: a pass that ended in FAILURE did so because the mission, done again,
 ends in FAILURE.
 """
-from typing import Callable, Iterable, Iterator, NamedTuple, Optional, Set, Tuple, Union
+from typing import Callable, Iterable, Iterator, Optional, Tuple
 
 from behavior_controller import exit_codes
-from behavior_controller.run.events import (
-    LeafFinished, Lost, PassFinished, Recovered, RunStarted)
+from behavior_controller.run.events import Lost, Recovered, RunStarted
 from behavior_controller.run.story import degree, may_be_under_way, why
 from behavior_controller.text import clean, count
 from behavior_controller.simulation.visitor import (
@@ -25,37 +24,26 @@ DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES
         LEAVES: "leaves", NO_GAZE: "never looks back"}
 
 
-class Verdict(NamedTuple):
-    """The result: PASSED without objections. ``answers``: each question and its objections.
-    ``differences``: where the record first differs from the mission, by its time."""
-
-    answers: Tuple[Tuple[str, Tuple[str, ...]], ...]
-    praise: str
-    differences: Tuple[Tuple[float, str], ...] = ()
-
-    @property
-    def objections(self) -> Tuple[str, ...]:
-        """The objections to all questions."""
-        return tuple(objection for _, objections in self.answers for objection in objections)
-
-    @property
-    def passed(self) -> bool:
-        return not self.objections
-
-    def __str__(self) -> str:
-        """Return the verdict as lines of text."""
-        if self.passed:
-            return f"PASSED: {self.praise}"
-        return "FAILED: {}".format("\n        ".join(self.objections))
-
-
-class Case:
-    """The facts of a test, and the mission done again."""
+class Verdict:
+    """The verdict on a test: PASSED without objections. ``answers``: each question and its
+    objections. ``execution`` is the mission done again, ``overdue`` what was due long before the
+    end of a test that was cut off; empty: nothing."""
 
     def __init__(self, facts: Facts):
         self.facts = facts
         self.execution = Execution(facts)
         self.witness = JournalCheck(facts, self.execution)
+        self.overdue = self.execution.overdue(self.witness.end) if facts.cut_off else ""
+        self.answers = [(question, tuple(dict.fromkeys(map(clean, answer(self)))))
+                        for question, answer in QUESTIONS]
+        self.objections = tuple(text for _, objections in self.answers for text in objections)
+        self.passed = not self.objections
+
+    def __str__(self) -> str:
+        """Return the verdict as lines of text."""
+        if self.passed:
+            return f"PASSED: {'; '.join(_praise(self))}"
+        return "FAILED: {}".format("\n        ".join(self.objections))
 
     @property
     def longest_wait(self) -> Tuple[float, str]:
@@ -75,33 +63,19 @@ class Case:
         return node if seconds > LONG_WAIT else ""
 
     @property
-    def overdue(self) -> str:
-        """What was due long before the end of a test that was cut off; empty: nothing."""
-        return self.execution.overdue(self.witness.end) if self.facts.cut_off else ""
-
-    @property
     def is_out_of_time(self) -> bool:
         """Whether the test was cut off while the mission had to wait."""
         is_paused = self.execution.is_paused and not self.overdue
         return self.facts.has_timed_out and (is_paused or bool(self.waiting_for))
 
 
-def judge(of_test: Union[Facts, Case]) -> Verdict:
-    """Return the verdict."""
-    case = of_test if isinstance(of_test, Case) else Case(of_test)
-    answers = tuple((question, tuple(dict.fromkeys(map(clean, answer(case)))))
-                    for question, answer in QUESTIONS)
-    difference = case.execution.differs_at, clean(case.execution.difference)
-    return Verdict(answers, "; ".join(_praise(case)), (difference,) if difference[1] else ())
-
-
 # ------------------------------------------------------------------------------------ the questions
 
 
-def _start(case: Case) -> Iterator[str]:
+def _start(verdict: Verdict) -> Iterator[str]:
     """Object to a test that was disturbed, and to a controller that did not start or raised an
     exception."""
-    facts = case.facts
+    facts = verdict.facts
     if facts.is_disturbed:
         yield facts.cut_off
     if facts.run.state.started is None and not facts.cut_off:
@@ -138,13 +112,13 @@ OF_THE_TEST = {"missionRuns", "recordDirectory", "startupTimeout", "verboseMode"
 """Keys of the controller that the test decides by itself."""
 
 
-def _end(case: Case) -> Iterator[str]:
+def _end(verdict: Verdict) -> Iterator[str]:
     """Object to a controller that did not end as it should."""
-    facts = case.facts
+    facts = verdict.facts
     finished, ending = facts.run.state.finished, "the controller " + _ending(facts.exit_code)
-    outcomes = [event.outcome for _, event in of(facts.run.lines, PassFinished)]
-    if facts.has_timed_out and not case.is_out_of_time:
-        yield facts.cut_off + _going_on(case)
+    outcomes = [visit.outcome for visit in facts.run.visits if visit.outcome]
+    if facts.has_timed_out and not verdict.is_out_of_time:
+        yield facts.cut_off + _going_on(verdict)
     elif facts.cut_off or facts.run.state.started is None:
         return
     elif finished is None:
@@ -159,13 +133,13 @@ def _end(case: Case) -> Iterator[str]:
         yield f"the last pass ended with {outcomes[-1]}, and {ending}"
 
 
-def _going_on(case: Case) -> str:
+def _going_on(verdict: Verdict) -> str:
     """Return what the mission does at the end of a test that was too short."""
-    seconds, node = case.longest_wait
+    seconds, node = verdict.longest_wait
     if node:
         return (f"; {node} has waited {seconds:.0f} s for a sign of the visitor, who comes after "
                 f"{LONG_WAIT:g} s without a request (set testTimeout higher)")
-    return f"; {case.execution.under_way()} goes on" if case.facts.run.state.started else ""
+    return f"; {verdict.execution.under_way()} goes on" if verdict.facts.run.state.started else ""
 
 
 WHY = {exit_codes.WRONG_INPUT: " (a fault of its files or arguments)",
@@ -179,20 +153,20 @@ def _ending(exit_code: Optional[int]) -> str:
     return f"ended with exit code {exit_code}"
 
 
-def _mission(case: Case) -> Iterator[str]:
+def _mission(verdict: Verdict) -> Iterator[str]:
     """Object to the first thing that is not as the mission, done again, has it."""
-    yield from filter(None, [case.execution.difference, *case.execution.late_retries, case.overdue])
-    lost = sum(event.lines for _, event in of(case.facts.run.lines, Lost))
+    yield from filter(None, [verdict.execution.difference, *verdict.execution.late_retries, verdict.overdue])
+    lost = sum(event.lines for _, event in of(verdict.facts.run.lines, Lost))
     if lost:
         lines = count(lost, "line", "lines")
         yield f"the record lacks {lines}, so the mission cannot be done again"
 
 
-QUESTIONS: Tuple[Tuple[str, Callable[[Case], Iterable[str]]], ...] = (
+QUESTIONS: Tuple[Tuple[str, Callable[[Verdict], Iterable[str]]], ...] = (
     ("the controller started, without an exception", _start),
     ("the mission went as its tree, its visitor and the recovery policy have it", _mission),
     ("each request, answer and message on record is in the journal, and no sign was missed",
-     lambda case: case.witness.objections()),
+     lambda verdict: verdict.witness.objections()),
     ("the controller ran the mission to its end", _end),
 )
 """All that decides."""
@@ -201,25 +175,23 @@ QUESTIONS: Tuple[Tuple[str, Callable[[Case], Iterable[str]]], ...] = (
 # --------------------------------------------------------------------------------------- the praise
 
 
-def _praise(case: Case) -> Iterator[str]:
+def _praise(verdict: Verdict) -> Iterator[str]:
     """Yield what a test that passed has shown."""
-    facts = case.facts
+    facts = verdict.facts
     calls = [line for line in facts.journal if line.call]
-    ended = [event for _, event in of(facts.run.lines, PassFinished)]
-    whole = sum(event.outcome == "SUCCESS" for event in ended)
+    ended = [visit for visit in facts.run.visits if visit.outcome]
+    whole = [visit for visit in ended if visit.outcome == "SUCCESS"]
     if whole:
-        passes = count(whole, "pass ended", "passes ended")
+        passes = count(len(whole), "pass ended", "passes ended")
         yield f"{passes} as a visitor who {DOES[facts.test.visitor_behaviour]} should"
     elif not ended:
         yield "no pass ended"
-    for visit in facts.run.visits:
-        if visit.outcome == "SUCCESS" and visit.skipped:
+    for visit in whole:
+        if visit.skipped:
             yield f"pass {visit.number} is {degree(visit)}"
-    reasons = {visit.number: why(visit.why) for visit in facts.run.visits}
-    for event in ended:
-        if event.outcome != "SUCCESS":
-            reason = reasons.get(event.number, "-")
-            yield f"pass {event.number} ended early, as it had to: {reason}"
+    for visit in ended:
+        if visit not in whole:
+            yield f"pass {visit.number} ended early, as it had to: {why(visit.why)}"
     failed = sum(line.fault is not None for line in calls)
     yield f"{failed} of {len(calls)} calls were made to fail, and all of these are on record"
     if any("budget" in event.reason for _, event in of(facts.run.lines, Recovered)):
@@ -227,16 +199,12 @@ def _praise(case: Case) -> Iterator[str]:
     under_way = may_be_under_way(facts.run.state)
     if under_way:
         yield f"at the end the robot {under_way}"
-    if case.is_out_of_time:
+    if verdict.is_out_of_time:
         reason = "it waited for the end of a cause that persists"
-        if case.waiting_for:
-            reason = case.waiting_for + " waited for a sign of the visitor that never came"
+        if verdict.waiting_for:
+            reason = verdict.waiting_for + " waited for a sign of the visitor that never came"
         yield f"at last {reason}: {facts.cut_off}"
-    if case.witness.only_recorded:
+    if verdict.witness.only_recorded:
         yield "not simulated, so that the record is the only witness: " + ", ".join(
-            case.witness.only_recorded)
+            verdict.witness.only_recorded)
 
-
-def reached(facts: Facts) -> Set[str]:
-    """Return the paths of the mission leaves that ran."""
-    return {event.path for _, event in of(facts.run.lines, LeafFinished)}

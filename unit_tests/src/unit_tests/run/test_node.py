@@ -5,7 +5,7 @@ import os
 import shutil
 import signal
 import time
-from typing import Callable, Iterator, List, Optional, Sequence, Tuple, Union
+from typing import Callable, List, Optional, Sequence, Tuple
 
 import rospkg
 import rospy
@@ -13,7 +13,7 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError, FaultsFound
-from behavior_controller.run.events import LeafFinished, Line
+from behavior_controller.run.events import LeafFinished
 from behavior_controller.run.history import Run
 from behavior_controller.run.record import files
 from behavior_controller.run.record.tail import RunTail
@@ -22,14 +22,13 @@ from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent
 from behavior_controller.simulation.behaviour import NODES
 from behavior_controller.simulation.journal import Journal, JournalEntry
 from behavior_controller.simulation.rehearsal import arrival_waits
-from behavior_controller.simulation.rehearsal.play import LoadedMission, TIMED_OUT, rehearse
+from behavior_controller.simulation.rehearsal.play import LoadedMission, TIMED_OUT, leaves_reached
 
 from unit_tests import folders
 from unit_tests.robot import claims, options
 from unit_tests.run.controller import read_errors, read_exit_code
 from unit_tests.judge.facts import Facts
-from unit_tests.judge.junit import to_xml
-from unit_tests.judge.report import Report, title
+from unit_tests.judge.report import Report, title, to_junit
 from unit_tests.robot.options import Arguments, Options
 
 OUTPUT = "behaviorControllerTestOutput.dat"
@@ -106,12 +105,12 @@ def _test(own: Options) -> int:
     with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
         stage = LoadedMission(world.settings, world=world)
         facts = facts._replace(mission=stage.mission,
-                               rehearsal=rehearse(stage, test.visitor_behaviour))
+                               expected=leaves_reached(stage, test.visitor_behaviour))
     if facts.stall > WORTH_TELLING:
         warnings.append(STALLED.format(facts.stall, facts.late))
     heading = title(facts, test, datetime.datetime.now())
     report = Report(facts, heading, warnings)
-    _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
+    _save_junit(to_junit(report.verdict, time.monotonic() - began, heading))
     files = ["report: " + save(report.text(), arguments, folders.REPORT),
              "its folder, with record and journal: " + arguments.folder]
     content = report.page()
@@ -120,20 +119,6 @@ def _test(own: Options) -> int:
     is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
     return finish(code, report.shown(columns, files, page), arguments)
-
-
-class RecordTail:
-    """Reads the files of the only run below a folder while the controller writes them."""
-
-    def __init__(self, folder: str):
-        self._folder = folder
-        self._tail: Optional[RunTail] = None
-
-    def news(self) -> Iterator[Line]:
-        """Yield the lines that were added since the last call."""
-        self._tail = self._tail or next(map(RunTail, files.runs(self._folder)), None)
-        if self._tail is not None:
-            yield from self._tail.news()
 
 
 def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> None:
@@ -153,11 +138,14 @@ def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> F
     text.
     """
     folder, test = own.arguments.folder, own.test
-    run, record, entries = Run(), RecordTail(folder), Journal(folder)
+    run, entries = Run(), Journal(folder)
     journal: List[JournalEntry] = []
+    records: List[RunTail] = []  # of the only run, as soon as it is there
 
     def read() -> None:
-        run.extend(record.news())
+        records.extend(map(RunTail, files.runs(folder)[len(records):]))
+        for record in records:
+            run.extend(record.news())
         journal.extend(entries.news())
 
     start_limit = START_LIMIT + float(own.arguments.startup_timeout)
@@ -203,23 +191,21 @@ def _write(paths: Sequence[str], text: str, kind: OutputKind) -> str:
         try:
             kind.write(path, text)
             return path
-        except (FaultsFound, OSError) as error:
-            reason = "nowhere: " + _reason(error)
+        except FaultsFound as error:
+            reason = f"nowhere: {error}"
+        except OSError as error:
+            reason = f"nowhere: {error.filename}: {error.strerror}"
     return reason
-
-
-def _reason(error: Union[FaultsFound, OSError]) -> str:
-    return str(error) if isinstance(error, FaultsFound) else f"{error.filename}: {error.strerror}"
 
 
 def _save_junit(text: str) -> None:
     """Write the verdict where catkin collects test results."""
     folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
-    try:
+    with contextlib.suppress(OSError):
         os.makedirs(folder, exist_ok=True)
-        folders.JUNIT.write(os.path.join(folder, JUNIT), text)
-    except (FaultsFound, OSError) as error:
-        print("no JUnit file: " + _reason(error), flush=True)
+    reason = _write([os.path.join(folder, JUNIT)], text, folders.JUNIT).partition("nowhere: ")[2]
+    if reason:
+        print("no JUnit file: " + reason, flush=True)
 
 
 def finish(code: int, text: str, arguments: Arguments) -> int:
