@@ -28,6 +28,9 @@ setup(
         "behavior_controller.simulation",
         "behavior_controller.simulation.rehearsal",
     ],
-    package_data={"behavior_controller.viewer": ["page_files/*", "report_files/*"]},
+    package_data={
+        "behavior_controller.viewer": ["page_files/*", "report_files/*"],
+        "behavior_controller.simulation.rehearsal": ["report_files/*"],
+    },
     package_dir={"": "src"},
 )

@@ -112,10 +112,12 @@ def test_the_installed_missions_configuration_and_pages_are_found(installed, tmp
         "print(len(list(cli.create_tree('lab_tour').iterate())));"
         "print(sorted(os.listdir(os.path.join(os.path.dirname(viewer.__file__), "
         "'page_files'))));"
+        "from behavior_controller.simulation.rehearsal.html_report import to_html;"
+        "print('Nothing was found' in to_html('', [], [], []));"
         "print(os.path.isfile(folders.config('recoveryPolicy.ini')))")
-    share, nodes, pages, policy = use(installed, tmp_path, "-c", code).splitlines()
+    share, nodes, pages, has_report, policy = use(installed, tmp_path, "-c", code).splitlines()
     assert os.path.realpath(share) == os.path.realpath(str(installed / "share" / "cssr_system"))
-    assert (nodes, policy) == ("222", "True") and "index.html" in pages
+    assert (nodes, has_report, policy) == ("222", "True", "True") and "index.html" in pages
 
 
 def test_the_examples_run_with_what_was_installed(installed, tmp_path):

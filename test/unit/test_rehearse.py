@@ -529,8 +529,8 @@ def test_a_page_without_visitors_shares_and_findings_has_no_tables():
         (["lab_tour", "--runs", "1.5"], "it cannot be 1.5 (allowed: a whole number from"),
         (["lab_tour", "--failureRate", "0.5, 2", "--runs", "1"
           ], "it cannot be 2 (allowed: a number from 0 to 1)"),
-        (["lab_tour", "--failureRate=-0.1", "--runs", "1"], "it cannot be -0.1 (allowed: a number from 0 to 1)"),
-        (["lab_tour", "--seed", "0", "--runs", "1"], "it cannot be 0 (allowed: a whole number from"),
+        (["lab_tour", "--failureRate=-0.1", "--runs", "1"], "it cannot be -0.1 (allowed: a "),
+        (["lab_tour", "--seed", "0", "--runs", "1"], "it cannot be 0 (allowed: a whole "),
         (["lab_tour", "--limit", "0.5"], "it cannot be 0.5 (allowed: a number from 1"),
         (["lab_tour", "--jobs", "0"], "it cannot be 0 (allowed: a whole number"),
         (["lab_tour", "--jobs", "1025"], "it cannot be 1025 (allowed: a whole"),

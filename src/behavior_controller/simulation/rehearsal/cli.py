@@ -127,6 +127,10 @@ def _list_of(read: Callable[[str], Any]) -> Callable[[str], List[Any]]:
     return lambda text: [read(item.strip()) for item in text.split(",")]
 
 
+def _visitor(text: str) -> str:
+    return ALIASES.get(text) or _word(*BEHAVIOURS)(text)
+
+
 def _planned(text: str) -> PlannedFault:
     """Parse ``node:call:kind``, or ``node:call+:kind`` for a fault that lasts; whether the robot
     has the node is checked later."""
@@ -155,7 +159,7 @@ def _parser() -> argparse.ArgumentParser:
     option("faults", _word(*FAULTS), "|".join(FAULTS),
            "each single fault (every call in every way, every service for good, every topic "
            "silent; the default), also each two of them, or none")
-    option("visitors", _list_of(lambda text: ALIASES.get(text) or _word(*BEHAVIOURS)(text)), "NAMES",
+    option("visitors", _list_of(_visitor), "NAMES",
            f"some of {', '.join(BEHAVIOURS)}, with commas between them; all if not given, with "
            f"--runs {ENGAGES}")
     option("kinds", _list_of(_word(*KINDS)), "NAMES",

@@ -1,10 +1,11 @@
 """A rehearsal as one self-contained web page, and the cells of its tables, which the terminal shows
 too."""
+import os
 from typing import Dict, Sequence
 
-from tornado.template import Template
+from tornado.template import Loader
 
-from behavior_controller.viewer.report_frame import encodable, file_text, framed
+from behavior_controller.viewer.report_frame import encodable, framed
 from behavior_controller.text import count
 
 from behavior_controller.simulation.rehearsal.summary import FindingSummary, VisitorRow, Share
@@ -13,6 +14,9 @@ COMMAND = "rehearseMission"
 
 ROW_HEAD = ("visitor", "answers by", "outcome", "after", "stops", "with faults")
 SHARE_HEAD = ("failure rate", "runs", "successes", "share", "95 % interval", "pass takes")
+
+TEMPLATES = Loader(os.path.join(os.path.dirname(os.path.abspath(__file__)), "report_files"),
+                   whitespace="all")
 
 Table = Sequence[Sequence[str]]
 """The cells of a table, its head first."""
@@ -50,7 +54,7 @@ def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
             findings: Sequence[FindingSummary]) -> str:
     """Return the page."""
     shown = tables(rows, shares)
-    content = Template(file_text("report_files", "rehearsal.html")).generate(
+    content = TEMPLATES.load("page.html").generate(
         tables=shown, shares=shares, findings=findings, plot=plot, count=count, text=encodable)
     sections = {name: name for name in (*shown, "Findings")}
     return framed(COMMAND, title, [], sections, content.decode())
@@ -59,5 +63,5 @@ def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
 def plot(shares: Sequence[Share]) -> str:
     """Return the shares over the failure rate as SVG: points joined by lines, each with its
     interval."""
-    template = Template(file_text("report_files", "shares.svg"))
-    return template.generate(shares=shares, share_cells=share_cells).decode()
+    svg = TEMPLATES.load("shares.svg").generate(shares=shares, share_cells=share_cells)
+    return svg.decode()

@@ -155,7 +155,8 @@ def _ending(exit_code: Optional[int]) -> str:
 
 def _mission(verdict: Verdict) -> Iterator[str]:
     """Object to the first thing that is not as the mission, done again, has it."""
-    yield from filter(None, [verdict.execution.difference, *verdict.execution.late_retries, verdict.overdue])
+    execution = verdict.execution
+    yield from filter(None, [execution.difference, *execution.late_retries, verdict.overdue])
     lost = sum(event.lines for _, event in of(verdict.facts.run.lines, Lost))
     if lost:
         lines = count(lost, "line", "lines")
