@@ -2,7 +2,7 @@
 """
 import pytest
 
-from behavior_controller.simulation.rehearsal import cli
+from behavior_controller.simulation.rehearsal import cli, findings
 
 
 def safe(node):
@@ -195,6 +195,14 @@ FLAWED = [
     ("a target for which a substitute has no use either",
      [BEGIN, LIST, SHOW, BYE, safe("LookUpHome"), safe("PerformDeicticGesture"),
       DRIVE], {"missing-data": "PerformDeicticGesture"}, CALM),
+    ("lifelike movement is never switched off",
+     ["<START_OF_TREE/>", safe("EnableAnimateBehavior"), VISITOR, safe("WelcomeSpeech")],
+     {"never-off": "EnableAnimateBehavior"}, []),
+    ("a wait for a visitor that never rests", [
+        "<START_OF_TREE/>", safe("ScanningOvertAttentionMode"),
+        VISITOR.replace("KeepRunningUntilFailure", "Repeat").replace(
+            "<Repeat>", "<Repeat num_cycles='-1'>"), OFF
+    ], {"busy-loop": "Repeat"}, CALM + ["--visitors", "engages"]),
     ("a sum of nothing", [BEGIN, "<Script code='n += 1'/>"], {"exception": "Script"}, CALM),
 ]
 
@@ -242,6 +250,21 @@ def test_a_mistake_is_found_at_its_node(tmp_path, nodes, expected, words):
     assert {each.kind.name: each.where.rpartition("/")[2].partition("::")[0]
             for each in found} == expected, told(found)
     assert all(each.place.startswith(str(tmp_path)) for each in found)
+
+
+def test_a_consequence_is_told_below_its_mistake(tmp_path):
+    """A gaze that does not come is recovered from again and again."""
+    gaze = "<Fallback><IsMutualGazeDiscovered/>{}</Fallback>".format(
+        steps('<Sleep msec="1000"/>', "<HandleFallBack/>"))
+    again = retry(40, gaze, "<AlwaysFailure/>")
+    told, = rehearse(tmp_path, [BEGIN, safe("SeekOvertAttentionMode"), again, OFF], CALM).findings
+    assert told.kind.name == "missing-data"
+    assert "budget-spent" in [other.kind.name for other in told.consequences]
+
+
+def test_each_kind_of_mistake_is_found():
+    assert {kind for _, _, kinds, _ in FLAWED for kind in kinds} == set(findings.BY_NAME) - {
+        "senseless-request", "budget-spent"}
 
 
 @pytest.mark.parametrize("nodes", list(map(case_of, SOUND)))

@@ -7,7 +7,6 @@ import pytest
 from behavior_controller import folders
 from behavior_controller.bt.loader.document import parse, read, with_includes
 from behavior_controller.config import knowledge_files, phrases, settings
-from behavior_controller.run.events import Tick
 
 from behavior_controller.simulation.faults import PlannedFault
 from behavior_controller.simulation.world import World, building_file, building_of, load_building
@@ -92,15 +91,6 @@ def test_a_mission_that_never_ends_is_not_rehearsed(tmp_path):
     path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><AlwaysFailure/>'
                     '<Sleep msec="99999999"/></ReactiveFallback></BehaviorTree></root>')
     assert play("engages", mission=str(path)) == ([], None)
-
-
-def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_second():
-    stage = LoadedMission(settings.defaults(), [parse("""<root BTCPP_format="4"><BehaviorTree ID="M">
-        <Timeout msec="10000"><KeepRunningUntilFailure><Script code="n := 1"/>
-        </KeepRunningUntilFailure></Timeout></BehaviorTree></root>""")])
-    ticks = [event for _, event in stage.play(CALM).events if isinstance(event, Tick)]
-    # 100 ticks are done at once, as by the runner; after them 10 s have 40
-    assert len(ticks) == pytest.approx(140, abs=3)
 
 
 def situations(steps, seconds, call_times, node):

@@ -1,4 +1,4 @@
-"""rehearseMission: each planted mistake is found by its name, and nothing in the lab tour."""
+"""rehearseMission: what it plays, and how it tells what it finds."""
 import html
 import importlib.util
 import io
@@ -23,7 +23,6 @@ from behavior_controller import exit_codes
 from behavior_controller.robot.requests import SetAttention
 from behavior_controller.run.story import Sentence
 
-from test_flawed_missions import FLAWED
 from behavior_controller.simulation.rehearsal import cli
 from behavior_controller.simulation.rehearsal import blocked_leaf, findings, html_report, plays
 from behavior_controller.simulation.rehearsal.findings import RobotCall, Finding
@@ -37,25 +36,6 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 ENGAGES, SILENT = ["--visitors", "engages"], ["--visitors", "silent"]
 CALM = ["--faults", "none", "--limit", "900"]
-PLANTED = [
-    ("busy_loop", "busy-loop", CALM + ENGAGES),
-    ("endless_retry", "endless", CALM + SILENT),
-    ("endless_first_exhibit", "endless", CALM + ENGAGES),
-    ("waits_for_ever", "waits-for-ever", CALM),
-    ("exception", "exception", CALM),
-    ("missing_data", "missing-data", CALM),
-    ("budget_spent", "missing-data", CALM),
-    ("left_on", "left-on", CALM),
-    ("not_home", "not-home", CALM),
-    ("abandoned_drive", "abandoned-drive", CALM),
-    ("goodbye_to_nobody", "goodbye-to-nobody", CALM),
-    ("left_out", "left-out", CALM),
-    ("unrecovered", "unrecovered", ["--kinds", "refused"]),
-    ("never_off", "never-off", []),
-    ("unreached", "unreached", []),
-]
-
-
 def planted(name):
     return os.path.join(HERE, "planted", name + ".xml")
 
@@ -73,44 +53,6 @@ def found(capsys, *words):
     told = json.loads(text)["found"]
     assert code == (exit_codes.FINDINGS if told else 0)
     return told
-
-
-@pytest.mark.parametrize("name, kind, words", PLANTED)
-def test_each_planted_mistake_is_found_by_its_name(capsys, name, kind, words):
-    told = found(capsys, planted(name), *words)
-    assert {each["kind"] for each in told} == {kind}
-    for each in told:
-        assert (each["scene"] is None) is (kind in ("never-off", "unreached"))
-        assert each["story"] or each["scene"] is None or kind in ("busy-loop", "endless",
-                                                                  "waits-for-ever")
-
-
-def test_a_consequence_is_told_below_its_mistake(capsys):
-    told, = found(capsys, planted("budget_spent"), *CALM)
-    assert told["kind"] == "missing-data"
-    assert [each["kind"] for each in told["consequences"]] == ["budget-spent"]
-
-
-@pytest.mark.parametrize("name, line, column, words", [
-    ("busy_loop", 13, 9, CALM + ENGAGES), ("waits_for_ever", 31, 9, CALM)])
-def test_a_mission_that_does_not_end_is_found_at_the_node_that_runs(capsys, name, line, column,
-                                                                    words):
-    assert {each["place"].split(".xml:")[1] for each in found(capsys, planted(name), *words)} == {
-        "{}:{}".format(line, column)}
-
-
-def test_each_kind_of_mistake_is_planted():
-    found_in_tests = {kind for _, kind, _ in PLANTED} | {kind for _, _, kinds, _ in FLAWED
-                                                         for kind in kinds}
-    assert found_in_tests == set(findings.BY_NAME) - {"senseless-request", "budget-spent"}
-    assert {name for name, _, _ in PLANTED} | {"good"} == {
-        name[:-4] for name in os.listdir(os.path.join(HERE, "planted"))
-    }
-
-
-def test_nothing_is_found_in_the_mission_without_a_mistake(capsys):
-    assert found(capsys, planted("good"), "--kinds", "unanswered", "--visitors",
-                 "engages,leaves") == []
 
 
 def test_nothing_is_found_in_the_lab_tour_with_drawn_faults(capsys):
@@ -238,7 +180,7 @@ ONE_AFTER_THE_OTHER = """<Sequence>
 
 @pytest.mark.parametrize("script, number", [("lost += 1", 2), ("lost := 0", 1)])
 def test_what_the_first_fault_leaves_behind_is_played_with_a_second_one(tmp_path, script, number):
-    theatre = ScenarioRunner({}, mission(tmp_path, ONE_AFTER_THE_OTHER.format(script)), 900.0)
+    theatre = runner(tmp_path, ONE_AFTER_THE_OTHER.format(script))
     calm = theatre.evaluate(Scenario("engages"))
     assert [call.node for call in calm.calls] == ["textToSpeech", "overtAttention", "textToSpeech"]
     one = theatre.evaluate(
@@ -268,7 +210,7 @@ def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
 def search_of(tmp_path, body, *calls, planned=(PlannedFault("a", 1, "crash"),), silent=()):
     """Return a search for EndTourSpeech, with four plays that have made these calls: two of them
     without a fault and two with those, two of a visitor who engages."""
-    nodes = ScenarioRunner({}, mission(tmp_path, body), 900.0).stage(True).mission.tree.nodes
+    nodes = runner(tmp_path, body).stage(True).mission.tree.nodes
     uids = {node.registration_id: node.uid for node in nodes}
     made = [RobotCall(node, number, uids[leaf], "", is_done)
             for node, number, leaf, is_done in calls]
@@ -346,7 +288,7 @@ def test_which_scenes_have_faults_and_whose_calls_are_listed(scene, is_faultless
 
 @pytest.mark.parametrize("by_voice", [True, False])
 def test_who_answers_on_the_tablet_is_not_heard(tmp_path, by_voice):
-    theatre = ScenarioRunner({}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
+    theatre = runner(tmp_path, '<Sleep msec="5000"/>')
     journal = theatre.play(Scenario("engages", by_voice)).played.journal
     assert ("/speechEvent/text" in {line.resource for line in journal}) is by_voice
 
@@ -580,25 +522,6 @@ def test_a_planned_fault_that_no_call_meets_is_reported(capsys):
         "planned in vain: robotNavigation:99:crash, since no play makes that call"]
 
 
-def test_without_faults_a_mission_that_never_succeeds_is_found(tmp_path, capsys):
-    path = tmp_path / "m.xml"
-    path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><AlwaysFailure/></BehaviorTree>"
-                    "</root>")
-    assert cli.main([str(path), "--faults", "none", "--jobs", "1"]) == exit_codes.FINDINGS
-    assert "never-succeeds" in capsys.readouterr().out
-    assert cli.main([str(path), "--faults", "none", "--visitors", "noGaze", "--jobs", "1"]) == 0
-
-
-@pytest.mark.parametrize("words, code", [
-    ("--failureRate 0", exit_codes.FINDINGS), ("--failureRate 0.5", exit_codes.SUCCESS),
-    ("--failureRate 0 --visitors noGaze", exit_codes.SUCCESS)])
-def test_runs_without_a_failure_show_a_mission_that_never_succeeds(tmp_path, words, code):
-    path = tmp_path / "m.xml"
-    path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><AlwaysFailure/></BehaviorTree>"
-                    "</root>")
-    assert cli.main([str(path), "--runs", "2", "--jobs", "1", *words.split()]) == code
-
-
 @pytest.mark.parametrize("words, told", [
     (["lab_tuor"], " lab_tour?"),
     (["no/such/file.xml"], "no/such/file.xml"),
@@ -635,6 +558,22 @@ def mission(folder, body):
     return str(path)
 
 
+def runner(folder, body=SPEECH, **chosen):
+    return ScenarioRunner(chosen, mission(folder, body), 900.0)
+
+
+def survey_of(folder, body=SPEECH, outcomes=()):
+    """Return the survey of a mission, with these outcomes."""
+    survey = Survey(runner(folder, body), True, ())
+    for each in outcomes:
+        survey.take(each)
+    return survey
+
+
+def plan(folder, body, *words):
+    return cli.Plan(cli.read([mission(folder, body), *words]))
+
+
 def first_round(todo):
     return next(todo.rounds(None, None))
 
@@ -652,7 +591,7 @@ def first_round(todo):
     (["--runs", "2"], 2 * 8, False),
     (["--runs", "3", "--failureRate", "0, 1", "--seed", "5"], 3 * 2, False)])
 def test_what_is_played_first_and_whether_it_is_all(tmp_path, words, number, is_complete):
-    todo = cli.Plan(cli.read([mission(tmp_path, UNREACHED), *words]))
+    todo = plan(tmp_path, UNREACHED, *words)
     scenes = first_round(todo)
     assert (len(scenes), todo.is_complete) == (number, is_complete)
     assert {scene.by_voice
@@ -660,7 +599,7 @@ def test_what_is_played_first_and_whether_it_is_all(tmp_path, words, number, is_
 
 
 def test_the_topics_of_the_robot_are_not_silent(tmp_path):
-    todo = cli.Plan(cli.read([mission(tmp_path, "<IsVisitorDiscovered/>")]))
+    todo = plan(tmp_path, "<IsVisitorDiscovered/>")
     assert todo.silent == [] and "/faceDetection/data" in todo.topics
 
 
@@ -672,7 +611,7 @@ def test_the_topics_of_the_robot_are_not_silent(tmp_path):
     (["--visitors", "engages", "--kinds", "crash", "--faults", "pairs"], 2 + 2 * (1 + 1) + 2 * 3),
     (["--visitors", "engages", "--faults", "none"], 2)])
 def test_how_many_plays_there_are(tmp_path, words, number):
-    result = cli.rehearse(cli.Plan(cli.read([mission(tmp_path, SPEECH), *words])), jobs=1)
+    result = cli.rehearse(plan(tmp_path, SPEECH, *words), jobs=1)
     assert (result.plays, result.planned) == (number, number)
 
 
@@ -752,7 +691,7 @@ found: 3 kinds of mistakes at 4 places"""
 @pytest.fixture(name="result")
 def made_result(tmp_path):
     """A result with all that can be in it."""
-    todo = cli.Plan(cli.read([mission(tmp_path, SPEECH), "--faults", "none"]))
+    todo = plan(tmp_path, SPEECH, "--faults", "none")
     rows = [
         VisitorRow("engages", True, "SUCCESS", 65.0, 5, (("", 1), ("SUCCESS", 3))),
         VisitorRow("silent", False, "", 9.0, 0, ())
@@ -788,7 +727,7 @@ def test_a_result_is_data_for_other_programs(result):
 
 
 def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
-    survey = Survey(ScenarioRunner({}, mission(tmp_path, SPEECH), 900.0), True, ())
+    survey = survey_of(tmp_path)
     for each in [
             outcome(Scenario("engages"), "SUCCESS", 60.0, 5),
             outcome(Scenario("engages", False), "SUCCESS", 70.0, 4),
@@ -809,7 +748,7 @@ def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
 
 
 def test_a_share_is_counted_for_each_failure_rate(tmp_path):
-    survey = Survey(ScenarioRunner({}, mission(tmp_path, SPEECH), 900.0), True, ())
+    survey = survey_of(tmp_path)
     drawn = [Scenario("engages", rate=rate, seed=seed) for rate in (0.5, 0.0) for seed in (1, 2, 3)]
     for scene, ended, seconds in zip(drawn, ("SUCCESS", "FAILURE", "", "", "", ""),
                                      (10.0, 20.0, 900.0) + 3 * (900.0, )):
@@ -852,8 +791,7 @@ def test_a_call_is_refused_and_a_seed_is_1_if_not_told_otherwise(tmp_path, words
 
 
 def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_path):
-    theatre = ScenarioRunner({}, mission(tmp_path, UNREACHED), 900.0)
-    survey = Survey(theatre, True, ())
+    survey = survey_of(tmp_path, UNREACHED)
     later, sooner, other = (Finding("left-on", uid, "x") for uid in (3, 2, 1))
     survey.take(outcome(Scenario("silent"), "SUCCESS", 4.0, 0, later, sooner,
                         Finding("left-out", 1, "y"), reached=[1, 2]))
@@ -868,8 +806,7 @@ def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_
 
 
 def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
-    theatre = ScenarioRunner({}, mission(tmp_path, UNREACHED), 900.0)
-    survey = Survey(theatre, True, ())
+    survey = survey_of(tmp_path, UNREACHED)
     search = Search(survey.nodes, survey.reached, survey.outcomes, "refused")
     survey.take(outcome(Scenario("silent"), "SUCCESS", 4.0, reached=[1, 2]))
     assert survey.findings() == []
@@ -879,18 +816,6 @@ def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
                                   "1 simulated run", 0, None, 0.0, (), "", ())
     survey.take(outcome(Scenario("leaves"), "", 900.0))
     assert survey.findings(search) == [], "what is behind a pass that does not end is not known"
-
-
-def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
-    survey = Survey(ScenarioRunner({}, mission(tmp_path, UNREACHED), 900.0), True, ())
-    cause, also, free = (Finding("missing-data", 2, "x"), Finding("not-home", 3, "y"),
-                         Finding("left-on", 1, "z"))
-    survey.take(outcome(Scenario("engages"), "FAILURE", 4.0, 0, cause, also, free))
-    survey.take(outcome(Scenario("silent"), "FAILURE", 4.0, 0, cause, free))
-    survey.take(outcome(Scenario("leaves"), "FAILURE", 4.0, 0, free))
-    told = survey.findings()
-    assert [(each.kind.name, [other.kind.name for other in each.consequences])
-            for each in told] == [("missing-data", ["not-home"]), ("left-on", [])]
 
 
 VOICE, TABLET, QUIET = Scenario("engages"), Scenario("engages", False), Scenario("silent")
@@ -925,7 +850,7 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
      {"exception": ["missing-data", "left-on"]}),
 ])
 def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
-    survey = Survey(ScenarioRunner({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    survey = survey_of(tmp_path, TWO_SPEECHES)
     for scene, stops, *found in plays_with:
         survey.take(outcome(scene, "SUCCESS", 4.0, stops, *found))
     search = SimpleNamespace(unreached=lambda: [(uid, "not reached") for uid in unreached])
@@ -957,7 +882,7 @@ def consequences(told):
     ("SUCCESS", [2], [THERE], [("never-true", ["left-on"])])])
 def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path, ended, reached,
                                                                         found, expected):
-    survey = Survey(ScenarioRunner({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    survey = survey_of(tmp_path, TWO_SPEECHES)
     for visitor in BEHAVIOURS:
         survey.take(outcome(Scenario(visitor), ended, 4.0, 0, reached=reached))
     survey.take(outcome(FAULTY, ended, 4.0, 0, *found))
@@ -975,7 +900,7 @@ def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path
     (0, {"engages": "FAILURE"}, [])])
 def test_a_mission_never_succeeds_if_no_visitor_brings_it_to_success(tmp_path, seed, outcomes,
                                                                      told):
-    survey = Survey(ScenarioRunner({}, mission(tmp_path, TWO_SPEECHES), 900.0), True, ())
+    survey = survey_of(tmp_path, TWO_SPEECHES)
     for visitor, ended in outcomes.items():
         survey.take(outcome(Scenario(visitor, seed=seed), ended, 4.0))
     survey.take(outcome(Scenario("engages", rate=0.5, seed=1), "SUCCESS", 4.0))
@@ -1002,7 +927,7 @@ def test_a_long_story_is_cut_in_its_middle():
          "a", 9, "refused"), )), Scenario("engages", planned=(PlannedFault("a", 1, "crash"), )))])
 @pytest.mark.parametrize("turn", [1, -1])
 def test_of_two_plays_the_shorter_is_told(tmp_path, shorter, longer, turn):
-    survey = Survey(ScenarioRunner({}, mission(tmp_path, SPEECH), 900.0), True, ())
+    survey = survey_of(tmp_path)
     for scene in (shorter, longer)[::turn]:
         survey.take(
             outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0,
@@ -1055,10 +980,12 @@ def test_the_time_left_is_that_of_the_runs_left_at_the_pace_so_far(monkeypatch):
         "1 min 20 s", "2 min 20 s", "2 min 0 s"]
 
 
+COMMAND = os.path.join(ROOT, "src", "behavior_controller", "rehearseMission")
+
+
 def start(*words, complaints):
     """Start the command as a process in its own process group."""
-    command = os.path.join(ROOT, "src", "behavior_controller", "rehearseMission")
-    return subprocess.Popen([sys.executable, command] + list(words), stdout=subprocess.PIPE,
+    return subprocess.Popen([sys.executable, COMMAND] + list(words), stdout=subprocess.PIPE,
                             stderr=complaints, env=dict(os.environ,
                                                         PYTHONPATH=os.pathsep.join(sys.path)),
                             start_new_session=True)
@@ -1122,14 +1049,30 @@ def test_the_former_place_of_the_command_names_the_new_one():
 
 
 GREETER = os.path.join(ROOT, "examples", "greeter")
+LEAVES, INTERFACE = ("src", "greeter", "leaves.py"), ("src", "greeter", "interface.py")
+ALONE = (("data", "greet.xml"), "<HandleFallBack/>", "")
+"""A change: a file, what is replaced in it, "" stands for its end, and by what."""
+
+ONCE = ("--faults", "none", "--visitors", "engages")
+
+
+def greeter(folder, *changes):
+    """Return a copy of the package with these changes."""
+    copy = folder / "greeter"
+    shutil.copytree(GREETER, str(copy))
+    for parts, old, new in changes:
+        path = copy.joinpath(*parts)
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new) if old else text + new)
+    return copy
 
 
 def rehearse_package(folder, *words):
     """Return the exit code and the text of a rehearsal that finds the package in ``folder``."""
     pytest.importorskip("rospkg")
-    command = os.path.join(ROOT, "src", "behavior_controller", "rehearseMission")
     paths = [os.path.join(str(folder), "src")] + sys.path
-    done = subprocess.run([sys.executable, command] + list(words), stdout=subprocess.PIPE,
+    done = subprocess.run([sys.executable, COMMAND, *words], stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, universal_newlines=True,
                           env=dict(os.environ, ROS_PACKAGE_PATH=str(folder), ROS_ROOT="",
                                    PYTHONPATH=os.pathsep.join(paths)))
@@ -1153,58 +1096,42 @@ def test_the_missions_of_another_package_are_rehearsed_by_their_name():
 def test_an_action_of_another_package_fails_in_a_rehearsal_as_a_service_does(tmp_path, kind, cause):
     words = ("greet", "--planned", "move_base:1:" + kind, "--visitors", "engages")
     assert rehearse_package(GREETER, *words)[0] == exit_codes.SUCCESS  # tried again
-    folder = tmp_path / "greeter"
-    shutil.copytree(GREETER, str(folder))
-    mission = folder / "data" / "greet.xml"
-    mission.write_text(mission.read_text().replace("<HandleFallBack/>", ""))
-    code, text = rehearse_package(folder, *words)
+    code, text = rehearse_package(greeter(tmp_path, ALONE), *words)
     assert code == exit_codes.FINDINGS and "DriveTo failed: " + cause in text
 
 
-def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
-    folder = tmp_path / "greeter"
-    shutil.copytree(GREETER, str(folder))
-    source = folder / "src" / "greeter"
-    leaves, interface = source / "leaves.py", source / "interface.py"
-    leaves.write_text(leaves.read_text().replace("    asks = SetLights\n", """    asks = SetLights
+ACCEPT = """    asks = SetLights
 
     def accept(self, answer):
         raise RuntimeError("the answer was " + answer.response)
-"""))
-    interface.write_text(
-        "from behavior_controller.extend import Answer\n" + interface.read_text().replace(
-            "as they are\")",
-            "as they are\",\n"
-            "            simulated_answer=lambda request: Answer(response=request.colour))"
-        ))
-    code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
+"""
+ANSWERS = 'as they are", simulated_answer=lambda request: Answer(response=request.colour))'
+
+
+def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
+    changed = greeter(tmp_path, (LEAVES, "    asks = SetLights\n", ACCEPT),
+                      (INTERFACE, "NO_EFFECT, ", "NO_EFFECT, Answer, "),
+                      (INTERFACE, 'as they are")', ANSWERS))
+    code, text = rehearse_package(changed, "greet", *ONCE)
     assert code == exit_codes.FINDINGS and "exception: " in text and "the answer was blue" in text
 
 
 @pytest.mark.parametrize("fields", ("()", "(request.colour)", "(request.color,)"))
 def test_a_service_whose_fields_do_not_fit_is_told_with_both_places(tmp_path, fields):
-    folder = tmp_path / "greeter"
-    shutil.copytree(GREETER, str(folder))
-    interface = folder / "src" / "greeter" / "interface.py"
-    interface.write_text(interface.read_text().replace("(request.colour,)", fields))
-    mission = folder / "data" / "greet.xml"
-    mission.write_text(mission.read_text().replace("<HandleFallBack/>", ""))
-    code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
+    changed = greeter(tmp_path, (INTERFACE, "(request.colour,)", fields), ALONE)
+    code, text = rehearse_package(changed, "greet", *ONCE)
     assert code == exit_codes.FINDINGS
     assert re.search(r"Lights failed: type mismatch, its declaration: .*greeter/interface\.py:\d+",
                      text), text
 
 
 def test_a_leaf_that_does_not_return_is_an_exception_in_its_code(tmp_path):
-    folder = tmp_path / "greeter"
-    shutil.copytree(GREETER, str(folder))
-    source = folder / "src" / "greeter" / "leaves.py"
-    text = source.read_text().replace(
-        '        """Set the colour."""\n', "        while True:\n            pass\n")
-    source.write_text(text)
-    line = text[:text.index("while True")].count("\n") + 1
-    code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
+    changed = greeter(tmp_path, (LEAVES, '        """Set the colour."""\n',
+                                 "        while True:\n            pass\n"))
+    code, text = rehearse_package(changed, "greet", *ONCE)
     assert code == exit_codes.FINDINGS
+    source = changed.joinpath(*LEAVES).read_text()
+    line = source[:source.index("while True")].count("\n") + 1
     places = re.search(r"Lights.*TimeoutError: .*\(greeter/leaves\.py:(\d+)\)", text)
     assert places is not None and int(places.group(1)) in (line, line + 1), text
 
@@ -1265,13 +1192,8 @@ UNTIL_OPEN = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><F
     (", simulated_value=lambda seconds: 'closed'", "FAILURE", False)])
 def test_a_package_says_what_its_topic_publishes_in_a_rehearsal(tmp_path, declared, outcome,
                                                                 is_silent):
-    folder = tmp_path / "greeter"
-    shutil.copytree(GREETER, str(folder))
-    for name, more in (("interface", DOOR.format(declared)), ("leaves", IS_OPEN)):
-        path = folder / "src" / "greeter" / (name + ".py")
-        path.write_text(path.read_text() + more)
+    changed = greeter(tmp_path, (INTERFACE, "", DOOR.format(declared)), (LEAVES, "", IS_OPEN))
     (tmp_path / "m.xml").write_text(UNTIL_OPEN)
-    _, text = rehearse_package(folder, str(tmp_path / "m.xml"), "--faults", "none", "--visitors",
-                               "engages")
+    _, text = rehearse_package(changed, str(tmp_path / "m.xml"), *ONCE)
     assert "engages  voice       " + outcome in text, text
     assert ("silent: /door/state" in text) is is_silent

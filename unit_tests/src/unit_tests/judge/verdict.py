@@ -38,11 +38,12 @@ class Verdict:
                         for question, answer in QUESTIONS]
         self.objections = tuple(text for _, objections in self.answers for text in objections)
         self.passed = not self.objections
+        self.praise = "; ".join(_praise(self))
 
     def __str__(self) -> str:
         """Return the verdict as lines of text."""
         if self.passed:
-            return f"PASSED: {'; '.join(_praise(self))}"
+            return f"PASSED: {self.praise}"
         return "FAILED: {}".format("\n        ".join(self.objections))
 
     @property
