@@ -67,12 +67,6 @@ def test_nothing_is_found_in_the_delivered_missions_with_each_single_fault(words
     assert cli.rehearse(cli.Plan(cli.read(words)), jobs=2).findings == []
 
 
-def test_the_tour_of_release_1_0_is_rehearsed_too(capsys):
-    code, text = run(capsys, "release_1_0_tour", "robotInterface:=release-1.0", "--faults", "none",
-                     *ENGAGES)
-    assert "robot release-1.0: 2 simulated runs" in text
-
-
 def test_a_visitor_who_is_not_understood_is_no_finding(capsys):
     assert found(capsys, "release_1_0_tour", "robotInterface:=release-1.0", "--faults", "none",
                  "--visitors", "unclear", "asrEnabled:=true") == []
@@ -97,16 +91,6 @@ def outcome(scene, ended, seconds, exhibits=0, *found, calls=(), reached=()):
     stops = tuple(("stop {}".format(number), 1) for number in range(exhibits))
     return Outcome(scene, ended, seconds, stops, found, frozenset(reached), frozenset(), (),
                    tuple(calls))
-
-
-def test_the_shortest_play_of_a_finding_has_the_fewest_faults():
-    survey = Survey(ScenarioRunner({}, planted("good"), 900.0), True, ())
-    finding = Finding("not-home", 1, "x")
-    faulty = Scenario("engages", planned=(PlannedFault("textToSpeech", 1, "refused"),))
-    for scene, seconds in ((faulty, 5.0), (Scenario("leaves"), 90.0), (Scenario("engages"), 80.0)):
-        survey.take(outcome(scene, "SUCCESS", seconds, 0, finding))
-    told, = survey.findings()
-    assert (told.scene, told.plays, told.seconds) == (Scenario("engages"), 3, 80.0)
 
 
 TALK = [RobotCall("overtAttention", 1, 3, "a", True), RobotCall("textToSpeech", 1, 4, "b", True),
@@ -373,14 +357,6 @@ def test_the_share_of_successes_has_wilsons_interval():
     assert Share(0.0, 10, 10, 1.0).interval[1] == 1.0 and Share(1.0, 10, 0, 1.0).interval[0] == 0.0
 
 
-def test_the_page_stands_alone_and_has_the_plot(capsys, tmp_path):
-    path = str(tmp_path / "page.html")
-    run(capsys, planted("good"), "--runs", "3", "--failureRate", "0,0.5", "--html", path)
-    page = open(path, encoding="utf-8").read()
-    assert page.count("<circle") == 2 and "<polyline" in page
-    assert not any(part in page for part in ("http:", "https:", "<script", "src="))
-
-
 def test_a_share_of_the_plot_stands_where_the_axes_say():
     plot = ElementTree.fromstring(html_report.plot([Share(0.4, 10, 8, 1.0),
                                                     Share(1.0, 10, 0, 1.0)]))
@@ -613,17 +589,6 @@ def test_the_topics_of_the_robot_are_not_silent(tmp_path):
 def test_how_many_plays_there_are(tmp_path, words, number):
     result = cli.rehearse(plan(tmp_path, SPEECH, *words), jobs=1)
     assert (result.plays, result.planned) == (number, number)
-
-
-def test_pairs_of_faults_are_played_only_if_they_are_asked_for(tmp_path):
-    path = mission(tmp_path, ONE_AFTER_THE_OTHER.format("lost += 1"))
-    words = [path, *ENGAGES, "--kinds", "refused"]
-    single, pairs = (cli.rehearse(cli.Plan(cli.read(words + more)), jobs=1).plays
-                     for more in ([], ["--faults", "pairs"]))
-    # three calls of three leaves, once and for good, and three topics by voice and tablet
-    assert single == 2 + 2 * 3 + 3 * 2
-    # all of that by tablet too, and the two calls after the first one
-    assert pairs >= 2 + 2 * (2 * 3 + 3) + 2 * 2
 
 
 def test_the_only_play_is_told(capsys, tmp_path):
@@ -1155,10 +1120,6 @@ def test_an_alarm_that_was_set_before_a_play_comes_after_it():
     finally:
         signal.signal(signal.SIGALRM, before)
         signal.alarm(limit)
-
-
-def test_all_visitors_are_played():
-    assert [scene.visitor for scene in plays.calm(BEHAVIOURS, [True])] == list(BEHAVIOURS)
 
 
 DOOR = """

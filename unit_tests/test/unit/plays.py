@@ -2,6 +2,8 @@
 import dataclasses
 import functools
 
+from msgspec.structs import replace
+
 from behavior_controller.config import settings
 from behavior_controller.run.events import Line
 from behavior_controller.run.history import Run
@@ -45,6 +47,12 @@ def changed(before, change):
     """Return facts whose record is made of the lines that ``change`` returns for each of its."""
     return before._replace(
         run=Run(after for line in before.run.lines for after in change(line)))
+
+
+def with_event(before, event, *others):
+    """Return facts whose record has these events in place of one, at its time."""
+    return changed(before, lambda line: [replace(line, event=other) for other in others]
+                   if line.event is event else [line])
 
 
 def calls(of_test, node=""):

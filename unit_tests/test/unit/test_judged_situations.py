@@ -28,7 +28,7 @@ from unit_tests.judge import reference
 from unit_tests.judge.failures import failure_rows
 from unit_tests.judge.verdict import Verdict
 
-from plays import changed, facts, of_test_with
+from plays import changed, facts, of_test_with, with_event
 
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
 <Sequence><{}/>{}</Sequence></BehaviorTree></root>"""
@@ -220,8 +220,7 @@ def test_an_entry_is_left_as_its_writer_leaves_it(name, number, value, words):
              if name in dict(event.entries)][number]
     entries = [(key, value if key == name else text) for key, text in event.entries
                if key != name or value is not None]
-    wrong = changed(of_test, lambda line: [
-        replace(line, event=replace(event, entries=entries)) if line.event is event else line])
+    wrong = with_event(of_test, event, replace(event, entries=entries))
     assert any(text.endswith(": " + words) for text in objections(wrong))
 
 
@@ -231,8 +230,7 @@ def test_an_entry_is_left_as_its_writer_leaves_it(name, number, value, words):
 def test_an_entry_that_nothing_writes_is_not_on_record(entry, words):
     of_test = of_mission('<Script code="n := 1"/><Sleep msec="500"/><AlwaysSuccess/>')
     last = times(of_test, Tick)[-1][1]
-    wrong = changed(of_test, lambda line: [Line(line.time, EntriesWritten([entry]))] * (
-        line.event is last) + [line])
+    wrong = with_event(of_test, last, EntriesWritten([entry]), last)
     assert any(text.endswith(words) for text in objections(wrong))
 
 
@@ -442,9 +440,7 @@ def test_each_report_of_the_safe_state_is_that_of_its_own_requests(call_times, f
         for place, reached in enumerate(report.parts):
             parts = list(report.parts)
             parts[place] = replace(reached, failure=None if reached.failure else failure)
-            falsified = changed(of_test, lambda line: [
-                replace(line, event=replace(report, parts=tuple(parts)))
-                if line.event is report else line])
+            falsified = with_event(of_test, report, replace(report, parts=tuple(parts)))
             assert any("of the safe state is reported" in text for text in objections(falsified))
 
 
@@ -509,7 +505,7 @@ def test_a_pass_that_failed_otherwise_waits_too_for_what_it_gave_up_a_step_for(t
     assert first.outcome == "FAILURE" and began - ended > 2.0 and objections(of_test) == ()
     # it begins while the service is gone
     returned, = [event for _, event in times(of_test, HealthChanged) if event.is_well]
-    early = changed(of_test, lambda line: [] if line.event is returned else [line])
+    early = with_event(of_test, returned)
     assert any("began without a pause, and the cause of the last failure persists" in text
                for text in objections(early))
 
@@ -597,8 +593,7 @@ def test_an_end_is_on_record_with_the_number_path_and_type_of_its_node(change):
     of_test = of_mission("<WelcomeSpeech/><WelcomeGesture/>")
     ended, = [event for _, event in times(of_test, LeafFinished) if event.node == "WelcomeSpeech"]
     wrong = replace(ended, **change)
-    found = objections(changed(of_test, lambda line: [
-        replace(line, event=wrong) if line.event is ended else line]))
+    found = objections(with_event(of_test, ended, wrong))
     assert any(f": node {wrong.uid} is not {wrong.node} {wrong.path}" in text for text in found)
 
 
@@ -606,12 +601,10 @@ def test_an_end_is_on_record_with_the_number_path_and_type_of_its_node(change):
 def test_a_pass_lasts_as_long_as_its_clock_says(seconds):
     of_test = of_mission('<Sleep msec="3000"/>')
 
-    def other(line):
-        is_end = isinstance(line.event, PassFinished)
-        event = replace(line.event, seconds=line.event.seconds + seconds) if is_end else line.event
-        return [replace(line, event=event)]
+    end = times(of_test, PassFinished)[0][1]
+    other = with_event(of_test, end, replace(end, seconds=end.seconds + seconds))
     found = any(f"the pass took 3.0 s; on record are {3 + seconds:.1f} s" in text
-                for text in objections(changed(of_test, other)))
+                for text in objections(other))
     assert found is (abs(seconds) > 1.0)
 
 
@@ -624,11 +617,8 @@ def test_the_first_step_of_a_pass_comes_within_a_second(seconds, is_wrong):
     later = changed(of_test, from_then_on(times(of_test, PassStarted)[0][0], 5.0))
     assert any("the first pass was due 5.0 s before" in text for text in objections(later))
 
-    def begun_before(line):
-        is_begin = isinstance(line.event, PassStarted)
-        event = replace(line.event, at=first.at - seconds) if is_begin else line.event
-        return [replace(line, event=event)]
-    found = objections(changed(of_test, begun_before))
+    begun = times(of_test, PassStarted)[0][1]
+    found = objections(with_event(of_test, begun, replace(begun, at=first.at - seconds)))
     words = f"the pass began at {first.at - seconds:.1f} s, its first step came at {first.at:.1f} s"
     assert any(words in text for text in found) is is_wrong
 
@@ -637,24 +627,20 @@ def test_before_the_first_pass_nothing_is_asked():
     of_test = of_mission("<WelcomeSpeech/>")
     asked = times(of_test, Asked)[0][1]
 
-    def sooner(line):
-        if line.event is asked:
-            return []
-        return [replace(line, event=asked)] * isinstance(line.event, PassStarted) + [line]
+    begun = times(of_test, PassStarted)[0][1]
+    sooner = with_event(with_event(of_test, asked), begun, asked, begun)
     assert any("before the pass nothing is due; what was asked: saying “Hello, " in text
-               for text in objections(changed(of_test, sooner)))
+               for text in objections(sooner))
 
 
 def test_a_request_in_the_middle_of_a_step_is_placed_after_the_one_before():
     of_test = of_mission("<WelcomeSpeech/>")
     asked = times(of_test, Asked)[0][1]
     more = replace(asked, call=asked.call + 90, request=Say("Psst"))
-    found = objections(changed(of_test, lambda line: [line] + [
-        replace(line, event=more)] * (line.event is asked)))
+    found = objections(with_event(of_test, asked, asked, more))
     assert any("after WelcomeSpeech, while WelcomeSpeech goes on, nothing more was due; what was "
                "asked: saying “Psst”" in text for text in found)
-    again = objections(changed(of_test, lambda line: [line] + [
-        replace(line, event=replace(more, request=asked.request))] * (line.event is asked)))
+    again = objections(with_event(of_test, asked, asked, replace(more, request=asked.request)))
     assert any(text.endswith("”, as WelcomeSpeech did before") for text in again)
 
 
@@ -672,13 +658,9 @@ def test_what_was_due_is_placed_after_the_leaf_that_ended_in_the_same_step():
 def test_what_was_to_come_after_the_record_of_a_step_ends_is_named():
     of_test = of_mission("<AlwaysSuccess/>")
     last = times(of_test, Tick)[-1][1]
-    shorter = changed(of_test, lambda line: [
-        replace(line, event=replace(last, changes=last.changes[:-1]))
-        if line.event is last else line])
+    shorter = with_event(of_test, last, replace(last, changes=last.changes[:-1]))
     assert "had to be SUCCESS; on record is nothing" in objections(shorter)[0]
-    foreign = changed(of_test, lambda line: [
-        replace(line, event=replace(last, changes=[*last.changes, (9, "S")]))
-        if line.event is last else line])
+    foreign = with_event(of_test, last, replace(last, changes=[*last.changes, (9, "S")]))
     assert "nothing more had to be; on record is node 9 SUCCESS" in objections(foreign)[0]
 
 
@@ -904,8 +886,6 @@ def test_the_answer_of_the_tablet_is_what_the_visitor_pressed(chosen, behaviour,
     if chosen and result is not NO_PRESS:
         del others[0]  # it has no response
     for other in others:
-        falsified = changed(of_test, lambda line: [
-            replace(line, event=replace(answered, result=other))
-            if line.event is answered else line])
+        falsified = with_event(of_test, answered, replace(answered, result=other))
         assert any(" of /tabletEvent/prompt_and_get_response for PressYesNoDialogue was " in text
                    for text in objections(falsified)), other

@@ -19,7 +19,7 @@ from behavior_controller.simulation.rehearsal.play import CALM, TIMED_OUT
 from unit_tests.judge.report import to_junit
 from unit_tests.judge.verdict import QUESTIONS, Verdict
 
-from plays import calls, changed, facts, of_test_with, stage
+from plays import calls, changed, facts, of_test_with, stage, with_event
 
 REFUSED = "textToSpeech:2"
 
@@ -32,6 +32,25 @@ def assert_objects(of_test, *words):
     """Expect an objection with all of these words, whatever else is wrong then."""
     assert any(all(word in text for word in words) for text in objections(of_test)), objections(
         of_test)
+
+
+def first(kind, change, which=lambda event: True):
+    """Return a change of the first event of a kind that ``which`` holds for; None leaves it out."""
+    done = []
+
+    def apply(line):
+        if done or not isinstance(line.event, kind) or not which(line.event):
+            return [line]
+        done.append(line)
+        event = change(line.event)
+        return [] if event is None else [replace(line, event=event)]
+    return apply
+
+
+def after(of_test, kind, more):
+    """Return facts with another event on record after the first one of a kind."""
+    event = next(line.event for line in of_test.run.lines if isinstance(line.event, kind))
+    return with_event(of_test, event, event, more)
 
 
 # -------------------------------------------------------------------------------------- what passes
@@ -87,10 +106,8 @@ def test_a_controller_that_did_not_start():
     (0, 3, ("ended with exit code 3", "announced exit code 0")), (0, -11, ("signal 11",)),
     (3, 0, ("ended with exit code 0", "announced exit code 3")), (0, -1, ("signal 1,",)),
     (3, 3, ("the last pass ended with SUCCESS", "exit code 3"))])
-def test_an_exit_code_that_was_not_announced_or_not_that_of_the_last_pass(announced, exit_code, words):
-    def announce(line):
-        is_end = isinstance(line.event, RunFinished)
-        yield replace(line, event=replace(line.event, exit_code=announced)) if is_end else line
+def test_an_exit_code_that_is_not_that_of_the_end(announced, exit_code, words):
+    announce = first(RunFinished, lambda event: replace(event, exit_code=announced))
     assert_objects(changed(facts(), announce)._replace(exit_code=exit_code), *words)
 
 
@@ -105,29 +122,18 @@ def test_too_few_passes():
 
 
 def test_an_exception_of_the_controller_comes_first():
-    def raised(line):
-        yield line
-        if isinstance(line.event, RunFinished):
-            yield Line(line.time, Noticed("error", "ValueError in WelcomeSpeech"))
-    verdict = Verdict(changed(facts(), raised))
-    assert "ValueError in WelcomeSpeech" in verdict.objections[0]
+    raised = after(facts(), RunFinished, Noticed("error", "ValueError in WelcomeSpeech"))
+    assert "ValueError in WelcomeSpeech" in objections(raised)[0]
 
 
 def test_a_record_that_lacks_lines_cannot_be_judged():
-    def lost(line):
-        yield line
-        if isinstance(line.event, PassFinished):
-            yield Line(line.time, Lost(3))
-    assert_objects(changed(facts(), lost), "lacks 3 lines")
+    assert_objects(after(facts(), PassFinished, Lost(3)), "lacks 3 lines")
 
 
 def test_a_mission_that_cannot_be_built_again_is_not_passed():
-    def broken(line):
-        event = line.event
-        if hasattr(event, "sources"):
-            documents = (Source("mission.xml", "<root"),)
-            event = replace(event, sources=replace(event.sources, documents=documents))
-        yield replace(line, event=event)
+    documents = (Source("mission.xml", "<root"),)
+    broken = first(RunStarted, lambda event: replace(
+        event, sources=replace(event.sources, documents=documents)))
     assert_objects(changed(facts(), broken), "the mission on record cannot be done again: ")
 
 
@@ -189,19 +195,6 @@ def test_what_a_real_node_was_asked_or_said_has_the_record_as_its_only_witness(n
 # ------------------------------------------------------------------- what the record has to show
 
 
-def first(kind, change, which=lambda event: True):
-    """Return a change of the first event of a kind that ``which`` holds for; None leaves it out."""
-    done = []
-
-    def apply(line):
-        if done or not isinstance(line.event, kind) or not which(line.event):
-            return [line]
-        done.append(line)
-        event = change(line.event)
-        return [] if event is None else [replace(line, event=event)]
-    return apply
-
-
 def is_request(kind):
     return lambda event: isinstance(event.request, kind)
 
@@ -236,11 +229,6 @@ def test_another_result_of_a_leaf(letters):
     assert_objects(of_test, f"{nodes[uid - 1]} had to be {due} (in Fallback")
 
 
-def again(event):
-    """Return a change by which the first such event is on record twice."""
-    return lambda line: [line, line] if line.event == event else [line]
-
-
 @pytest.mark.parametrize("kind, words",
                          [(LeafFinished, "ended with SUCCESS; on record is SUCCESS, SUCCESS"),
                           (Answered, "has an answer on record that nothing waits for"),
@@ -251,7 +239,7 @@ def again(event):
 def test_what_is_on_record_twice(kind, words):
     of_test = facts([REFUSED])
     event = next(line.event for line in of_test.run.lines if isinstance(line.event, kind))
-    assert_objects(changed(of_test, again(event)), words)
+    assert_objects(with_event(of_test, event, event, event), words)
 
 
 def test_a_safe_state_that_is_asked_for_twice():
@@ -420,11 +408,8 @@ def test_a_request_after_the_end_of_the_run():
     of_test = facts()
     last = max(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked))
 
-    def more(line):
-        yield line
-        if isinstance(line.event, RunFinished):
-            yield Line(line.time, Asked(last + 1, "/textToSpeech/say_text", Say("Psst")))
-    assert_objects(changed(of_test, more), "after the end of the run nothing is due", "“Psst”")
+    more = after(of_test, RunFinished, Asked(last + 1, "/textToSpeech/say_text", Say("Psst")))
+    assert_objects(more, "after the end of the run nothing is due", "“Psst”")
 
 
 def test_a_safe_state_that_was_never_sent():

@@ -4,9 +4,8 @@ from functools import lru_cache
 from typing import (
     Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple, Union)
 
-from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt import Direction, Kind, Node
 from behavior_controller.bt.engine.ports import reference
-from behavior_controller.bt.engine.registry import Direction, Kind
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.run.events import GIVEN_UP, SKIPPED
 from behavior_controller.run.state import (

@@ -9,14 +9,11 @@ from typing import (
     Collection, FrozenSet, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple)
 
 from behavior_controller import exit_codes, leaves
-from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.engine.failure import TickError
-from behavior_controller.bt.engine.node import Node, Result
-from behavior_controller.bt.engine.tree import Change, Tree
+from behavior_controller.bt import ManualClock, Node, Result, TickError, IDLE, RUNNING
+from behavior_controller.bt.engine.tree import Change
 from behavior_controller.bt.loader.checks import check
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader.tree_builder import build
-from behavior_controller.bt.values.status import IDLE, RUNNING
 from behavior_controller.config.settings import Settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.run.events import Event, Events, Line, PassFinished, TreeShown

@@ -4,8 +4,7 @@ import hashlib
 from collections import deque
 from typing import Any, Dict, Iterator, List, Tuple
 
-from behavior_controller.bt.engine.node import Node
-from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt import Node, Tree
 from behavior_controller.bt.values.status import NAMES
 from behavior_controller.run.events import LETTERS
 from behavior_controller.leaves import data

@@ -18,10 +18,10 @@ from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 from msgspec.structs import replace
 
-from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.bt import ManualClock, RUNNING
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
-from behavior_controller.bt.values.status import NAMES, RUNNING
+from behavior_controller.bt.values.status import NAMES
 from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.run.events import (

@@ -2,10 +2,8 @@
 import dataclasses
 
 from behavior_controller import extensions
-from behavior_controller.bt.engine.builtins import builtin_specs
-from behavior_controller.bt.engine.node import Result
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Registry
-from behavior_controller.bt.values.status import IDLE, RUNNING, SKIPPED
+from behavior_controller.bt import (
+    builtin_specs, Direction, Kind, NodeSpec, Registry, Result, IDLE, RUNNING, SKIPPED)
 from behavior_controller.config import phrases
 from behavior_controller.robot.gateway import Cause
 

@@ -14,15 +14,14 @@ from functools import partial
 from typing import (
     Any, Callable, Dict, Generator, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple)
 
-from behavior_controller.bt.values.blackboard import Blackboard
+from behavior_controller.bt import (
+    ActionLeaf, Blackboard, Direction, Kind, Node, NodeSpec, NoValue, Port, PortError, PortType,
+    Result, FAILURE, IDLE, RUNNING, SUCCESS)
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.leaf import ActionLeaf
-from behavior_controller.bt.engine.node import Node, Result
-from behavior_controller.bt.engine.ports import NoValue, PortError, defaults
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, argument
-from behavior_controller.bt.values.values import PortType, TEXT, whole_real
-from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.ports import defaults
+from behavior_controller.bt.engine.registry import argument
+from behavior_controller.bt.values.values import TEXT, whole_real
 from behavior_controller.config import phrases
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.config.settings import Settings

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterator, List, Sequence, Tuple
 
-from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.bt.values.status import RUNNING
+from behavior_controller.bt import Clock, RUNNING
 from behavior_controller.run.events import Message
 from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.gateway import Sample
