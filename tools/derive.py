@@ -174,7 +174,7 @@ def entries() -> str:
 def rehearsal_findings() -> str:
     """Return a table of the findings of a rehearsal."""
     return _table([("finding", "meaning")] + [
-        (f"`{kind.name}`", kind.means) for kind in findings.BY_NAME.values()])
+        (f"`{kind.name}`", kind.means) for kind in findings.KIND_BY_NAME.values()])
 
 
 def _table(rows: Sequence[Tuple[str, ...]]) -> str:

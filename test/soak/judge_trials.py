@@ -43,7 +43,7 @@ from behavior_controller.run.events import (  # noqa: E402
     Tick)
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.text import Source, count  # noqa: E402
-from unit_tests.judge.facts import LATE, Facts  # noqa: E402
+from unit_tests.judge.facts import LATE_TOLERANCE, Facts  # noqa: E402
 from unit_tests.judge.verdict import Verdict  # noqa: E402
 from behavior_controller.simulation.behaviour import OPTIONAL  # noqa: E402
 from behavior_controller.simulation.faults import KINDS, REFUSED  # noqa: E402
@@ -233,14 +233,14 @@ def unseen(sound: RunResult, broken: RunResult) -> str:
                  if first_difference(aspect(sound), aspect(broken))]
     if not {"exit code", "journal", "record"} & set(differing):
         return "what was sent reached no node, and is not on record"
-    end = sound.events[-1][0] - LATE
+    end = sound.events[-1][0] - LATE_TOLERANCE
     if differing == ["record"] and not first_difference(*(
             [(at, event) for at, event in recorded(played) if at < end]
             for played in (sound, broken))):
-        return "the record ends within {:g} s of the difference".format(LATE)
+        return "the record ends within {:g} s of the difference".format(LATE_TOLERANCE)
     is_fine = difference(sound, broken).startswith("times") and all(
-        abs(at - then) < LATE for (at, _), (then, _) in zip(sound.asked, broken.asked))
-    return "the times differ by less than {:g} s".format(LATE) if is_fine else ""
+        abs(at - then) < LATE_TOLERANCE for (at, _), (then, _) in zip(sound.asked, broken.asked))
+    return "the times differ by less than {:g} s".format(LATE_TOLERANCE) if is_fine else ""
 
 
 def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:

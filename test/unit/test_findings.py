@@ -610,7 +610,7 @@ def test_a_leaf_that_only_fails_with_faults_may_never_succeed():
 
 
 def test_a_kind_is_explained_to_the_author_of_a_mission():
-    assert findings.BY_NAME["abandoned-drive"].means == (
+    assert findings.KIND_BY_NAME["abandoned-drive"].means == (
         "The mission stops waiting for a drive, and the robot drives on.")
 
 

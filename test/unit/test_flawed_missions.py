@@ -263,7 +263,7 @@ def test_a_consequence_is_told_below_its_mistake(tmp_path):
 
 
 def test_each_kind_of_mistake_is_found():
-    assert {kind for _, _, kinds, _ in FLAWED for kind in kinds} == set(findings.BY_NAME) - {
+    assert {kind for _, _, kinds, _ in FLAWED for kind in kinds} == set(findings.KIND_BY_NAME) - {
         "senseless-request", "budget-spent"}
 
 

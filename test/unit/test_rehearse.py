@@ -397,7 +397,7 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
         VisitorRow("silent", False, "FAILURE", 59.4, 0, ())
     ]
     shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
-    left_on, not_home = (findings.BY_NAME[name] for name in ("left-on", "not-home"))
+    left_on, not_home = (findings.KIND_BY_NAME[name] for name in ("left-on", "not-home"))
     told = [
         FindingSummary(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scenario("engages"), 80.0,
                        (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""), ),
@@ -608,15 +608,15 @@ def test_the_only_play_is_told(capsys, tmp_path):
 SAID = Sentence(0.5, 1, "said", "info", "the robot says hello", 0, "")
 TWO = (PlannedFault("textToSpeech", 1, "crash"), PlannedFault("textToSpeech", 2, "crash"))
 FINDINGS = [
-    FindingSummary(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5",
+    FindingSummary(findings.KIND_BY_NAME["busy-loop"], "Loop", "m.xml:3:5",
                    "it is ticked again and again", 12,
                    Scenario("engages", True, TWO, ("/faces", )), 4.0,
                    (SAID, structs.replace(SAID, at=61.04, text="it waits")), "again 1"),
-    FindingSummary(findings.BY_NAME["busy-loop"], "M", "m.xml:1:1", "and again", 1,
+    FindingSummary(findings.KIND_BY_NAME["busy-loop"], "M", "m.xml:1:1", "and again", 1,
                    Scenario("silent", False, rate=0.5, seed=7), 4.0, (SAID, ), "again 2"),
-    FindingSummary(findings.BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1,
+    FindingSummary(findings.KIND_BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1,
                    Scenario("silent"), 4.0, (SAID, ), "again 3",
-                   (FindingSummary(findings.BY_NAME["left-on"], "Nod", "m.xml:6:7", "on"),)),
+                   (FindingSummary(findings.KIND_BY_NAME["left-on"], "Nod", "m.xml:6:7", "on"),)),
     FindingSummary(findings.UNREACHED, "Nap", "m.xml:4:5", "not reached by 7 simulated runs")
 ]
 TOLD = """

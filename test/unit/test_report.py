@@ -27,7 +27,7 @@ from behavior_controller.run.record.tree_shown import shown
 from behavior_controller.viewer.report import MAX_LIST_DEPTH, Drawn, to_html
 from behavior_controller.run.history import Run
 from behavior_controller.run.moment import card, robot_line
-from behavior_controller.simulation.rehearsal.findings import BY_NAME
+from behavior_controller.simulation.rehearsal.findings import KIND_BY_NAME
 from behavior_controller.simulation.rehearsal.html_report import to_html as rehearsal_html
 from behavior_controller.simulation.rehearsal.summary import FindingSummary, Share, VisitorRow
 from browser import (
@@ -802,7 +802,7 @@ def test_the_report_of_a_rehearsal_is_accessible_and_has_the_page_s_look(report,
     source, page = axe(), tmp_path / "rehearsal.html"
     shares = [Share(0.0, 10, 10, 60.0), Share(1.0, 10, 0, 60.0)]
     rows = [VisitorRow("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2)))]
-    finding = FindingSummary(BY_NAME["left-on"], "Say::2", "m.xml:3:4", "<b> is on")
+    finding = FindingSummary(KIND_BY_NAME["left-on"], "Say::2", "m.xml:3:4", "<b> is on")
     page.write_text(rehearsal_html("lab_tour", rows, shares, [finding]), encoding="utf-8")
     set_screen(report, 400, 800, "dark")
     report.get("file://{}".format(page))

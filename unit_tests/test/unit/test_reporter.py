@@ -50,7 +50,7 @@ def test_a_package_that_cannot_be_written_has_its_newest_report_among_those_of_r
 
 def test_a_file_of_the_users_is_no_newest_report(given, share, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("ROS_TEST_RESULTS_DIR", str(tmp_path))
-    notes = [share / test_node.OUTPUT, tmp_path / "unit_tests" / test_node.JUNIT]
+    notes = [share / test_node.OUTPUT, tmp_path / "unit_tests" / test_node.JUNIT_FILE]
     for folder in (tmp_path / "ros", tmp_path / "unit_tests"):
         folder.mkdir()
     for note in notes:

@@ -22,11 +22,11 @@ from behavior_controller.simulation.behaviour import TOPICS
 from behavior_controller.simulation.world import World
 from behavior_controller.simulation.visitor import Visitor
 
-ENOUGH = 0.95
+SUFFICIENT_SHARE = 0.95
 """The share of waits in which messages should come in time; a lower share is reported before the
 start."""
 
-MESSAGES = range(1, 21)
+MESSAGE_NUMBERS = range(1, 21)
 """Evidence that has not come in so many messages does not come from this visitor, whatever the
 rate."""
 
@@ -69,7 +69,7 @@ class Wait(NamedTuple):
 def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
     """Return a line for each condition whose messages often come too late at ``rate``, and from
     which rate on none does."""
-    late = [wait for wait in waits if wait.missed(rate) > 1 - ENOUGH]
+    late = [wait for wait in waits if wait.missed(rate) > 1 - SUFFICIENT_SHARE]
     worst = [max((wait for wait in late if wait.node == node), key=lambda wait: wait.missed(rate))
              for node in dict.fromkeys(wait.node for wait in late)]
     return [wait.warning(rate) for wait in worst] + ([sufficient(waits)] if worst else [])
@@ -78,14 +78,14 @@ def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
 def sufficient(waits: Sequence[Wait]) -> str:
     """Return in a line from which rate on messages come in time."""
     return (f"from arrivalRate {lowest_rate(waits)} on, all that this mission waits for comes in "
-            f"time in {100 * ENOUGH:.0f} % of waits")
+            f"time in {100 * SUFFICIENT_SHARE:.0f} % of waits")
 
 
 def lowest_rate(waits: Sequence[Wait]) -> int:
     """Return the lowest whole number of messages per minute of which enough come in time, at least
     1."""
     return next(rate for rate in itertools.count(1)
-                if all(wait.missed(rate) <= 1 - ENOUGH for wait in waits))
+                if all(wait.missed(rate) <= 1 - SUFFICIENT_SHARE for wait in waits))
 
 
 # -------------------------------------------------------------------------------------- the mission
@@ -147,7 +147,7 @@ def _messages(node: TopicCondition, world: World) -> Optional[int]:
     if node.evidence.mode:
         visitor.notice(JournalEntry(0.0, robot.service(SetAttention).node, "", 1,
                                     {"state": node.evidence.mode}))
-    for number in MESSAGES:
+    for number in MESSAGE_NUMBERS:
         value = TOPICS[node.topic.name].content(world._replace(visitor=visitor))
         if value is not None and node.is_evidence(value):
             return number

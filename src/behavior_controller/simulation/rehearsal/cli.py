@@ -34,8 +34,8 @@ from behavior_controller.simulation.faults import KINDS, PlannedFault
 from behavior_controller.simulation.visitor import ALIASES, BEHAVIOURS, ENGAGES
 from behavior_controller.simulation.configuration import CONTROLLER, load_controller, parse
 
-NONE, PAIRS = "none", "pairs"
-FAULTS = (NONE, "single", PAIRS)
+NO_FAULTS, PAIRS = "none", "pairs"
+FAULTS = (NO_FAULTS, "single", PAIRS)
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 """The default failure rates."""
@@ -46,7 +46,7 @@ PAGE = page_of(html_report.COMMAND)
 BAR = 30
 """Letters of the progress bar."""
 
-WIDTH = 110
+LINE_WIDTH = 110
 """Letters of a line."""
 
 ASR = "asrEnabled"
@@ -78,7 +78,7 @@ class Plan:
         _check_robot(robot, options)
         self.silent = [offer.name for offer in self.stage.mission.offers
                        if isinstance(offer, Topic) and offer.name not in self.topics]
-        is_restricted = options.faults == NONE or options.runs or options.planned \
+        is_restricted = options.faults == NO_FAULTS or options.runs or options.planned \
             or options.silent or options.kinds or options.limit < PASS_LIMIT
         self.is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 \
             and not is_restricted
@@ -97,7 +97,7 @@ class Plan:
                                   planned=tuple(options.planned)) for scene in self.calm]
         else:
             yield self.calm
-            if options.faults != NONE:
+            if options.faults != NO_FAULTS:
                 is_pairs = options.faults == PAIRS
                 yield list(plays.single(survey.outcomes, self.kinds, self.topics, is_pairs))
                 if is_pairs:
@@ -195,7 +195,7 @@ def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
     for name in ("failureRate", "seed"):
         if getattr(options, name) is not None and not options.runs:
             parser.error(f"--{name} is for --runs")
-    if options.kinds and (options.planned or options.silent or options.faults == NONE):
+    if options.kinds and (options.planned or options.silent or options.faults == NO_FAULTS):
         parser.error("--kinds is for --faults and --runs")
     return options
 
@@ -327,7 +327,7 @@ def _finding_lines(finding: FindingSummary, is_first: bool) -> List[str]:
     """Return a finding in lines; the first of its kind with its meaning and its story."""
     lines = []
     if is_first:
-        first, *others = textwrap.wrap(finding.kind.means, WIDTH) or [""]
+        first, *others = textwrap.wrap(finding.kind.means, LINE_WIDTH) or [""]
         lines += ["", f"{finding.kind.name}: {first}"] + ["  " + line for line in others]
     lines.append(f"  {finding.where} ({finding.place}): {finding.what}")
     lines += [

@@ -31,7 +31,7 @@ SHOWN_AT_THE_PLACE = {"@" + datum.name for datum in (data.GESTURE_TARGET, data.D
                                                      data.DESCRIPTION_2)}
 """The entries whose readers need the robot to stand at the place that it was sent to."""
 
-AT_ONCE = 0.01
+TIME_TOLERANCE = 0.01
 """Seconds by which things may differ in time that follow one another."""
 
 ROOT = 1
@@ -472,8 +472,8 @@ def _shown_away(play: Play) -> Iterator[Place]:
     by_stop: Dict[int, List[NodeResult]] = {}
     for show, chosen in play.shown:
         by_stop.setdefault(taken.index(chosen), []).append(show)
-        if any(drive.asked + AT_ONCE < show.ended and drive.answered is not None
-               and show.began < drive.answered - AT_ONCE for drive in play.drives):
+        if any(drive.asked + TIME_TOLERANCE < show.ended and drive.answered is not None
+               and show.began < drive.answered - TIME_TOLERANCE for drive in play.drives):
             yield show.uid, "the robot drives meanwhile"
     for number, shows in by_stop.items():
         until = taken[number + 1].began if taken[number + 1:] else play.played.ended
@@ -521,7 +521,7 @@ def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place
         node = play.node(result.uid)
         if source and answer in entries(node, False):
             unread = ""
-            if any(listened < at < result.began - AT_ONCE for at in asked):
+            if any(listened < at < result.began - TIME_TOLERANCE for at in asked):
                 yield result.uid, (f"it looks at the answer of {source} although another question "
                                    "was asked since")
         if answer in entries(node, True):
@@ -629,7 +629,7 @@ NEVER_OFF = FindingKind(
     "never-off", "Attention or lifelike movement is switched on, and no pass switches it off.")
 UNREACHED = FindingKind("unreached", "No play brings the mission to this node.")
 
-KINDS = (
+FINDING_KINDS = (
     *map(_kind, (
         _busy_loop, _exception, _missing_data, _senseless_request, _endless,
         _retries_for_ever, _waits_for_ever, _swallowed_failure, _unrecovered,
@@ -642,13 +642,14 @@ KINDS = (
     NEVER_OFF, UNREACHED)
 """All kinds; a kind that follows from others stands after them."""
 
-CAUSES = frozenset(kind.name for kind in KINDS[:KINDS.index(NEVER_SUCCEEDS) + 1])
-"""The kinds of findings that may have others as consequences."""
+KIND_BY_NAME: Dict[str, FindingKind] = {kind.name: kind for kind in FINDING_KINDS}
 
-BY_NAME: Dict[str, FindingKind] = {kind.name: kind for kind in KINDS}
+CAUSING_KINDS = list(KIND_BY_NAME)[:FINDING_KINDS.index(NEVER_SUCCEEDS) + 1]
+"""The names of kinds that may have others as consequences."""
 
 
 def findings(play: Play) -> List[Finding]:
     """Return the findings of a play."""
-    return list(dict.fromkeys(Finding(kind.name, uid or ROOT, clean(what)) for kind in KINDS
+    return list(dict.fromkeys(Finding(name, uid or ROOT, clean(what))
+                              for name, kind in KIND_BY_NAME.items()
                               for uid, what in kind.detect(play)))

@@ -25,14 +25,14 @@ from behavior_controller.simulation.rehearsal.play import CALM, Place, LoadedMis
 from behavior_controller.simulation.configuration import REAL
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
 
-MESSAGES = 1.0
+MESSAGE_INTERVAL = 1.0
 """Seconds between two messages of a topic, or half of ``topicMaxAge`` if less: in a rehearsal no
 message is late."""
 
 FEW = 60
 """Up to this number of plays run in this process: starting others would take longer."""
 
-CHUNK = 8
+PLAYS_PER_TASK = 8
 """Plays that a process receives at once."""
 
 MOST_PLAYS = 400
@@ -143,7 +143,7 @@ class ScenarioRunner:
         robot = stage.settings.interface
         if not stage.settings.asr_enabled and robot.tells(Sense.UTTERANCE):
             silent += (robot.evidence(Sense.UTTERANCE).topic.name,)  # no speech is recognised
-        gap = min(MESSAGES, stage.settings.topic_max_age / 2)
+        gap = min(MESSAGE_INTERVAL, stage.settings.topic_max_age / 2)
         played = stage.play(test, silent, gap, scene.is_listed)
         faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
         calm = None if scene.is_calm else self._calm_play(scene.calm)
@@ -362,7 +362,7 @@ def players(runner: ScenarioRunner, jobs: int
         def play_all(scenarios: Sequence[Scenario]) -> Iterator[Outcome]:
             if jobs <= 1 or len(scenarios) <= FEW:
                 return map(runner.evaluate, scenarios)
-            return pool().imap_unordered(runner.evaluate, scenarios, CHUNK)
+            return pool().imap_unordered(runner.evaluate, scenarios, PLAYS_PER_TASK)
 
         yield play_all
 

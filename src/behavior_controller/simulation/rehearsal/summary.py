@@ -177,13 +177,13 @@ class Survey:
             key = kind.name, self.place(uid)
             if key[1] not in places or uid == findings.ROOT:
                 every.setdefault(key, self._summary(Finding(kind.name, uid, what)))
-        order = list(findings.BY_NAME)
+        order = list(findings.KIND_BY_NAME)
         keys = sorted(every, key=lambda key: (order.index(key[0]), every[key].seconds,
                                               every[key].where))
         below: Dict[Key, List[FindingSummary]] = {}
         for key in keys:
-            cause = next((other for other in below
-                          if other[0] in findings.CAUSES and self._follows(key, other)), None)
+            causes = (other for other in below if other[0] in findings.CAUSING_KINDS)
+            cause = next((other for other in causes if self._follows(key, other)), None)
             if cause is None:
                 below[key] = []
             else:
@@ -214,7 +214,7 @@ class Survey:
 
     def _summary(self, finding: Finding) -> FindingSummary:
         where = clean(self.nodes[finding.uid - 1].full_path)
-        return FindingSummary(findings.BY_NAME[finding.kind], where, self.place(finding.uid),
+        return FindingSummary(findings.KIND_BY_NAME[finding.kind], where, self.place(finding.uid),
                               finding.what)
 
     def place(self, uid: int) -> str:

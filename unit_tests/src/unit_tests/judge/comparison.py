@@ -144,15 +144,16 @@ def _value(ended: LeafFinished) -> str:
     return ended.status if ended.failure is None else ended.failure.cause.value
 
 
-STEPS = {StepStarted: reference.BEGINS, StopChanged: reference.STOP, Recovering: reference.RETRY,
-         Retried: reference.FAILED_AGAIN, Recovered: reference.ENDED}
+STEP_TEXTS = {
+    StepStarted: reference.STEP_BEGINS, StopChanged: reference.STOP_STATE,
+    Recovering: reference.RETRIED, Retried: reference.FAILED_AGAIN, Recovered: reference.ENDED}
 """What an event on record says of a step."""
 
 
 def decision(event: Union[StepStarted, StopChanged, Recovering, Retried, Recovered]) -> Decision:
     """Return what the record says of a step, a stop or a recovery."""
     facts = asdict(event)
-    step = reference.INSTEAD if facts.get("substitute") else STEPS[type(event)]
+    step = reference.SUBSTITUTE_USED if facts.get("substitute") else STEP_TEXTS[type(event)]
     gives_up = facts.get("policy", "").partition(": ")[0].endswith("give up")
     step = step.format(rule="give up" if gives_up else "skip", **facts)
     handler = event.uid if isinstance(event, (Recovering, Recovered)) else 0

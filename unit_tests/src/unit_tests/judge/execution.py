@@ -10,7 +10,7 @@ recovery. The first difference from the record is the objection.
 Two things are not computed. A node of another package has no row: its results, requests and entries
 are those of the record. And the times of what the controller does: it is late if it was due more
 than ``Facts.late`` before (a timer, the next traversal, the next pass), and early by more than
-``EARLY``.
+``EARLY_TOLERANCE``.
 """
 import itertools
 import math
@@ -37,7 +37,7 @@ from behavior_controller.simulation.configuration import ACTION
 from unit_tests.judge import reference
 from unit_tests.judge.comparison import (
     Query, Traversal, WrittenEntries, decision, described, label, request_difference)
-from unit_tests.judge.facts import EARLY, Facts
+from unit_tests.judge.facts import EARLY_TOLERANCE, Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE_STATE, TaskContext, ReferenceNode, safe_state
 from unit_tests.judge.signs import Signs
@@ -58,7 +58,7 @@ LATE_RETRY = 0.18
 """Seconds that the promptest of several retries of a node may be late: one of them may meet a busy
 machine, all of them do not."""
 
-WORDS = {"S": "SUCCESS", "F": "FAILURE", "R": "RUNNING", "-": "halted"}
+STATUS_WORDS = {"S": "SUCCESS", "F": "FAILURE", "R": "RUNNING", "-": "halted"}
 
 TABLE = {spec.id for spec in reference.ROWS}
 """The node types that have a row."""
@@ -286,7 +286,7 @@ class Execution(TaskContext):
             if before.cause in (None, *ONCE) or pause < SAFE_RETRY / 2:
                 self._differ(f"at the end the safe state is due, once; asked for again: {query}")
         last, left = asked[-1], asked[0].asked + SAFE_LIMIT - self.now
-        if last.cause not in (None, *ONCE) and left > EARLY:
+        if last.cause not in (None, *ONCE) and left > EARLY_TOLERANCE:
             self._differ("at the end a part of the safe state was not asked for again: "
                          f"{last}, {last.outcome}, and {left:.1f} s were left")
 
@@ -382,9 +382,9 @@ class Execution(TaskContext):
             node, cause = self.tree.nodes[uid - 1], self.traversal.cause(uid)
             reason = f" ({cause})" if cause and letter == "F" else ""
             place_of = f" (in {label(node.parent)})" if node.parent is not None else ""
-            due = f"{self._label(uid)} had to be {WORDS[letter]}{reason}{place_of}"
+            due = f"{self._label(uid)} had to be {STATUS_WORDS[letter]}{reason}{place_of}"
         if other is not None:
-            came = f"{self._label(other)} {WORDS[other_letter]}"
+            came = f"{self._label(other)} {STATUS_WORDS[other_letter]}"
         return f"{self._after(place)}{due}; on record is {came}"
 
     def _after(self, place: int) -> str:
@@ -409,7 +409,7 @@ class Execution(TaskContext):
         """Return a request with its answer, if that has come; of a node without a row only the
         request's kind is known."""
         if node.registration_id in TABLE and not isinstance(node, reference.RecoveryTask):
-            self.traversal.decided(node, reference.BEGINS)
+            self.traversal.decided(node, reference.STEP_BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
             tour = self.known.tour
             places = {"exhibits": tour, "home": tour[:1], "entrance": tour[-1:]}[request.what]
@@ -425,7 +425,7 @@ class Execution(TaskContext):
             return Query(0, request, "", self.unix_now)
         query = self._take_next(node)
         early = self.unix_now - query.asked
-        if early > EARLY:
+        if early > EARLY_TOLERANCE:
             wrong = f"{label(node)} asked {early:.1f} s too early: {query}"
             self.traversal.changes.append((0, wrong))
         return query

@@ -12,7 +12,7 @@ from behavior_controller.simulation.world import World
 
 Kind = TypeVar("Kind")
 
-LATE, EARLY = 1.0, 0.25
+LATE_TOLERANCE, EARLY_TOLERANCE = 1.0, 0.25
 """Seconds by which something may come late, on a busy machine too, and seem early: a request is on
 record before it is sent, a traversal after it."""
 
@@ -41,7 +41,7 @@ class Facts(NamedTuple):
     @property
     def late(self) -> float:
         """Seconds by which something may come late: nothing can be in time while nothing runs."""
-        return LATE + self.stall
+        return LATE_TOLERANCE + self.stall
 
     @property
     def is_disturbed(self) -> bool:

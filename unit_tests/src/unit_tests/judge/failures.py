@@ -12,7 +12,7 @@ from unit_tests.judge.facts import Facts
 from unit_tests.judge.reference import DONE, HANDLERS
 from unit_tests.judge.journal_check import Pair, JournalCheck
 
-AGAIN = "tried again"
+TRIED_AGAIN = "tried again"
 """What the recovery did about a failure whose next attempt failed too."""
 
 NO_RECOVERY, IN_SAFE_STATE, HALTED, NOT_ON_RECORD = (
@@ -86,7 +86,7 @@ def _recovery(run: Run, failed: LeafFailure) -> Tuple[str, float]:
     later = next((other for other in failures if other.at > failed.at), None)
     if later is not None:
         is_other = any(other is later for other in inner.instead)
-        return f"{later.node} instead" if is_other else AGAIN, later.at
+        return f"{later.node} instead" if is_other else TRIED_AGAIN, later.at
     # an outer HandleFallBack goes on with the failure that an inner one gave up
     around = _rounds(run, failures[0])
     return ", then ".join(dict.fromkeys(map(_outcome, around))), around[-1].decided
@@ -119,8 +119,8 @@ def _outcome(recovery: RecoveryRound) -> str:
 
 # ---------------------------------------------------------------------------------------- the table
 
-HEAD = ("time", "visitor", "stop", "node", "call", "kind", "recovery", "lost")
-NUMBERS = (0, 1, 7)
+TABLE_HEAD = ("time", "visitor", "stop", "node", "call", "kind", "recovery", "lost")
+RIGHT_ALIGNED = (0, 1, 7)
 """Columns that are set to the right."""
 
 ON_FIRST_LINE = 4
@@ -130,9 +130,9 @@ ON_FIRST_LINE = 4
 def table(rows: Sequence[FailureRow], began: float, width: int) -> List[str]:
     """Return the rows as lines of text of at most ``width``; times are in seconds from ``began``
     on."""
-    cells = [HEAD] + [_cells(row, began) for row in rows]
-    widths = [max(len(row[column]) for row in cells) for column in range(len(HEAD))]
-    padded = [[cell.rjust(size) if column in NUMBERS else cell.ljust(size)
+    cells = [TABLE_HEAD] + [_cells(row, began) for row in rows]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(TABLE_HEAD))]
+    padded = [[cell.rjust(size) if column in RIGHT_ALIGNED else cell.ljust(size)
                for column, (cell, size) in enumerate(zip(row, widths))] for row in cells]
     lines = ["  ".join(row).rstrip() for row in padded]
     if max(map(len, lines)) <= width:

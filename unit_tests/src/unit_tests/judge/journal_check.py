@@ -21,7 +21,7 @@ from behavior_controller.simulation.visitor import Visitor
 
 from unit_tests.judge.comparison import Query
 from unit_tests.judge.execution import Execution
-from unit_tests.judge.facts import EARLY, RETURN, Facts, of
+from unit_tests.judge.facts import EARLY_TOLERANCE, RETURN, Facts, of
 from unit_tests.judge.reference import SAFE_STATE, SENT
 from unit_tests.judge.signs import objections
 
@@ -29,7 +29,7 @@ CAUSE_OF = {REFUSED: Cause.REFUSED, EXCEPTION: Cause.HANDLER_EXCEPTION, UNANSWER
             CRASH: Cause.CONNECTION_LOST, WRONG: Cause.UNUSABLE_ANSWER}
 """How the controller must record each kind of fault."""
 
-AWAY = {Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.CONNECTION_LOST}
+AWAY_CAUSES = {Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.CONNECTION_LOST}
 """How calls fail between the crash of a node and its return."""
 
 
@@ -84,7 +84,7 @@ class JournalCheck:
         queries = [query for query in self._execution.queries.values()
                    if query.service == service.name]
         for query, following in itertools.zip_longest(queries, queries[1:]):
-            while lines and lines[0].time < query.asked - EARLY:
+            while lines and lines[0].time < query.asked - EARLY_TOLERANCE:
                 yield Pair(service, None, lines.pop(0))
             is_its = bool(lines) and self._is_of(lines, query, following, service)
             yield Pair(service, query, lines.pop(0) if is_its else None)
@@ -99,7 +99,7 @@ class JournalCheck:
         if not _reaches(query, line):
             return False
         if query.answered is not None:
-            return line.time <= query.answered + EARLY
+            return line.time <= query.answered + EARLY_TOLERANCE
         if following is None or line.time <= following.asked:
             return True
         is_in_time = line.time <= following.asked + self._late
@@ -154,10 +154,10 @@ class JournalCheck:
         if service.name in self._facts.test.absent_services:
             is_well = cause is Cause.NOT_ADVERTISED if service.fails_without else cause is None
         elif query.result is None:  # it may have been dropped on its way
-            is_well = self._until(query) - query.asked < self._late - EARLY or self._is_away(
-                service.node, query.asked)
+            is_well = self._until(query) - query.asked < self._late - EARLY_TOLERANCE \
+                or self._is_away(service.node, query.asked)
         else:
-            is_well = cause in AWAY and self._is_away(service.node, query.asked)
+            is_well = cause in AWAY_CAUSES and self._is_away(service.node, query.asked)
         if not is_well:
             yield (f"{query.asker}: {service.name} never got the request {query}, and on record is "
                    f"{query.outcome}")
@@ -189,7 +189,7 @@ class JournalCheck:
         due = deadline if fault == UNANSWERED else min(line.time + line.seconds, deadline)
         # of the safe state all results are read when the last one is there
         latest = query.asked + self._safe_limit if query.is_for_safety else due
-        if until > latest + self._late or result is not None and until < due - EARLY:
+        if until > latest + self._late or result is not None and until < due - EARLY_TOLERANCE:
             yield (f"{name}: {service.name} was waited for {until - query.asked:.1f} s; it was due "
                    f"after {due - query.asked:.1f} s, its deadline is {deadline - query.asked:g} s")
         is_too_late = query.cause is Cause.NO_ANSWER and due > deadline - self._late
@@ -250,7 +250,7 @@ class JournalCheck:
                 continue
             is_noticed = any(event.name == query.service and at - RETURN < time < at + self._late
                              for time, event in changes)
-            is_there = query.cause not in AWAY or query.service in test.absent_services
+            is_there = query.cause not in AWAY_CAUSES or query.service in test.absent_services
             if not is_there and not is_noticed:
                 yield f"{query.node}: {query.service} was gone, and that was not noticed"
 
@@ -259,7 +259,7 @@ def _reaches(query: Query, line: journal.JournalEntry) -> bool:
     """Return whether a request with that result can have reached its node, as that line."""
     if query.cause is Cause.CONNECTION_LOST:
         return line.fault == CRASH
-    return query.cause is not Cause.TYPE_MISMATCH and query.cause not in AWAY
+    return query.cause is not Cause.TYPE_MISMATCH and query.cause not in AWAY_CAUSES
 
 
 def _cause(fault: str, service: Service) -> Cause:

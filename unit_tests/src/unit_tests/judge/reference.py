@@ -117,10 +117,10 @@ class Decision(NamedTuple):
         return f"{node} {self.step}".strip()
 
 
-BEGINS, STOP = "begins", "is at stop {number} of {of}, {name}: {state}"
+STEP_BEGINS, STOP_STATE = "begins", "is at stop {number} of {of}, {name}: {state}"
 """What is reported of a step that asks, and of one that begins, ends or leaves out a stop."""
 
-RETRY, INSTEAD = "retry {attempt} of {of}", "{substitute} instead"
+RETRIED, SUBSTITUTE_USED = "retry {attempt} of {of}", "{substitute} instead"
 ENDED = "{outcome} after {attempts} retries, by a rule to {rule}"
 FAILED_AGAIN = "failed too, after {attempt} retries"
 """What a recovery does about a step."""
@@ -387,7 +387,7 @@ EVIDENCE: Dict[str, Dict[Sense, SignRule]] = {
 }
 """Sections 4.6 and table 4 of the document; the statuses of release 1.0's attention."""
 
-ENDING = SignRule(lambda course, text: is_error(text) or _is_answer(course, text))
+END_OF_LISTENING = SignRule(lambda course, text: is_error(text) or _is_answer(course, text))
 """What ends listening: an answer, or an error of the recognition."""
 
 
@@ -443,7 +443,7 @@ def _keep_utterance(node: Any, sample: Sample) -> None:
 def _listen(node: Any) -> Steps:
     """Listen for 10 s; an error of the recognition ends that with FAILURE."""
     began = node.clock.now()
-    sample = yield from _sense(node, Sense.UTTERANCE, ENDING, ANSWER_WAIT, lambda: began)
+    sample = yield from _sense(node, Sense.UTTERANCE, END_OF_LISTENING, ANSWER_WAIT, lambda: began)
     text = "" if sample is None else sample.value
     answer = None if is_error(text) else spoken(node.course.phrases, text)
     node.write(visitorResponse=answer or "")
@@ -583,13 +583,13 @@ class RecoveryTask(Task):
         while step.parent is self.parent and isinstance(step, ReferenceServiceAction):
             if self._retries < self._rule.retries:
                 work = step
-                self._decided(RETRY.format(attempt=self._retries + 1, of=self._rule.retries))
+                self._decided(RETRIED.format(attempt=self._retries + 1, of=self._rule.retries))
                 yield from self._wait()
             elif self._rule.then in ("skip", "giveUp") or work not in (None, step):
                 break
             else:
                 work = self._substitute(self._rule.then)
-                self._decided(INSTEAD.format(substitute=self._rule.then))
+                self._decided(SUBSTITUTE_USED.format(substitute=self._rule.then))
             cause = yield from work.attempt()
             if work is step:
                 self._retries += 1
@@ -682,8 +682,9 @@ def _begin(node: Any) -> None:
 
 def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    step = STOP.format(number=index + 1, of=len(exhibits), name=exhibits[index].name, state=state)
-    node.course.traversal.decided(node, step)
+    name = exhibits[index].name
+    node.course.traversal.decided(node, STOP_STATE.format(
+        number=index + 1, of=len(exhibits), name=name, state=state))
 
 
 def _has_next(node: Any) -> bool:

@@ -96,7 +96,7 @@ def _not_as_given(facts: Facts) -> Iterator[str]:
         return
     has, files = begun[0][1].settings, begun[0][1].sources
     for name, value in mission.settings.values.items():
-        if name not in OF_THE_TEST and has.get(name) != value:
+        if name not in SET_BY_THE_TEST and has.get(name) != value:
             yield f"the controller has {name} {has.get(name)}; it was given {value}"
     known = mission.knowledge.sources if mission.knowledge is not None else ()
     for what, its, given in (
@@ -109,7 +109,7 @@ def _not_as_given(facts: Facts) -> Iterator[str]:
             yield f"the controller has another {what} than it was given: {names}"
 
 
-OF_THE_TEST = {"missionRuns", "recordDirectory", "startupTimeout", "verboseMode"}
+SET_BY_THE_TEST = {"missionRuns", "recordDirectory", "startupTimeout", "verboseMode"}
 """Keys of the controller that the test decides by itself."""
 
 

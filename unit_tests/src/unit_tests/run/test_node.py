@@ -34,7 +34,7 @@ from unit_tests.robot.options import Arguments, Options
 OUTPUT = "behaviorControllerTestOutput.dat"
 """The report. Beside it is the same as a page, with the record's story and timeline."""
 
-JUNIT = "behaviorControllerTest.xml"
+JUNIT_FILE = "behaviorControllerTest.xml"
 """File with the verdict as JUnit XML, in the folder where ROS keeps test results."""
 
 VERDICT = "verdict"
@@ -47,19 +47,19 @@ PASSED, FAILED, NOT_RUN = 0, 1, 2
 NOTHING_TESTED = "nothing was tested"
 """The last line of a test that did not start."""
 
-START_LIMIT = 30.0
+MISSION_START_LIMIT = 30.0
 """Seconds after ``startupTimeout`` within which a controller must have started its mission."""
 
-END_LIMIT = 30.0
+LAUNCH_END_LIMIT = 30.0
 """Seconds that roslaunch may take to end the report after it was asked to stop."""
 
 PROGRESS_INTERVAL = 5.0
 """Seconds between two lines of progress."""
 
-WIDTH = 120
+DEFAULT_COLUMNS = 120
 """Columns where the output is not a terminal."""
 
-CHECK_INTERVAL = 1.0
+NODE_CHECK_INTERVAL = 1.0
 """Seconds between two checks whether all nodes of the test are its own."""
 
 POLL_INTERVAL = 0.1
@@ -115,7 +115,7 @@ def _test(own: Options) -> int:
              "its folder, with record and journal: " + arguments.folder]
     content = report.page()
     page = save(content, arguments, folders.PAGE) if content else ""
-    columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
+    columns = shutil.get_terminal_size(fallback=(DEFAULT_COLUMNS, 0)).columns
     is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
     return finish(code, report.shown(columns, files, page), arguments)
@@ -134,8 +134,8 @@ def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> 
 def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> Facts:
     """Wait until the controller has ended, or the time of the test is over.
 
-    Every ``CHECK_INTERVAL`` seconds ``disturbance`` returns why the test cannot go on, or an empty
-    text.
+    Every ``NODE_CHECK_INTERVAL`` seconds ``disturbance`` returns why the test cannot go on, or an
+    empty text.
     """
     folder, test = own.arguments.folder, own.test
     run, entries = Run(), Journal(folder)
@@ -148,11 +148,11 @@ def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> F
             run.extend(record.news())
         journal.extend(entries.news())
 
-    start_limit = START_LIMIT + float(own.arguments.startup_timeout)
+    start_limit = MISSION_START_LIMIT + float(own.arguments.startup_timeout)
     began = checked = shown = time.monotonic()
     cut_off, has_timed_out, stall = "", False, 0.0
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
-        if time.monotonic() > checked + CHECK_INTERVAL:
+        if time.monotonic() > checked + NODE_CHECK_INTERVAL:
             cut_off, checked = disturbance(), time.monotonic()
         # the master may let a disturbance wait; the rest takes as long as the machine lets it
         polled = time.monotonic()
@@ -203,7 +203,8 @@ def _save_junit(text: str) -> None:
     folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
     with contextlib.suppress(OSError):
         os.makedirs(folder, exist_ok=True)
-    reason = _write([os.path.join(folder, JUNIT)], text, folders.JUNIT).partition("nowhere: ")[2]
+    path = os.path.join(folder, JUNIT_FILE)
+    reason = _write([path], text, folders.JUNIT).partition("nowhere: ")[2]
     if reason:
         print("no JUnit file: " + reason, flush=True)
 
@@ -240,6 +241,6 @@ def _end_launch() -> None:
     required node as a crash."""
     if is_roslaunch(parent_command()) and not rospy.is_shutdown():
         os.kill(os.getppid(), signal.SIGINT)
-        ends = time.monotonic() + END_LIMIT
+        ends = time.monotonic() + LAUNCH_END_LIMIT
         while not rospy.is_shutdown() and time.monotonic() < ends:
             time.sleep(POLL_INTERVAL)
