@@ -17,7 +17,7 @@ from behavior_controller.ros import console as module
 from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console
 from behavior_controller.text import Source
-from test_story import RUNS, Teller, rig_of
+from told_visits import RUNS, Teller, rig_of
 
 ODD = "\x1b[2J\n[INFO] behaviorController: pass 1: SUCCESS\r\t\x9b\u202e\ud800"
 FAILURE = Failure(Cause.HANDLER_EXCEPTION, ODD, ODD)

@@ -37,7 +37,7 @@ from behavior_controller.viewer.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
 from free_ports import free_port
 from mission_rig import Rig, board_of, one_leaf, refusal, visitor_who
-from test_story import RUNS, Teller, rig_of
+from told_visits import RUNS, Teller, rig_of
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")

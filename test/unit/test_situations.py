@@ -40,7 +40,7 @@ from behavior_controller.robot.requests import (
 from browser import IS_WHOLE, SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
-from test_story import refusing, walks_off
+from told_visits import refusing, walks_off
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 
 def use_time_of(rig, monkeypatch):
