@@ -89,14 +89,14 @@ def conditional(parent, draw):
 
 def disproved(path):
     """Return the warnings about a mission that its plays disprove, and whether a tour is given."""
-    theatre = ScenarioRunner({}, path, LIMIT)
+    runner = ScenarioRunner({}, path, LIMIT)
     plays = []
     for scene in SCENES:
         try:
-            plays.append((theatre.evaluate(scene), theatre.play(scene)))
+            plays.append((runner.evaluate(scene), runner.play(scene)))
         except FaultsFound:
             return [], False
-    nodes = theatre.stage(True).mission.tree.nodes
+    nodes = runner.stage(True).mission.tree.nodes
     ticked = {nodes[uid - 1].element.place() for outcome, _ in plays for uid in outcome.reached}
     succeeded = {
         nodes[result.uid - 1].element.place() for _, play in plays
@@ -104,7 +104,7 @@ def disproved(path):
     }
     has_tour = bool(plays[0][0].stops)
     wrong = []
-    for fault in theatre.stage(True).mission.tree.warnings:
+    for fault in runner.stage(True).mission.tree.warnings:
         place = (fault.line, fault.column)
         if fault.code == rules.NO_STOP.code and has_tour or \
                 fault.code == rules.NEVER_REACHED.code and place in ticked or \

@@ -164,10 +164,10 @@ ONE_AFTER_THE_OTHER = """<Sequence>
 
 @pytest.mark.parametrize("script, number", [("lost += 1", 2), ("lost := 0", 1)])
 def test_what_the_first_fault_leaves_behind_is_played_with_a_second_one(tmp_path, script, number):
-    theatre = runner(tmp_path, ONE_AFTER_THE_OTHER.format(script))
-    calm = theatre.evaluate(Scenario("engages"))
+    runner = runner_of(tmp_path, ONE_AFTER_THE_OTHER.format(script))
+    calm = runner.evaluate(Scenario("engages"))
     assert [call.node for call in calm.calls] == ["textToSpeech", "overtAttention", "textToSpeech"]
-    one = theatre.evaluate(
+    one = runner.evaluate(
         Scenario("engages").with_fault(PlannedFault("textToSpeech", 1, "refused")))
     made = [scene.planned[1][:2] for scene in plays.pairs([calm, one], ["refused"])]
     assert len(made) == 2 * (number - 1)
@@ -177,15 +177,15 @@ def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
     path = mission(tmp_path, """<Sequence><ScanningOvertAttentionMode/><Fallback>
         <RetryUntilSuccessful num_attempts="5"><WelcomeSpeech/></RetryUntilSuccessful>
         <PressYesNoSpeech/><AlwaysSuccess name="last"/></Fallback></Sequence>""")
-    theatre = ScenarioRunner({}, path, 900.0)
-    nodes = theatre.stage(True).mission.tree.nodes
-    outcomes = [theatre.evaluate(Scenario("engages"))]
+    runner = ScenarioRunner({}, path, 900.0)
+    nodes = runner.stage(True).mission.tree.nodes
+    outcomes = [runner.evaluate(Scenario("engages"))]
     reached = set(outcomes[0].reached)
     search = Search(nodes, reached, outcomes, "refused")
     assert [node.registration_id for node in search.targets()] == ["PressYesNoSpeech"]
     for scenes in search.rounds():
         for scene in scenes:
-            outcomes.append(theatre.evaluate(scene))
+            outcomes.append(runner.evaluate(scene))
             reached |= outcomes[-1].reached
     assert search.targets() == [] and not search.is_cut
     assert search.plays < 100
@@ -194,7 +194,7 @@ def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
 def search_of(tmp_path, body, *calls, planned=(PlannedFault("a", 1, "crash"),), silent=()):
     """Return a search for EndTourSpeech, with four plays that have made these calls: two of them
     without a fault and two with those, two of a visitor who engages."""
-    nodes = runner(tmp_path, body).stage(True).mission.tree.nodes
+    nodes = runner_of(tmp_path, body).stage(True).mission.tree.nodes
     uids = {node.registration_id: node.uid for node in nodes}
     made = [RobotCall(node, number, uids[leaf], "", is_done)
             for node, number, leaf, is_done in calls]
@@ -272,8 +272,8 @@ def test_which_scenes_have_faults_and_whose_calls_are_listed(scene, is_faultless
 
 @pytest.mark.parametrize("by_voice", [True, False])
 def test_who_answers_on_the_tablet_is_not_heard(tmp_path, by_voice):
-    theatre = runner(tmp_path, '<Sleep msec="5000"/>')
-    journal = theatre.play(Scenario("engages", by_voice)).played.journal
+    runner = runner_of(tmp_path, '<Sleep msec="5000"/>')
+    journal = runner.play(Scenario("engages", by_voice)).played.journal
     assert ("/speechEvent/text" in {line.resource for line in journal}) is by_voice
 
 
@@ -304,15 +304,15 @@ def test_random_scenes_have_the_visitors_in_turn_and_a_seed_for_each_run():
 
 
 def test_a_scene_counts_its_faults_and_knows_how_it_goes_without(tmp_path):
-    theatre = ScenarioRunner({},
+    runner = ScenarioRunner({},
                       mission(tmp_path,
                               "<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/></Sequence>"),
                       900.0)
-    calm, faulty = (theatre.play(scene) for scene in (
+    calm, faulty = (runner.play(scene) for scene in (
         Scenario("engages"), Scenario("engages", True, TWO[:1], ("/x", "/y"))))
     assert (calm.outcome, calm.faults, calm.calm) == ("SUCCESS", 0, None)
     assert (faulty.outcome, faulty.faults, faulty.calm.outcome) == ("FAILURE", 3, "SUCCESS")
-    assert theatre.evaluate(Scenario("engages")).switched == ((SetAttention("scanning"), 2),)
+    assert runner.evaluate(Scenario("engages")).switched == ((SetAttention("scanning"), 2),)
 
 
 def test_a_service_that_fails_for_good_fails_at_each_later_call(tmp_path):
@@ -325,9 +325,9 @@ def test_a_service_that_fails_for_good_fails_at_each_later_call(tmp_path):
 @pytest.mark.parametrize("oldest, gap", [(1.0, 0.5), (60.0, 1.0)])
 def test_messages_are_never_late(tmp_path, oldest, gap):
     path = mission(tmp_path, '<Sleep msec="5000"/>')
-    theatre = ScenarioRunner({"topicMaxAge": oldest}, path, 900.0)
+    runner = ScenarioRunner({"topicMaxAge": oldest}, path, 900.0)
     times = [
-        line.time for line in theatre.play(Scenario("engages")).played.journal
+        line.time for line in runner.play(Scenario("engages")).played.journal
         if line.node == "faceDetection"
     ]
     assert [later - sooner
@@ -344,8 +344,8 @@ def test_a_pass_without_an_end_says_why(tmp_path):
 
 @pytest.mark.parametrize("number, jobs", [(61, 1), (60, 8)])
 def test_a_few_plays_start_no_process(number, jobs):
-    theatre = SimpleNamespace(evaluate=str)  # which another process could not make
-    with plays.players(theatre, jobs) as play_all:
+    runner = SimpleNamespace(evaluate=str)  # which another process could not make
+    with plays.players(runner, jobs) as play_all:
         assert list(play_all(range(number))) == [str(each) for each in range(number)]
 
 
@@ -534,13 +534,13 @@ def mission(folder, body):
     return str(path)
 
 
-def runner(folder, body=SPEECH, **chosen):
+def runner_of(folder, body=SPEECH, **chosen):
     return ScenarioRunner(chosen, mission(folder, body), 900.0)
 
 
 def survey_of(folder, body=SPEECH, outcomes=()):
     """Return the survey of a mission, with these outcomes."""
-    survey = Survey(runner(folder, body), True, ())
+    survey = Survey(runner_of(folder, body), True, ())
     for each in outcomes:
         survey.take(each)
     return survey

@@ -379,7 +379,7 @@ def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
 def test_each_attempt_of_a_recovery_has_its_row():
     with policy(POLICY.format("SocialOvertAttentionMode")):
         of_test = of_mission(STEP, ["textToSpeech:1", "textToSpeech:2", "overtAttention:1"])
-    rows = failure_rows(of_test, Verdict(of_test).witness)
+    rows = failure_rows(Verdict(of_test))
     assert [(row.node, row.call, row.recovery) for row in rows] == [
         ("FollowMeSpeech", "textToSpeech:1", "tried again"),
         ("FollowMeSpeech", "textToSpeech:2", "SocialOvertAttentionMode instead"),

@@ -61,7 +61,7 @@ def test_the_title_of_a_mission_that_did_not_start():
 
 
 def rows(of_test):
-    return failure_rows(of_test, Verdict(of_test).witness)
+    return failure_rows(Verdict(of_test))
 
 
 def told(of_test):

@@ -68,11 +68,11 @@ class Plan:
         is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
         path = options.mission if is_file else find(options.mission)
         controller = load_controller(given)
-        self.theatre = ScenarioRunner(controller.values, path, options.limit)
+        self.runner = ScenarioRunner(controller.values, path, options.limit)
         ways = [controller.asr_enabled] if ASR in given else [True, False]
         visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
         self.calm = plays.calm(visitors, ways)
-        self.stage = self.theatre.stage(ways[0])
+        self.stage = self.runner.stage(ways[0])
         robot = self.stage.settings.interface
         self.topics = [topic.name for topic in rehearsed_topics(robot)]
         _check_robot(robot, options)
@@ -243,10 +243,10 @@ def main(argv: Optional[List[str]] = None) -> int:
 def rehearse(todo: Plan, jobs: int) -> "Result":
     """Play all scenes, or those until Ctrl-C, and return what they show."""
     began = time.monotonic()
-    survey = Survey(todo.theatre, todo.calm[0].by_voice, todo.chosen)
+    survey = Survey(todo.runner, todo.calm[0].by_voice, todo.chosen)
     search = Search(survey.nodes, survey.reached, survey.outcomes, todo.kinds[0])
     planned = 0
-    with suppress(KeyboardInterrupt), plays.players(todo.theatre, jobs) as play_all:
+    with suppress(KeyboardInterrupt), plays.players(todo.runner, jobs) as play_all:
         for scenes in todo.rounds(survey, search):
             planned += len(scenes)
             for outcome in with_progress(play_all(scenes), len(scenes)):
@@ -296,7 +296,7 @@ def heading(result: Result) -> str:
     """Return a line with the numbers of plays and their time."""
     others = result.planned - result.plays
     stopped = f", stopped before the other {others}" if others else ""
-    mission = clean(os.path.basename(result.plan.theatre.mission))
+    mission = clean(os.path.basename(result.plan.runner.mission))
     robot = result.plan.stage.settings.interface.name
     runs = count(result.plays, "simulated run", "simulated runs")
     return f"{mission}, robot {robot}: {runs} in {result.seconds:.1f} s{stopped}"
@@ -363,7 +363,7 @@ def _columns(table: html_report.Table) -> List[str]:
 def as_json(result: Result) -> Dict[str, Any]:
     """Return the result as data for JSON."""
     return {
-        "mission": result.plan.theatre.mission, "plays": result.plays,
+        "mission": result.plan.runner.mission, "plays": result.plays,
         "planned_plays": result.planned, "silent_topics": result.plan.silent,
         "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],
         "shares": [dict(share._asdict(), share=share.share, interval=list(share.interval))

@@ -84,11 +84,11 @@ class Share(NamedTuple):
 class Survey:
     """Collects the results of the plays."""
 
-    def __init__(self, theatre: ScenarioRunner, by_voice: bool, chosen: Sequence[str]):
+    def __init__(self, runner: ScenarioRunner, by_voice: bool, chosen: Sequence[str]):
         """``by_voice``: the stage whose tree gives the nodes their places; ``chosen`` are the
         arguments of the command that are the same for all plays."""
-        self._theatre, self._chosen = theatre, chosen
-        self._stage = theatre.stage(by_voice)
+        self._runner, self._chosen = runner, chosen
+        self._stage = runner.stage(by_voice)
         self.nodes = self._stage.mission.tree.nodes
         self.outcomes: List[Outcome] = []
         self._found: Dict[Key, Dict[int, Finding]] = {}  # by the number of the play
@@ -226,7 +226,7 @@ class Survey:
         """Return the sentences of a play; their times are seconds from its beginning."""
         story = Story()
         return tuple(replace(sentence, at=sentence.at - START)
-                     for line in self._theatre.play(scene).run.lines
+                     for line in self._runner.play(scene).run.lines
                      for sentence in story.take(line.time, line.event))
 
     def command(self, scene: Scenario) -> str:

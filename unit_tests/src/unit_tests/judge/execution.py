@@ -3,9 +3,9 @@ what did.
 
 The mission's tree is built anew from its text, with the proved engine's controls and the nodes of
 ``reference``. It is ticked at the times of the record's traversals, with the answers and messages
-that came until then; whether these were given, ``witness`` asks the journal. All else is computed:
-which node is due, its request with every field, its result, the entries that it writes, the
-recovery. The first difference from the record is the objection.
+that came until then; whether these were given, ``journal_check`` asks the journal. All else is
+computed: which node is due, its request with every field, its result, the entries that it writes,
+the recovery. The first difference from the record is the objection.
 
 Two things are not computed. A node of another package has no row: its results, requests and entries
 are those of the record. And the times of what the controller does: it is late if it was due more
@@ -130,7 +130,7 @@ class Execution(TaskContext):
         if isinstance(event, PACING):
             self._differ(self.overdue(self.now))
         is_begun = self.tree is not None or isinstance(event, (TreeShown, RunStarted))
-        is_of_use = is_begun and (not self.difference or isinstance(event, WITNESSED))
+        is_of_use = is_begun and (not self.difference or isinstance(event, REQUESTS))
         if type(event) in _HANDLERS and is_of_use:
             _HANDLERS[type(event)](self, event)
 
@@ -494,8 +494,8 @@ _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
 }
 """What is done again, until the first difference."""
 
-WITNESSED = (Asked, Answered)
-"""What is kept after the first difference too, for the witness."""
+REQUESTS = (Asked, Answered)
+"""The events that are kept after the first difference too, for the check of the journal."""
 
 PACING = (PassStarted, Tick, PassFinished, RunFinished)
 """What comes late if nothing else has come when it was due."""

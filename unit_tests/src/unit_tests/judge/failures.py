@@ -8,9 +8,9 @@ from behavior_controller.run.state import LeafFailure, RecoveryRound
 from behavior_controller.text import clean
 from behavior_controller.simulation.faults import WRONG
 
-from unit_tests.judge.facts import Facts
 from unit_tests.judge.reference import DONE, HANDLERS
-from unit_tests.judge.journal_check import Pair, JournalCheck
+from unit_tests.judge.journal_check import Pair
+from unit_tests.judge.verdict import Verdict
 
 TRIED_AGAIN = "tried again"
 """What the recovery did about a failure whose next attempt failed too."""
@@ -38,10 +38,10 @@ class FailureRow(NamedTuple):
     is_injected: bool
 
 
-def failure_rows(facts: Facts, witness: JournalCheck) -> List[FailureRow]:
+def failure_rows(verdict: Verdict) -> List[FailureRow]:
     """Return a row for each injected fault, and for each failure beside them that is no false
     condition."""
-    run, faults, found = facts.run, list(filter(_fault, witness.pairs)), []
+    run, faults, found = verdict.facts.run, list(filter(_fault, verdict.journal_check.pairs)), []
     for failed in run.failures:
         if failed.is_false_condition or failed.node in HANDLERS:
             continue

@@ -76,7 +76,7 @@ def _failures(verdict: Verdict) -> Iterator[Tuple[float, str, str, Failure]]:
     for time, event in of(verdict.facts.run.lines, LeafFinished):
         if event.failure is not None and event.node in HANDLERS:
             yield time, event.node, event.path, event.failure
-    for _, query, line in verdict.witness.pairs:
+    for _, query, line in verdict.journal_check.pairs:
         if query is not None and line is not None and query.is_for_safety and line.fault:
             yield line.time, query.node, query.path, Failure(
                 CAUSE_OF[line.fault], IN_SAFE_STATE, line.resource)
@@ -139,7 +139,7 @@ class Report:
     def __init__(self, facts: Facts, title: str, warnings: Sequence[str] = ()):
         """``warnings`` were printed before the start."""
         self.verdict, self._title, self._run = Verdict(facts), title, facts.run
-        self.rows = failure_rows(facts, self.verdict.witness)
+        self.rows = failure_rows(self.verdict)
         self.visitors = list(warnings) + [clean(line) for line in _visitors(facts, self.rows)]
         self._began = facts.run.lines[0].time if facts.run.lines else 0.0
         self._counts = [clean(line) for line in summary_lines(facts)]

@@ -1,9 +1,9 @@
-"""The verdict of a test: did what had to happen happen?
+"""The verdict of a test: does the run match the mission?
 
-Two things are asked of a run. ``execution`` does the mission again, with the reference's nodes and
-the answers and messages on record, and says where the record first differs from what had to happen.
-``witness`` asks the journal of the simulated nodes whether each request reached its node, each
-answer and message was given, and no sign was missed. Start, end and exit code are the third thing.
+Three things are asked of a run. ``execution`` does the mission again, with the reference's nodes
+and the answers and messages on record, and says where the record first differs from the mission.
+``journal_check`` asks the journal of the simulated nodes whether each request reached its node,
+each answer and message was given, and no sign was missed. Start, end and exit code are the third.
 Nothing is excused otherwise: a pass that ended in FAILURE did so because the mission, done again,
 ends in FAILURE.
 """
@@ -32,8 +32,8 @@ class Verdict:
     def __init__(self, facts: Facts):
         self.facts = facts
         self.execution = Execution(facts)
-        self.witness = JournalCheck(facts, self.execution)
-        self.overdue = self.execution.overdue(self.witness.end) if facts.cut_off else ""
+        self.journal_check = JournalCheck(facts, self.execution)
+        self.overdue = self.execution.overdue(self.journal_check.end) if facts.cut_off else ""
         self.answers = [(question, tuple(dict.fromkeys(map(clean, answer(self)))))
                         for question, answer in QUESTIONS]
         self.objections = tuple(text for _, objections in self.answers for text in objections)
@@ -53,7 +53,7 @@ class Verdict:
         offset = self.execution.offset
         if offset is None or self.overdue:
             return 0.0, ""
-        return max(((self.witness.end - offset - search.at, search.node.registration_id)
+        return max(((self.journal_check.end - offset - search.at, search.node.registration_id)
                     for search in self.execution.signs.waiting.values()), default=(0.0, ""))
 
     @property
@@ -168,7 +168,7 @@ QUESTIONS: Tuple[Tuple[str, Callable[[Verdict], Iterable[str]]], ...] = (
     ("the controller started, without an exception", _start),
     ("the mission went as its tree, its visitor and the recovery policy have it", _mission),
     ("each request, answer and message on record is in the journal, and no sign was missed",
-     lambda verdict: verdict.witness.objections()),
+     lambda verdict: verdict.journal_check.objections()),
     ("the controller ran the mission to its end", _end),
 )
 """All that decides."""
@@ -206,7 +206,7 @@ def _praise(verdict: Verdict) -> Iterator[str]:
         if verdict.waiting_for:
             reason = verdict.waiting_for + " waited for a sign of the visitor that never came"
         yield f"at last {reason}: {facts.cut_off}"
-    if verdict.witness.only_recorded:
+    if verdict.journal_check.only_recorded:
         yield "not simulated, so that the record is the only witness: " + ", ".join(
-            verdict.witness.only_recorded)
+            verdict.journal_check.only_recorded)
 
