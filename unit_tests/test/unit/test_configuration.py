@@ -88,12 +88,6 @@ def test_an_installed_package_has_its_files_in_its_share_folder(tmp_path, monkey
     assert folders.share() == str(tmp_path / "share" / "unit_tests")
 
 
-def test_all_faults_come_at_once():
-    with pytest.raises(ConfigurationError) as caught:
-        options.load_test({"failureRate": "2", "arrivalRate": "0", "randomSeed": "x"})
-    assert len(caught.value.faults) == 3
-
-
 @pytest.mark.parametrize("given, expected", [
     ({}, True), ({"missionRuns": 3}, True), ({"missionRuns": 4}, False),
     ({"missionRuns": 4, "testTimeout": 1200.0}, True), ({"callTimes": "none"}, False),

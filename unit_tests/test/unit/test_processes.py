@@ -71,12 +71,6 @@ def test_a_random_visitor_is_the_same_for_all_processes_of_a_seed(given):
     assert read().test.visitor_behaviour == "leaves"
 
 
-def test_a_wrong_argument_is_a_fault_in_every_process(given):
-    given("failureRate:=7")
-    with pytest.raises(ConfigurationError, match="failureRate"):
-        read().test
-
-
 def test_a_wrong_argument_of_the_controller_or_of_roslaunch_is_a_fault_too(given, monkeypatch):
     given("monitorPort:=99999")
     with pytest.raises(ConfigurationError, match="monitorPort.*99999"):
@@ -96,7 +90,7 @@ def test_a_wrong_argument_of_the_controller_or_of_roslaunch_is_a_fault_too(given
 
 def test_the_nodes_that_are_real(given):
     assert read().arguments.simulated == list(NODES)
-    given("use_real_textToSpeech:=true", "use_real_faceDetection:=false")
+    given("use_real_textToSpeech:=True", "use_real_faceDetection:=false")
     assert set(NODES) - set(read().arguments.simulated) == {"textToSpeech"}
 
 
@@ -149,11 +143,6 @@ def test_a_robot_has_the_nodes_of_its_interface():
     for robot, lacking in (("D5.4.3", {"robotLocalization"}),
                            ("release-1.0", {"knowledgeBase", "faceDetection"})):
         assert all_nodes - set(nodes(INTERFACES[robot])) == lacking
-
-
-def test_the_launch_file_starts_all_nodes_but_the_real_ones(given):
-    given("use_real_textToSpeech:=True", "use_real_faceDetection:=false")
-    assert set(NODES) - set(options.of_process().simulated) == {"textToSpeech"}
 
 
 @pytest.mark.parametrize("end, noted, returned", [

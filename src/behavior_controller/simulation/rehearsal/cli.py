@@ -71,7 +71,7 @@ class Plan:
         self.runner = ScenarioRunner(controller.values, path, options.limit)
         ways = [controller.asr_enabled] if ASR in given else [True, False]
         visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
-        self.calm = plays.calm(visitors, ways)
+        self.calm = [Scenario(visitor, by_voice) for by_voice in ways for visitor in visitors]
         self.stage = self.runner.stage(ways[0])
         robot = self.stage.settings.interface
         self.topics = [topic.name for topic in rehearsed_topics(robot)]

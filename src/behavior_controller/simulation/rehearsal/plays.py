@@ -165,11 +165,6 @@ class ScenarioRunner:
 # ------------------------------------------------------------------------------------- which scenes
 
 
-def calm(visitors: Sequence[str], ways: Sequence[bool]) -> List[Scenario]:
-    """Return the scenes without faults. ``ways``: by voice, by tablet, or both."""
-    return [Scenario(visitor, by_voice) for by_voice in ways for visitor in visitors]
-
-
 def single(outcomes: Sequence[Outcome], kinds: Sequence[str], topics: Sequence[str],
            is_every: bool = False) -> Iterator[Scenario]:
     """Yield the scenes of the calm ``outcomes`` with each call going wrong in each way, with each

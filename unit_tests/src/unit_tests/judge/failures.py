@@ -1,5 +1,6 @@
 """The failures of a run as rows: visitor, stop, node, call, what the recovery did about it, the
 time that it cost."""
+import sys
 import textwrap
 from typing import List, NamedTuple, Sequence, Tuple
 
@@ -127,7 +128,7 @@ ON_FIRST_LINE = 4
 """The number of columns on the first of two lines, if one line is not wide enough."""
 
 
-def table(rows: Sequence[FailureRow], began: float, width: int) -> List[str]:
+def table(rows: Sequence[FailureRow], began: float, width: int = sys.maxsize) -> List[str]:
     """Return the rows as lines of text of at most ``width``; times are in seconds from ``began``
     on."""
     cells = [TABLE_HEAD] + [_cells(row, began) for row in rows]

@@ -3,7 +3,6 @@ verdict at the end."""
 import datetime
 import math
 import os
-import sys
 from collections import Counter
 from typing import Iterator, List, Sequence, Set, Tuple
 from xml.etree import ElementTree
@@ -62,10 +61,10 @@ def failure_lines(verdict: Verdict) -> List[str]:
     """Return one line for each failure: time, node, path, topic or service, cause, message; tabs
     between them."""
     failures = sorted(_failures(verdict), key=lambda failed: failed[0])
-    return ["\t".join([_clock(at)] + [clean(cell) for cell in (
-        node or "-", path or "-", failure.resource or "-", failure.cause.value,
-        " ".join(failure.message.split()))])
-            for at, node, path, failure in failures]
+    return ["\t".join(map(clean, (
+        datetime.datetime.fromtimestamp(at).isoformat(timespec="milliseconds"), node or "-",
+        path or "-", failure.resource or "-", failure.cause.value,
+        " ".join(failure.message.split())))) for at, node, path, failure in failures]
 
 
 def _failures(verdict: Verdict) -> Iterator[Tuple[float, str, str, Failure]]:
@@ -126,9 +125,6 @@ def coverage_lines(facts: Facts, ran: Set[str]) -> Iterator[str]:
         yield f"          {taken} of {len(list(filter(None, branches)))} branches"
 
 
-WIDEST = sys.maxsize
-"""Columns of a file."""
-
 MOST_SHOWN, MOST_OBJECTIONS = 40, 10
 """Rows and objections that a terminal shows."""
 
@@ -147,7 +143,7 @@ class Report:
     def text(self) -> str:
         """Return the whole report, for the file."""
         decisions = [clean(line) for line in decision_lines(self.verdict.facts)]
-        lines = self._top(table(self.rows, self._began, WIDEST))
+        lines = self._top(table(self.rows, self._began))
         lines += ["# time\tnode\tpath\ttopic or service\tcause\tmessage"]
         lines += failure_lines(self.verdict) + [""]
         lines += ["# recoveries", *decisions, ""] if decisions else []
@@ -185,7 +181,7 @@ class Report:
         if self._run.state.started is None:
             return ""
         shown = [self._title, "", str(self.verdict), "", *self.visitors, "",
-                 *table(self.rows, self._began, WIDEST)]
+                 *table(self.rows, self._began)]
         lines, execution = list(self._run.lines), self.verdict.execution
         if execution.difference:
             what = "Here the run differs. " + clean(execution.difference)
@@ -216,10 +212,6 @@ def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:
         parts.append(f"{faults}, {sum(row.lost for row in mine):.1f} s lost")
         parts.append(count(false[visit.number], "condition", "conditions") + " false for a while")
         yield "; ".join(parts)
-
-
-def _clock(seconds: float) -> str:
-    return datetime.datetime.fromtimestamp(seconds).isoformat(timespec="milliseconds")
 
 
 SUITE = "behaviorControllerTest"
