@@ -1,5 +1,5 @@
-"""What an arrival rate means for a mission: how often the messages that a condition needs come
-while it waits.
+"""The effect of an arrival rate on a mission: the chance that the messages that a condition needs
+come while it waits.
 
 Messages come at Poisson times, so this is arithmetic; nothing is run.
 """

@@ -39,7 +39,7 @@ ROOT = 1
 
 
 class Finding(NamedTuple):
-    """What is wrong in a play, and at which node."""
+    """A mistake that shows in a play, and its node."""
 
     kind: str
     uid: int
@@ -111,7 +111,7 @@ class Play:
 
     @property
     def goodbyes(self) -> List[NodeResult]:
-        """How the nodes ended that say goodbye."""
+        """The results of the nodes that say goodbye."""
         return [result for result in self.leaves
                 if self.spec(result.uid).says_goodbye(self.node(result.uid).name)]
 

@@ -64,7 +64,7 @@ CALM = configuration.defaults(failureRate=0.0, callTimes=configuration.NONE)
 
 
 Place = Tuple[int, str]
-"""The uid of the node at which something is wrong, and what is wrong, in words."""
+"""The uid of the node at which something is wrong, and a description of that."""
 
 
 class RunResult(NamedTuple):

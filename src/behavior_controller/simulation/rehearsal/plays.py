@@ -42,7 +42,7 @@ MOST_BASES = 12
 """Plays that get a further fault for a node in one round."""
 
 BURSTS = (2, 3, 4)
-"""How many calls in a row go wrong where nothing says which ones have to."""
+"""The numbers of calls in a row that go wrong where nothing says which ones have to."""
 
 NO_VISITOR = "waiting for a visitor"
 """The outcome of a pass in which no visitor is seen."""

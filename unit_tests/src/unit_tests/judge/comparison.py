@@ -1,5 +1,5 @@
-"""What a record says of requests, ends of leaves, decisions and entries, beside what had to be; it
-is compared after each traversal."""
+"""Requests, ends of leaves, decisions and entries: on record, and as they had to be. They are
+compared after each traversal."""
 import itertools
 from dataclasses import dataclass
 from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Union
@@ -39,8 +39,8 @@ class Query:
 
     @property
     def asker(self) -> str:
-        """What made the request: a node, or the end of the run; after a difference none is known.
-        """
+        """The origin of the request: a node, or the end of the run; after a difference none is
+        known."""
         return self.node or ("the safe state" if self.is_for_safety else "a later step")
 
     @property
@@ -74,7 +74,7 @@ def described(request: Any) -> str:
 
 
 def request_difference(asked: Any, due: Any) -> str:
-    """Return what is asked otherwise than it was due; empty: another kind of request."""
+    """Return the fields that differ from the due request; empty: another kind of request."""
     if type(asked) is not type(due):
         return ""
     names = [name for name in due.__struct_fields__ if getattr(asked, name) != getattr(due, name)]
@@ -110,12 +110,12 @@ class Traversal:
     def decided(
             self, node: ReferenceNode, step: str, cause: Optional[Cause] = None,
             handler: int = 0) -> None:
-        """Note what the record has to say of a step."""
+        """Note a decision that the record has to have."""
         self.due.append(Decision(node.registration_id, node.full_path,
                                  cause.value if cause else "", step, handler))
 
     def unlike_reports(self, nodes: Sequence[Any]) -> Iterator[str]:
-        """Yield what was reported otherwise than it had to be."""
+        """Yield the differences between the reports and those that had to be."""
         reported: Dict[int, List[str]] = {}
         for event in self.finished:
             reported.setdefault(event.uid, []).append(_value(event))
@@ -139,19 +139,20 @@ class Traversal:
 
 def _value(ended: LeafFinished) -> str:
     """Return how a leaf ended: SUCCESS, IDLE, or the cause of its failure."""
-    if (ended.failure is None) is (ended.status == "FAILURE"):
-        return f"{ended.status} although it {'failed' if ended.failure else 'did not fail'}"
-    return ended.status if ended.failure is None else ended.failure.cause.value
+    has_failed = ended.status == "FAILURE"
+    if ended.failure is None:
+        return ended.status + " although it did not fail" * has_failed
+    return ended.failure.cause.value if has_failed else f"{ended.status} although it failed"
 
 
 STEP_TEXTS = {
     StepStarted: reference.STEP_BEGINS, StopChanged: reference.STOP_STATE,
     Recovering: reference.RETRIED, Retried: reference.FAILED_AGAIN, Recovered: reference.ENDED}
-"""What an event on record says of a step."""
+"""The words for an event on record about a step."""
 
 
 def decision(event: Union[StepStarted, StopChanged, Recovering, Retried, Recovered]) -> Decision:
-    """Return what the record says of a step, a stop or a recovery."""
+    """Return the decision about a step, a stop or a recovery that is on record."""
     facts = asdict(event)
     step = reference.SUBSTITUTE_USED if facts.get("substitute") else STEP_TEXTS[type(event)]
     gives_up = facts.get("policy", "").partition(": ")[0].endswith("give up")
@@ -225,7 +226,7 @@ def _entry_of(node: ReferenceNode, port: str) -> str:
 
 
 def label(node: Any) -> str:
-    """Return what a tester calls a node: its type, and its name if that says more."""
+    """Return the name of a node for a tester: its type, and its own name if that says more."""
     name = node.registration_id
     if isinstance(node, reference.RecoveryTask) and node.remark:
         return f"{name} ({node.remark})"

@@ -492,10 +492,10 @@ _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     Suspended: Execution._note_suspension, Tick: Execution._traverse,
     TreeShown: lambda execution, event: execution._shown.append(event)
 }
-"""What is done again, until the first difference."""
+"""The events that are done again, until the first difference."""
 
 REQUESTS = (Asked, Answered)
 """The events that are kept after the first difference too, for the check of the journal."""
 
 PACING = (PassStarted, Tick, PassFinished, RunFinished)
-"""What comes late if nothing else has come when it was due."""
+"""The events that come late if nothing else has come when they were due."""

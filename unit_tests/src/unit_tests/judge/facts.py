@@ -1,5 +1,5 @@
-"""What is known at the end of a test: the controller's record and the journal of the simulated
-nodes."""
+"""The facts that are known at the end of a test: the controller's record and the journal of the
+simulated nodes."""
 from typing import FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar
 
 from behavior_controller.run import events

@@ -1,5 +1,5 @@
-"""The failures of a run as rows: visitor, stop, node, call, what the recovery did about it, the
-time that it cost."""
+"""The failures of a run as rows: visitor, stop, node, call, the recovery from it, the time that it
+cost."""
 import sys
 import textwrap
 from typing import List, NamedTuple, Sequence, Tuple
@@ -14,7 +14,7 @@ from unit_tests.judge.journal_check import Pair
 from unit_tests.judge.verdict import Verdict
 
 TRIED_AGAIN = "tried again"
-"""What the recovery did about a failure whose next attempt failed too."""
+"""The recovery from a failure whose next attempt failed too."""
 
 NO_RECOVERY, IN_SAFE_STATE, HALTED, NOT_ON_RECORD = (
     "none", "on the way to the safe state", "halted", "not on record")

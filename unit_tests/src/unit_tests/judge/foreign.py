@@ -27,7 +27,7 @@ class Foreign(reference.ReferenceServiceAction):
         return self.conclude(None if letter == "S" else cause or Cause.CONDITION_FALSE)
 
     def steps(self) -> reference.Steps:
-        """Ask what it asks: of that only the kind is known."""
+        """Make its request, of which only the kind is known."""
         calls = getattr(self.spec, "calls", ())
         return reference.ask(self, (calls or (object,))[0], lambda _: calls[0] if calls else None)
 

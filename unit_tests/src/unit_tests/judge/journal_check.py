@@ -1,9 +1,9 @@
-"""What the journal of the simulated nodes says of a run: each request, answer and message on record
-needs its witness.
+"""The check of a run against the journal of the simulated nodes: each request, answer and message
+on record needs its line there.
 
 Nothing is excused that the journal does not show: a failed call needs its fault, a node that is
 away its crash, a wait without an end the silence of its topic. What a real node or one of another
-package was asked and said has the record as its only witness.
+package was asked and said stands in the record alone.
 """
 import itertools
 import math
@@ -27,10 +27,10 @@ from unit_tests.judge.signs import objections
 
 CAUSE_OF = {REFUSED: Cause.REFUSED, EXCEPTION: Cause.HANDLER_EXCEPTION, UNANSWERED: Cause.NO_ANSWER,
             CRASH: Cause.CONNECTION_LOST, WRONG: Cause.UNUSABLE_ANSWER}
-"""How the controller must record each kind of fault."""
+"""The cause by which the controller must record each kind of fault."""
 
 AWAY_CAUSES = {Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.CONNECTION_LOST}
-"""How calls fail between the crash of a node and its return."""
+"""The causes of failures between the crash of a node and its return."""
 
 
 class Pair(NamedTuple):
@@ -57,10 +57,8 @@ class JournalCheck:
         self._deadlines = facts.world.settings.deadlines
         self._safe_limit = max(self._deadlines[self._interface.service(type(request)).deadline_key]
                                for request in SAFE_STATE)
-        self.pairs: List[Pair] = []
-        for service in self._interface.services:
-            self.pairs += self._pair(service)
-        self.pairs.sort(key=lambda pair: pair.time)
+        self.pairs = sorted(itertools.chain(*map(self._pair, self._interface.services)),
+                            key=lambda pair: pair.time)
         self._in_journal = {line.resource for line in facts.journal}
 
     @property
@@ -78,9 +76,8 @@ class JournalCheck:
     def _pair(self, service: Service) -> Iterator[Pair]:
         """Yield the requests to a service, each with its line: the next one while it was under way.
         """
-        lines = [
-            line for line in self._facts.journal if line.call and line.resource == service.name
-        ]
+        lines = [line for line in self._facts.journal
+                 if line.call and line.resource == service.name]
         queries = [query for query in self._execution.queries.values()
                    if query.service == service.name]
         for query, following in itertools.zip_longest(queries, queries[1:]):
@@ -110,7 +107,7 @@ class JournalCheck:
         return has_another or not _reaches(following, line) or not fits_following
 
     def objections(self) -> Iterator[str]:
-        """Object to what has no witness."""
+        """Object to requests, answers, messages and losses that record and journal do not share."""
         asker = "the beginning"
         for pair in self.pairs:
             asker = pair.query.asker if pair.query is not None else asker
@@ -195,11 +192,14 @@ class JournalCheck:
         is_too_late = query.cause is Cause.NO_ANSWER and due > deadline - self._late
         if result is None or is_too_late or line.objection is not None and fault is None:
             return
-        if not (self._fits(query, line, result) if fault in (None, WRONG)
-                else query.cause is _cause(fault, service)):
-            yield "call {} of {} for {} was {}; on record is {}".format(
-                line.call, line.resource, name, "carried out" if fault is None
-                else f"made to fail ({fault})", query.outcome)
+        done = "carried out" if fault is None else f"made to fail ({fault})"
+        if fault in (None, WRONG):
+            is_well = self._fits(query, line, result)
+        else:
+            is_well = query.cause is _cause(fault, service)
+        if not is_well:
+            yield (f"call {line.call} of {line.resource} for {name} was {done}; on record is "
+                   f"{query.outcome}")
 
     def _fits(self, query: Query, line: journal.JournalEntry, result: Any) -> bool:
         """Return whether a result is what the node has to say."""

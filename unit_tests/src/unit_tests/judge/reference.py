@@ -1,9 +1,9 @@
-"""What each mission node has to do, by D5.4.3 (table 4) and release 1.0: what it asks, what it
-stores, when it holds.
+"""The tasks of the mission nodes by D5.4.3 (table 4) and release 1.0: the requests that they make,
+the entries that they store, the conditions on which they hold.
 
 It is written from the documents, beside the controller's own leaves, and uses nothing of them.
 ``ROWS`` is the table. The steps of a row take the node, and are a generator if they may pause while
-the node goes on; they raise ``Fails``. Requests, messages and what is known of the robot come from
+the node goes on; they raise ``Fails``. Requests, messages and knowledge of the robot come from
 a ``TaskContext``.
 """
 import math
@@ -46,7 +46,7 @@ RETURN_WAIT = 15.0
 """
 
 DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given up"
-"""How a recovery ends."""
+"""The ends of a recovery."""
 
 SAFE_STATE = (SetAttention("disabled"), SetAnimation("disabled"))
 """The requests that leave the robot safe."""
@@ -103,8 +103,8 @@ class TaskFailure(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What the record has to say of a step: node type and path, why it failed, what is done, and
-    the number of the HandleFallBack that decided it."""
+    """The words about a step that the record has to have: node type and path, the cause of its
+    failure, the decision, and the number of the HandleFallBack that made it."""
 
     node: str
     path: str
@@ -118,12 +118,12 @@ class Decision(NamedTuple):
 
 
 STEP_BEGINS, STOP_STATE = "begins", "is at stop {number} of {of}, {name}: {state}"
-"""What is reported of a step that asks, and of one that begins, ends or leaves out a stop."""
+"""The report of a step that asks, and of one that begins, ends or leaves out a stop."""
 
 RETRIED, SUBSTITUTE_USED = "retry {attempt} of {of}", "{substitute} instead"
 ENDED = "{outcome} after {attempts} retries, by a rule to {rule}"
 FAILED_AGAIN = "failed too, after {attempt} retries"
-"""What a recovery does about a step."""
+"""The decisions of a recovery about a step."""
 
 
 def safe_state(causes: Sequence[Optional[Cause]]) -> Decision:
@@ -193,7 +193,7 @@ class TaskContext:
 # ------------------------------------------------------------------------------ how it is done
 
 Steps = Iterator[None]
-"""What a node does: it pauses while there is something to wait for."""
+"""The course of a node's task: it pauses while there is something to wait for."""
 
 
 class Fails(Exception):
@@ -388,7 +388,7 @@ EVIDENCE: Dict[str, Dict[Sense, SignRule]] = {
 """Sections 4.6 and table 4 of the document; the statuses of release 1.0's attention."""
 
 END_OF_LISTENING = SignRule(lambda course, text: is_error(text) or _is_answer(course, text))
-"""What ends listening: an answer, or an error of the recognition."""
+"""The end of listening: an answer, or an error of the recognition."""
 
 
 def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
@@ -479,7 +479,7 @@ def spoken(known: phrases.Phrases, text: str) -> Optional[str]:
                                (words[:1], ""))
         meanings.add(meaning)
         at += len(phrase)
-    return "no" if "no" in meanings else "yes" if "yes" in meanings else None
+    return next((meaning for meaning in ("no", "yes") if meaning in meanings), None)
 
 
 def is_error(text: str) -> bool:
@@ -741,7 +741,7 @@ def _keep_time(node: Any, _answer: Answer) -> None:
 UTILITY = dict(enumerate((
     "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech",
     "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"), start=1))
-"""Which of the document's speeches says the same as a utility phrase of release 1.0."""
+"""The document's speeches that say the same as the utility phrases of release 1.0, by number."""
 
 
 def _say_utility(node: Any) -> Request:

@@ -145,7 +145,7 @@ def _going_on(verdict: Verdict) -> str:
 
 WHY = {exit_codes.WRONG_INPUT: " (a fault of its files or arguments)",
        exit_codes.UNAVAILABLE: " (a service or topic is missing)"}
-"""What an exit code says of a start; the errors that the controller has reported say more."""
+"""The reason that an exit code gives for a start that failed; errors on the terminal say more."""
 
 
 def _ending(exit_code: Optional[int]) -> str:
@@ -178,7 +178,7 @@ QUESTIONS: Tuple[Tuple[str, Callable[[Verdict], Iterable[str]]], ...] = (
 
 
 def _praise(verdict: Verdict) -> Iterator[str]:
-    """Yield what a test that passed has shown."""
+    """Yield the results of a test that passed."""
     facts = verdict.facts
     calls = [line for line in facts.journal if line.call]
     ended = [visit for visit in facts.run.visits if visit.outcome]
