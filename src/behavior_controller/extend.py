@@ -15,12 +15,17 @@ _MODULES = {
     "leaves.base": "ServiceLeaf WorkingLeaf Waiting InstantAction InstantCondition MissionContext "
                    "leaf_spec",
     "leaves.conditions": "TopicCondition",
+    "leaves.dialogue": "UtteranceCondition",
+    "leaves.data": "GESTURE_TARGET",
+    "run.events": "LeafSummary",
     "robot.declarations": "Service Action Publication Success Topic Evidence Sense Unusable",
     "robot.requests": "Request Answer Words MOTION SOUND NO_EFFECT Location Point Exhibit "
                       "Say Prompt GoTo PerformGesture QueryKnowledge SetAnimation SetAttention "
                       "SetPose SetRecognition SetRecognitionLanguage Listen",
     "robot.gateway": "Failure Cause Call",
     "config.phrases": "Speech",
+    "config.config_file": "LineReader TextLine read_source number",
+    "ros_packages": "package_folder",
     "missions.trial": "Trial",
     "errors": "FaultsFound",
 }

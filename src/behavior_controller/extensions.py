@@ -27,7 +27,8 @@ TARGET = "cssr_system"
 KINDS = {"leaves": ("SPECS",), "interface": ("SERVICES", "TOPICS"), "phrases": ("SPEECHES",)}
 """Attribute of the export -> the tuples that the module may have; it needs at least one of them."""
 
-PLAIN: Dict[Any, Tuple[type, ...]] = {str: (str,), bool: (bool,), int: (int,), float: (int, float)}
+PLAIN: Dict[Any, Tuple[type, ...]] = {
+    str: (str,), bool: (bool,), int: (int,), float: (int, float), Tuple[str, ...]: (list, tuple)}
 """Types of fields that are checked, each with the types of values that it may have."""
 
 IMPORT_LIMIT = 10.0
@@ -73,7 +74,7 @@ class Extension(NamedTuple):
                 value = getattr(item, field)
                 if wanted in PLAIN and not isinstance(value, PLAIN[wanted]):
                     raise self.broken(f"the {field} of a {kind.__name__} is {value!r}, and not of "
-                                      f"the type {wanted.__name__}", repr(value), name)
+                                      f"the type {PLAIN[wanted][-1].__name__}", repr(value), name)
         return tuple(items)
 
     def broken(self, text: str, *near: str) -> BrokenExtension:

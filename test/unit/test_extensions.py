@@ -3,6 +3,7 @@
 import contextlib
 import importlib
 import inspect
+import itertools
 import os
 import re
 import shutil
@@ -18,9 +19,12 @@ import pytest
 from behavior_controller import extend, extensions
 from behavior_controller.bt import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.bt.engine.registry import Kind
+from behavior_controller.leaves.data import Datum
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
+PACKAGES = [os.path.join(EXAMPLES, name) for name in ("greeter", "receptionist")]
+SOURCES = [os.path.join(folder, "src") for folder in PACKAGES]
 MANIFEST = """<package format="2"><name>{0}</name><version>1.0.0</version><description>d</description>
 <maintainer email="a@example.org">a</maintainer><license>BSD</license><export><cssr_system {1}/></export></package>"""
 LEAF = """from behavior_controller.extend import Kind, NodeSpec, Port
@@ -82,8 +86,8 @@ def package(folder, export, module, name="a"):
         (source / "leaves.py").write_text(module)
 
 
-def test_the_example_adds_its_leaves_its_decorator_and_its_phrase():
-    there = {"packages": EXAMPLES, "paths": [os.path.join(EXAMPLES, "greeter", "src")]}
+def test_an_example_adds_its_leaves_its_decorator_and_its_phrase():
+    there = {"packages": EXAMPLES, "paths": SOURCES}
     code, text = run("validateMission", os.path.join(EXAMPLES, "greeter", "data", "greet.xml"),
                      **there)
     assert (code, text.splitlines()[1:]) == (0, [
@@ -104,10 +108,10 @@ def run_tests(folder, packages, paths):
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
 
-def test_the_example_tests_its_leaves_as_the_guide_says():
-    greeter = os.path.join(EXAMPLES, "greeter")
-    done = run_tests(greeter, EXAMPLES, [os.path.join(greeter, "src")])
-    assert done.returncode == 0 and "Ran 7 tests" in done.stdout, done.stdout
+def test_the_examples_test_their_leaves_as_the_guide_says():
+    for folder, number in zip(PACKAGES, (7, 19)):
+        done = run_tests(folder, EXAMPLES, SOURCES)
+        assert done.returncode == 0 and f"Ran {number} tests" in done.stdout, done.stdout
 
 
 def test_the_code_of_the_guide_is_a_package_with_its_test(tmp_path):
@@ -642,6 +646,7 @@ def test_a_package_is_found_through_a_link_once(tmp_path):
 
 KINDS = {
     "class": lambda thing: isinstance(thing, type) and not issubclass(thing, Exception),
+    "entry": lambda thing: isinstance(thing, Datum),
     "exception": lambda thing: isinstance(thing, type) and issubclass(thing, Exception),
     "function": inspect.isfunction,
     "status": lambda thing: thing in STATUSES,
@@ -673,9 +678,9 @@ def test_the_guide_names_each_public_name():
     assert set(extend.__all__) == set(dir(extend)) == set(public_names())
 
 
-def test_the_guide_and_the_example_import_nothing_else_of_this_package():
+def test_the_guide_and_the_examples_import_nothing_else_of_this_package():
     codes = re.findall(r"(?ms)^ *```python\n(.*?)^ *```$", guide())
-    for place, _, names in os.walk(os.path.join(EXAMPLES, "greeter")):
+    for place, _, names in itertools.chain.from_iterable(map(os.walk, PACKAGES)):
         for name in names:
             with open(os.path.join(place, name), encoding="utf-8") as file:
                 codes += [file.read()]

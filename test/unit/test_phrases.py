@@ -215,6 +215,40 @@ def test_a_fault_of_a_package_is_in_its_file(package):
     assert missing.startswith("{}: ".format(path)) and "CuriousSpeech <" in missing
 
 
+SPOKEN = phrases.Speech("RoomSpeech", True, "Says a room.", variables=("person", "room"))
+
+
+@pytest.fixture
+def speaking(package):
+    extensions.exported("phrases")[0].module.SPEECHES = (SPOKEN,)
+    return package / "phrases_English.ini"
+
+
+@pytest.mark.parametrize("text, is_right", [
+    ("{person} is in {room}.", True), ("In {room} is {person}: {room}!", True),
+    ("{person} is here.", False), ("{person} is in {rom}.", False),
+    ("{person} is in {room} of {building}.", False), ("Who?", False)])
+def test_each_variable_of_a_speech_stands_in_its_text_and_nothing_else_in_braces(speaking, text,
+                                                                                   is_right):
+    speaking.write_text(f"RoomSpeech {text}\n")
+    if is_right:
+        assert phrases.load("English").speeches["RoomSpeech"] == text
+    else:
+        fault, = faults_of_load()
+        assert fault == (f'{speaking}:1:12: RoomSpeech cannot be "{text}" (allowed: the text to '
+                         "say, with {person} and {room})")
+
+
+def test_a_text_is_filled_once_and_known_again():
+    values = {"person": "{room}", "room": "B203"}
+    text = "{person} is in {room} (floor 2)."
+    assert phrases.filled(text, values.__getitem__) == "{room} is in B203 (floor 2)."
+    pattern = SPOKEN.pattern(text)
+    assert pattern.fullmatch("Ana López is in B203 (floor 2).")
+    assert not pattern.fullmatch("Ana López is in B203, floor 2.")
+    assert phrases.Speech("A", False, "a").pattern("{x}").fullmatch("{x}")
+
+
 def test_the_speech_of_a_package_is_no_key_of_the_language_itself(package, monkeypatch):
     with open(folders.data("phrases_English.ini"), encoding="utf-8") as file:
         (package / "phrases_Ours.ini").write_text("CuriousSpeech Who?\n" + file.read(),

@@ -1,4 +1,6 @@
 """Tests of the visitor: what sensors see and hear, after the robot's requests."""
+import re
+
 import pytest
 
 from behavior_controller.config import phrases
@@ -262,6 +264,22 @@ def test_a_place_that_was_not_heard_is_not_answered_to_and_the_next_visitor_know
     for each in (drive(*HOME), attention("scanning"), say("A way?")):
         person.notice(each)
     assert person.utterance() == "Yes"
+
+
+@pytest.mark.parametrize("behaviour, said, typed", [
+    (ENGAGES, "Ana", "Ana"), (LEAVES, "Ana", "Ana"), (DECLINES, "No", ""),
+    (UNCLEAR, UNCLEAR_ANSWER, ""), (SILENT, "", "")])
+def test_a_question_of_another_package_has_its_own_answer(behaviour, said, typed):
+    answers = [(re.compile("Whom, .+"), "Ana"), (re.compile("Do you mean .+"), "")]
+    person = Visitor(Manners(behaviour, ("A tour?",), "Yes", "No", HOME, answers=answers))
+    person.notice(attention("scanning"))
+    person.notice(say("Whom, please"))
+    assert (person.utterance(), person.press(["Type a name"])) == (said, typed)
+    person.notice(say("Do you mean Ana"))  # and no question mark
+    if behaviour in (ENGAGES, LEAVES):
+        assert (person.utterance(), person.press(["Yes", "No"])) == ("Yes", "Yes")
+    elif behaviour == DECLINES:
+        assert (person.utterance(), person.press(["Yes", "No"])) == ("No", "No")
 
 
 @pytest.mark.parametrize("named, is_here", [("office?", True), ("library?", False)])

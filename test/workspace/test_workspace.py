@@ -12,6 +12,7 @@ from free_ports import free_port
 pytestmark = pytest.mark.long
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 ROS = "/opt/ros/noetic/setup.bash"
+EXAMPLES = ("greeter", "receptionist")
 BUILD_LIMIT, RUN_LIMIT = 300.0, 120.0
 ROBOTS_SPEECH = """#!/usr/bin/env python3
 import rospy
@@ -93,7 +94,8 @@ def workspace(home):
     (place / "src").mkdir(parents=True)
     Shell(home).do("cd {} && catkin_make".format(place), BUILD_LIMIT)
     Shell(home).do("{}/tools/add_to_workspace.sh {}".format(REPOSITORY, place), BUILD_LIMIT)
-    (place / "src/greeter").symlink_to(os.path.join(REPOSITORY, "examples/greeter"))
+    for name in EXAMPLES:
+        (place / "src" / name).symlink_to(os.path.join(REPOSITORY, "examples", name))
     Shell(home).do("cd {} && catkin_make && catkin_make install".format(place), BUILD_LIMIT)
     return place
 
@@ -158,6 +160,9 @@ def test_another_packages_leaves(home, sourced):
         assert words in text, text
     assert text.count("SayTime::12): SUCCESS") == 1  # every other time, of two
     assert 'ID="EveryOther"' in shell.do("rosrun cssr_system exportNodeModel")
+    assert "can be run" in shell.do("rosrun cssr_system validateMission receptionist")
+    text = shell.do("roslaunch receptionist receptionist.launch")
+    assert "showing the way to room B203" in text and "exit code 0" in text, text
 
 
 def test_beside_a_robot_whose_package_has_the_same_name(home, workspace):
@@ -197,7 +202,8 @@ def test_beside_a_robot_whose_package_has_the_same_name(home, workspace):
 
 def test_nothing_is_left_after_it_was_removed(home, workspace):
     """The last test of this workspace."""
-    (workspace / "src/greeter").unlink()
+    for name in EXAMPLES:
+        (workspace / "src" / name).unlink()
     added = [path.name for path in (workspace / "src/cssr_system/python_packages").iterdir()]
     Shell(home).do("{}/tools/add_to_workspace.sh --remove {}".format(REPOSITORY, workspace))
     ours = re.compile(r"cssr_system|unit_tests|behavior|py-trees-render|validateMission|runTest")

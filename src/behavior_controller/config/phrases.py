@@ -8,7 +8,7 @@ import os
 import re
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Iterable, List, Mapping, NamedTuple, Optional, Pattern, Tuple
+from typing import Callable, Iterable, List, Mapping, NamedTuple, Optional, Pattern, Tuple
 
 from behavior_controller import extensions, folders
 from behavior_controller.errors import ConfigurationError, Fault
@@ -17,11 +17,16 @@ from behavior_controller.config.config_file import (
 from behavior_controller.text import Source, did_you_mean
 
 
+_VARIABLE = re.compile(r"\{(\w+)\}")
+
+
 class Speech(NamedTuple):
     """A mission node that says a fixed text; ``asks``: the visitor's answer may follow. See
     MissionSpec too.
 
     ``utility`` is the number of release 1.0's utility phrase that says the same; 0: none does.
+    ``variables`` are the ports whose values the text has in braces, in every language.
+    ``simulated_answer`` is what a simulated visitor answers who agrees, if that is not a yes.
     """
 
     node: str
@@ -29,6 +34,13 @@ class Speech(NamedTuple):
     description: str
     is_farewell: bool = False
     utility: int = 0
+    variables: Tuple[str, ...] = ()
+    simulated_answer: str = ""
+
+    def pattern(self, text: str) -> Pattern[str]:
+        """Return what matches its text with any values."""
+        parts = _VARIABLE.split(text)[::2] if self.variables else [text]
+        return re.compile(".+".join(map(re.escape, parts)), re.DOTALL)
 
 
 SPEECHES = (
@@ -64,7 +76,16 @@ _PHRASES = Reader("words with commas between them", _phrase_list,
 
 
 def _keys_of(speeches: Iterable[Speech]) -> Tuple[Key, ...]:
-    return tuple(Key(said.node, _TEXT, REQUIRED, f"what {said.node} says") for said in speeches)
+    return tuple(Key(said.node, _text(said), REQUIRED, f"what {said.node} says")
+                 for said in speeches)
+
+
+def _text(said: Speech) -> Reader[str]:
+    if not said.variables:
+        return _TEXT
+    names = " and ".join(map("{{{}}}".format, said.variables))
+    return Reader(f"{_TEXT.allowed}, with {names}", str,
+                  lambda text: set(_VARIABLE.findall(text)) == set(said.variables))
 
 
 KEYS = _keys_of(SPEECHES) + (
@@ -142,6 +163,17 @@ def languages() -> List[str]:
     return sorted(os.path.basename(path)[len("phrases_"):-len(".ini")] for path in paths)
 
 
+def filled(text: str, value: Callable[[str], str]) -> str:
+    """Return a text with the ``value`` of each variable."""
+    return _VARIABLE.sub(lambda found: value(found[1]), text)
+
+
+def added() -> Tuple[Speech, ...]:
+    """Return the speeches of other packages."""
+    return tuple(speech for extension in extensions.exported("phrases")
+                 for speech in extension.declared("SPEECHES", Speech))
+
+
 def load(language: str, mission: str = "") -> Phrases:
     """Return the phrases of ``language``, for a mission that may have its own, and of each package
     that has some.
@@ -160,9 +192,9 @@ def load(language: str, mission: str = "") -> Phrases:
     for extension in extensions.exported("phrases"):
         source = read_source(os.path.join(extension.folder, "data", name),
                              f"the file of phrases of the package {extension.package}")
-        added = collected(source, _keys_of(extension.declared("SPEECHES", Speech))).result()
+        texts = collected(source, _keys_of(extension.declared("SPEECHES", Speech))).result()
         both = Source(own.file, f"{found.source.text}\n{source.text}")
-        found = replace(found, speeches={**found.speeches, **added}, source=both)
+        found = replace(found, speeches={**found.speeches, **texts}, source=both)
     return found
 
 
@@ -170,9 +202,7 @@ def recorded(source: Source) -> Phrases:
     """Return the phrases of a record. It has all that its mission says; what packages have declared
     since then is said by its name."""
     written = re.findall(r"^\s*(\w+)", source.text, re.MULTILINE)
-    added = [speech for extension in extensions.exported("phrases")
-             for speech in extension.declared("SPEECHES", Speech)]
-    names = dict.fromkeys(written + [speech.node for speech in SPEECHES + tuple(added)])
+    names = dict.fromkeys(written + [speech.node for speech in SPEECHES + added()])
     texts = tuple(Key(name, _TEXT, name, "") for name in names if name not in _OF_ANSWERS)
     return _phrases(source, texts + KEYS[len(SPEECHES):])
 

@@ -23,7 +23,7 @@ from behavior_controller.run.events import Events, LeafFinished, StepStarted, Le
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
 from behavior_controller.run.health import Health
 from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
-from behavior_controller.robot.requests import Answer, Exhibit, Request, Words
+from behavior_controller.robot.requests import Answer, Request, Target, Words
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.leaves import data
 from behavior_controller.config.node_facts import MissionSpec
@@ -131,9 +131,10 @@ class MissionContext:
         """Return the one ``kind()`` of this mission, which its leaves share."""
         return self._shared.setdefault(kind, kind())
 
-    def name_place(self, place: Exhibit, name: str) -> None:
-        """Have the place called ``name``, under which it was chosen, where people read of it."""
-        for target in (place.location, place.gesture):
+    def name_place(self, name: str, *targets: Target) -> None:
+        """Have the place of these called ``name``, under which it was chosen, where people read of
+        it."""
+        for target in targets:
             self._names[type(target), target] = name  # a location may equal a target
 
     def named(self, words: Words) -> Words:

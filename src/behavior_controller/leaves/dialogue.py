@@ -1,7 +1,9 @@
 """Leaves for the visitor's answer, by voice (/speechEvent/text) or tablet
 (/tabletEvent/prompt_and_get_response)."""
-from typing import Any, Optional, Sequence
+from abc import abstractmethod
+from typing import Any, Optional, Sequence, Tuple
 
+from behavior_controller.bt import Port
 from behavior_controller.run.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure, Sample
 from behavior_controller.robot.declarations import Sense
@@ -9,30 +11,40 @@ from behavior_controller.robot.requests import Answer, Prompt, Request
 from behavior_controller.leaves.base import NOT_ASKED, InstantCondition, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import QUESTION_ASKED_AT, VISITOR_RESPONSE
-from behavior_controller.config.phrases import YES, begins_with_error
+from behavior_controller.config.phrases import NO, YES, begins_with_error
 
 
-def utterance_summary(utterance: str, answer: Optional[str]) -> LeafSummary:
-    """Return the sentence about an utterance and its answer."""
+def utterance_summary(utterance: str, answer: Optional[str],
+                      without: str = "neither yes nor no") -> LeafSummary:
+    """Return the sentence about an utterance and its answer; ``without``: there is none."""
     if answer is None and begins_with_error(utterance):  # of the recognition
         return LeafSummary("heard", "no answer recognised", "unrecognised")
-    text = f"heard “{utterance}”: {answer or 'neither yes nor no'}"
-    return LeafSummary("heard", text, answer or "")
+    mark = answer if answer in (YES, NO) else "understood"
+    return LeafSummary("heard", f"heard “{utterance}”: {answer or without}", mark if answer else "")
 
 
-class IsYesNoUttered(TopicCondition):
-    """``<IsYesNoUttered/>``: SUCCESS for a yes or a no after the question; the first one counts.
+class UtteranceCondition(TopicCondition):
+    """SUCCESS for an utterance after the question that has a meaning; the first one counts.
 
     It advances the question's time, so that one utterance answers only one question.
     """
 
     sense = Sense.UTTERANCE
-    PORTS = (VISITOR_RESPONSE.written(), QUESTION_ASKED_AT.changed(is_optional=True))
-    otherwise = "no yes or no heard"
+    PORTS: Tuple[Port, ...] = (QUESTION_ASKED_AT.changed(is_optional=True),)
+    without_meaning = "not understood"  # of an utterance, for people
+
+    @abstractmethod
+    def meaning(self, utterance: str) -> Optional[str]:
+        """Return the meaning of an utterance in words for people, None if it has none. Called on
+        the receiving thread too."""
+
+    @abstractmethod
+    def keep(self, utterance: str) -> None:
+        """Store the meaning of the utterance."""
 
     def is_evidence(self, value: Any) -> bool:
-        """Return whether the utterance is an answer."""
-        return self.mission.phrases.is_answer(value)
+        """Return whether the utterance has a meaning."""
+        return self.meaning(value) is not None
 
     def judged(self, counting: Sequence[Sample]) -> None:
         """Have answers count from now on, whether something was asked or not."""
@@ -43,16 +55,31 @@ class IsYesNoUttered(TopicCondition):
         return self.get_input_or("questionAskedAt", float("-inf"))
 
     def use(self, sample: Sample) -> None:
-        """Store the answer."""
-        answer = self.mission.phrases.spoken_answer(sample.value)
-        self.set_output("visitorResponse", answer)
+        """Store the meaning."""
+        self.keep(sample.value)
         self.set_output("questionAskedAt", sample.arrived)
         self.mission.ignore_answers(NOT_ASKED)
-        self.summary = utterance_summary(sample.value, answer)
+        self.summary = utterance_summary(sample.value, self.meaning(sample.value))
 
     def unused(self, sample: Sample) -> None:
-        """Report an utterance that is not an answer."""
-        self.summary = utterance_summary(sample.value, None)
+        """Report an utterance without a meaning."""
+        self.summary = utterance_summary(sample.value, None, self.without_meaning)
+
+
+class IsYesNoUttered(UtteranceCondition):
+    """``<IsYesNoUttered/>``: SUCCESS for a yes or a no after the question."""
+
+    PORTS = (VISITOR_RESPONSE.written(), *UtteranceCondition.PORTS)
+    otherwise = "no yes or no heard"
+    without_meaning = "neither yes nor no"
+
+    def meaning(self, utterance: str) -> Optional[str]:
+        """Return the answer."""
+        return self.mission.phrases.spoken_answer(utterance)
+
+    def keep(self, utterance: str) -> None:
+        """Store the answer."""
+        self.set_output("visitorResponse", self.meaning(utterance))
 
 
 class IsVisitorResponseYes(InstantCondition):

@@ -73,7 +73,7 @@ class SelectExhibit(InstantAction):
         exhibit = exhibits[index]
         self.set_output("nextExhibit", index + 1)
         self.set_output("currentExhibit", exhibit.name)
-        self.mission.name_place(exhibit, exhibit.name)
+        self.mission.name_place(exhibit.name, exhibit.location, exhibit.gesture)
         self.set_output("targetLocation", exhibit.location)
         self.set_output("gestureTarget", exhibit.gesture)
         self.set_output("description1", exhibit.description1)
@@ -131,7 +131,8 @@ class LookUp(ServiceLeaf):
             text = f"the knowledge base has {count} places for {self.place}; exactly 1 is needed"
             return Failure(Cause.UNUSABLE_ANSWER, text, self.resource)
         place = answer.exhibits[0]
-        self.mission.name_place(place, "its home" if self.place == "home" else "the " + self.place)
+        name = "its home" if self.place == "home" else "the " + self.place
+        self.mission.name_place(name, place.location, place.gesture)
         self.set_output("targetLocation", place.location)
         if self.has_gesture:
             self.set_output("gestureTarget", place.gesture)

@@ -11,8 +11,8 @@ from behavior_controller.robot.requests import Answer, Request, Say, Words
 from behavior_controller.leaves.base import BEFORE_QUESTION, ServiceLeaf, Waiting, leaf_spec
 from behavior_controller.leaves.data import (
     CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT)
-from behavior_controller.config.node_facts import MissionSpec
-from behavior_controller.config.phrases import SPEECHES, Speech
+from behavior_controller.config.node_facts import MissionSpec, whole_mission
+from behavior_controller.config.phrases import SPEECHES, Speech, filled
 from behavior_controller.config.settings import DESCRIPTIONS
 
 
@@ -34,13 +34,18 @@ class SpeechLeaf(ServiceLeaf):
 
 
 class FixedSpeech(SpeechLeaf):
-    """``<WelcomeSpeech/>``: says the language's text for ``phrase``."""
+    """``<WelcomeSpeech/>``: says the language's text for ``phrase``, with the values of the ports
+    ``variables``."""
 
     phrase: str
+    variables: Tuple[str, ...] = ()
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase."""
-        return Say(self.mission.phrases.speeches[self.phrase], self.mission.language)
+        text = self.mission.phrases.speeches[self.phrase]
+        if self.variables:
+            text = filled(text, self.get_input)
+        return Say(text, self.mission.language)
 
 
 class Question(FixedSpeech):
@@ -125,7 +130,9 @@ def specs(speeches: Iterable[Speech]) -> Tuple[MissionSpec, ...]:
     """Return the node types of these speeches."""
     return tuple(leaf_spec(
         speech.node, Question if speech.asks else FixedSpeech, speech.description,
-        arguments={"phrase": speech.node}, is_farewell=speech.is_farewell) for speech in speeches)
+        ports=tuple(Port(name, TEXT, default=whole_mission(name)) for name in speech.variables),
+        arguments={"phrase": speech.node, "variables": speech.variables},
+        is_farewell=speech.is_farewell) for speech in speeches)
 
 
 SPECS = specs(SPEECHES) + (

@@ -95,8 +95,9 @@ class LeafSummary(Struct, frozen=True):
     """The sentence for people when a leaf ends: one line, and its ``kind`` (``story.KINDS``).
 
     ``mark`` is its meaning for the visit: the visitor ``arrived``, is ``engaged``, was ``asked``,
-    answered ``yes`` or ``no``, or nothing (``unanswered``), was ``unrecognised``, or has ``left``;
-    else empty. ``at`` is the time of the mission's clock when a visitor arrived.
+    answered ``yes`` or ``no``, something else that was ``understood``, or nothing (``unanswered``),
+    was ``unrecognised``, was ``helped`` as asked, or has ``left``; else empty. ``at`` is the time
+    of the mission's clock when a visitor arrived.
     """
 
     kind: str

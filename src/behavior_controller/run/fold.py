@@ -130,7 +130,7 @@ def _why_done(state: State) -> Reason:
     visit, course = state.visits[-1], state.course
     if course.left_by is not None and visit.stops and visit.stops[-1].state == BROKEN_OFF:
         return _why_failed(state)
-    if visit.stops or visit.answer == "yes":
+    if visit.stops or visit.answer in ("yes", "helped"):
         return Reason(DONE_ALL)
     if visit.answer == "no":
         return Reason(DECLINED)
@@ -279,7 +279,7 @@ def _note_visitor(state: State, event: LeafFinished) -> State:
         return _change_course(state, is_unanswered=True)
     if mark == "left":
         return _change_course(state, left_by=None if visit.arrived is None else event.resource)
-    if mark in ("yes", "no"):
+    if mark in ("yes", "no", "helped"):
         return _change_visit(state, answer=mark)
     if mark in ("arrived", "engaged"):
         state = _change_course(state, left_by=None)

@@ -5,7 +5,7 @@ Each simulated sensor has its own Visitor and passes it every entry of the journ
 simulate the same person. Only the times of messages are random.
 """
 import math
-from typing import Callable, Dict, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, NamedTuple, Optional, Pattern, Sequence, Tuple
 
 from behavior_controller.robot.requests import Exhibit
 
@@ -71,6 +71,8 @@ class Manners(NamedTuple):
     # x and y of the place where the robot waits between two visitors; None: one of the places
     home: Optional[Tuple[float, float]]
     places: Sequence[Exhibit] = ()  # that the robot may name
+    # further questions, each with the answer of a visitor who agrees; empty: yes
+    answers: Sequence[Tuple[Pattern[str], str]] = ()
 
 
 class Visitor:
@@ -93,6 +95,7 @@ class Visitor:
     def _come(self) -> None:
         self.is_here = True
         self._is_asked = False
+        self._answer = ""  # to the last question, if that is not yes or no
         self._questions = 0
         self._drives = 0
         self._named: Optional[Exhibit] = None  # the place that the robot has named last
@@ -134,8 +137,9 @@ class Visitor:
         words = entry.content["message"]
         self._named = next((place for place in self.manners.places if place.description1 == words),
                            self._named)
-        if words.endswith("?") or words in self.manners.questions:
-            self._is_asked = True
+        answers = [answer for question, answer in self.manners.answers if question.fullmatch(words)]
+        if words.endswith("?") or words in self.manners.questions or answers:
+            self._is_asked, self._answer = True, "".join(answers[:1])
             self._questions += 1
             self._listens_until = entry.time + entry.seconds + REACTION * (entry.seconds > 0)
 
@@ -195,14 +199,17 @@ class Visitor:
             return SMALL_TALK
         if behaviour == UNCLEAR:
             return UNCLEAR_ANSWER if self._questions % 2 else NOTHING_HEARD
-        return self.manners.yes if self._agrees else self.manners.no
+        return (self._answer or self.manners.yes) if self._agrees else self.manners.no
 
     def press(self, options: Sequence[str]) -> str:
-        """Return which of the tablet's options is pressed, yes being the first and no the last;
-        nothing if silent.
+        """Return which of the tablet's options is pressed, yes being the first and no the last, or
+        what is typed; nothing if silent.
 
-        There is nothing unclear to press, so an unclear visitor presses no.
+        There is nothing unclear to press, so an unclear visitor presses no. Who does not agree
+        types nothing.
         """
         if not self.is_here or self.manners.behaviour == SILENT:
             return ""
+        if self._answer:
+            return self._answer if self._agrees else ""
         return options[0] if self._agrees else options[-1]

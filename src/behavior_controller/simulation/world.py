@@ -54,7 +54,10 @@ def world(behaviour: str, settings: Settings) -> World:
     questions = [language.speeches[speech.node] for speech in asking]
     questions += [utility[speech.utility] for speech in asking if speech.utility in utility]
     home = None if knowledge.home in knowledge.exhibits else knowledge.home.location[:2]
-    manners = Manners(behaviour, questions, *language.tablet_options, home, knowledge.exhibits)
+    answers = [(speech.pattern(language.speeches[speech.node]), speech.simulated_answer)
+               for speech in phrases.added() if speech.asks]
+    manners = Manners(behaviour, questions, *language.tablet_options, home, knowledge.exhibits,
+                      answers)
     return World(Visitor(manners), knowledge, settings)
 
 

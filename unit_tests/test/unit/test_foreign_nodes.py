@@ -15,8 +15,9 @@ from behavior_controller.config import phrases, settings
 from behavior_controller.run.events import (
     Asked, EntriesWritten, HealthChanged, LeafFinished, Tick)
 from behavior_controller.leaves.base import InstantAction, WorkingLeaf, leaf_spec
+from behavior_controller.leaves.data import GESTURE_TARGET
 from behavior_controller.robot.declarations import Publication
-from behavior_controller.robot.requests import Say
+from behavior_controller.robot.requests import PerformGesture, Point, Say
 from behavior_controller.simulation.behaviour import SERVICES
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 
@@ -38,6 +39,18 @@ class CountVisits(InstantAction):
             self.set_output("parity", "odd")
         else:
             self.clear_output("parity")
+
+
+class ChooseWay(InstantAction):
+    """``<ChooseWay/>``: points to a place, and names it."""
+
+    PORTS = (GESTURE_TARGET.written("target"),
+             Port("place", direction=Direction.OUT, default="{@place}"))
+
+    def act(self):
+        """Choose the door."""
+        self.set_output("target", Point(1.0, 2.5, 0.0))
+        self.set_output("place", "the door")
 
 
 class Ponder(WorkingLeaf):
@@ -70,13 +83,15 @@ def package(tmp_path):
     module = ModuleType("counting")
     module.SPECS = (leaf_spec("CountVisits", CountVisits, "Counts the visits."),
                     leaf_spec("Ponder", Ponder, "Takes two seconds."),
-                    leaf_spec("Pass", Pass, "Is skipped."))
+                    leaf_spec("Pass", Pass, "Is skipped."),
+                    leaf_spec("ChooseWay", ChooseWay, "Chooses a way."))
     CountVisits.visits = 0
     module.SPEECHES = (phrases.Speech("CountingSpeech", False, "Counts."),
-                       phrases.Speech("CountingQuestion", True, "Asks for the count."))
+                       phrases.Speech("CountingQuestion", True, "Asks for the count."),
+                       phrases.Speech("WaySpeech", False, "Tells the way.", variables=("place",)))
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "phrases_English.ini").write_text(
-        "CountingSpeech One, two.\nCountingQuestion Shall I count?\n")
+        "CountingSpeech One, two.\nCountingQuestion Shall I count?\nWaySpeech There is {place}.\n")
     extension = extensions.Extension("counting", str(tmp_path), module)
     with mock.patch.object(extensions, "exported", lambda kind: [extension]
                            if kind in ("leaves", "phrases") else []):
@@ -153,6 +168,23 @@ def test_what_its_phrases_say_is_judged_and_a_question_of_it_is_answered():
         event = replace(line.event, request=Say("One, three.")) if is_it else line.event
         return [replace(line, event=event)]
     assert any("One, three." in text for text in Verdict(changed(of_test, other)).objections)
+
+
+WAY = "<ChooseWay/><WaySpeech/><PerformDeicticGesture/>"
+
+
+@pytest.mark.parametrize("wrong", [
+    None, Say("There is a wall."), PerformGesture("deictic", 1, 3000, Point(1.0, 2.0, 0.0))])
+def test_what_comes_of_its_entries_is_judged(wrong):
+    of_test = facts(on=LoadedMission(settings.defaults(), [parse(PONDERING.format(WAY))]))
+    asked = [line.event.request for line in of_test.run.lines if isinstance(line.event, Asked)]
+    assert asked[:2] == [Say("There is the door."),
+                         PerformGesture("deictic", 1, 3000, Point(1.0, 2.5, 0.0))]
+
+    def other(line):
+        is_it = isinstance(line.event, Asked) and type(line.event.request) is type(wrong)
+        return [replace(line, event=replace(line.event, request=wrong)) if is_it else line]
+    assert judge(changed(of_test, other)).passed is (wrong is None)
 
 
 CRASH = ("textToSpeech:1:crash",)

@@ -24,7 +24,7 @@ from behavior_controller.bt.loader.document import (
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.values.values import GENERIC, TEXT, ValueFault
 from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port, Registry
-from behavior_controller.errors import Fault, MissionError
+from behavior_controller.errors import Fault, FaultsFound, MissionError
 from behavior_controller.text import Source
 
 MAX_TREE_DEPTH = 2_500  # levels of the unfolded tree; a tick takes up to four Python frames a level
@@ -206,6 +206,8 @@ class _Compiler:
         except ConfigureError as error:
             self.faults.append(
                 element.fault(rules.NODE_REFUSES, str(error), attribute=error.attribute))
+        except FaultsFound as error:  # of a file that the leaf reads
+            self.faults += error.faults
         except (ValueFault, ScriptSyntaxError) as error:
             self.faults.append(element.fault(rule, str(error), attribute=attribute))
         except BaseException as error:  # ``configure`` of a leaf may raise anything

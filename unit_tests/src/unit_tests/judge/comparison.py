@@ -171,6 +171,7 @@ class WrittenEntries:
         # on record since the last comparison, and the newest event of these
         self._news: Dict[str, Optional[str]] = {}
         self._newest: Sequence[Tuple[str, Optional[str]]] = ()
+        self._values: Dict[str, Any] = {}  # of those that differ from their text
         self._writers: Dict[str, str] = {}
 
     def note(self, event: EntriesWritten) -> bool:
@@ -178,6 +179,7 @@ class WrittenEntries:
         is_again = bool(event.entries) and event.entries == self._newest
         self._newest = event.entries
         self._news.update(event.entries)
+        self._values.update(event.values)
         return is_again
 
     def stored(self, node: ReferenceNode, port: str) -> None:
@@ -189,8 +191,12 @@ class WrittenEntries:
         board, key = node.blackboard.home(_entry_of(node, port))
         path = next(path for path, other in self._tree.blackboards.items() if other is board)
         name = f"{path}/{key}" if path else key
+        record = self._values.get(name)
         if self._news.get(name) is not None:
-            board.set(key, self._news[name])
+            kind, value = node.spec.port_named[port].type, self._news[name]
+            if isinstance(record, dict) and kind in reference.RECORDS:
+                value = reference.RECORDS[kind](**record)
+            board.set(key, value)
         elif name in self._news:
             board.unset(key)
 
@@ -210,6 +216,7 @@ class WrittenEntries:
         self._before.update(self._news)
         self._newest = ()
         self._news.clear()
+        self._values.clear()
         self._writers.clear()
 
 

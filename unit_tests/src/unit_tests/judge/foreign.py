@@ -35,9 +35,13 @@ class Foreign(reference.ReferenceServiceAction):
         """It need not report that."""
 
 
+_TYPES = {kind: kind for kind in reference.TYPES.values()}
+
+
 def _foreign(spec: NodeSpec) -> NodeSpec:
+    ports = tuple(port._replace(type=_TYPES.get(port.type, port.type)) for port in spec.ports)
     is_leaf = spec.kind in (Kind.ACTION, Kind.CONDITION)
-    return dataclasses.replace(spec, factory=Foreign) if is_leaf else spec
+    return dataclasses.replace(spec, ports=ports, factory=Foreign if is_leaf else spec.factory)
 
 
 def registry() -> Registry:
@@ -45,7 +49,8 @@ def registry() -> Registry:
     node_types = Registry(builtin_specs() + list(reference.ROWS))
     for extension in extensions.exported("phrases"):
         for speech in extension.declared("SPEECHES", phrases.Speech):
-            node_types.extend([reference.speech(speech.node, speech.node, speech.asks)])
+            node_types.extend([
+                reference.speech(speech.node, speech.node, speech.asks, speech.variables)])
     for extension in extensions.exported("leaves"):
         node_types.extend(map(_foreign, extension.declared("SPECS", NodeSpec)))
     return node_types

@@ -69,6 +69,9 @@ def _numbers(record: Any, text: str) -> Any:
     return record(*(whole_real(part.strip()) for part in text.split(";")))
 
 
+RECORDS: Dict[str, Any] = {"Location": Location, "Point": Point}
+"""Types of entries that are records, with their class."""
+
 TYPES: Dict[str, str] = {
     **dict.fromkeys(("visitorResponse", "currentExhibit", "description1", "description2"), TEXT),
     "exhibits": PortType("Exhibits", list), "nextExhibit": "int", "leftOutExhibits": "vec_int",
@@ -827,11 +830,21 @@ def _sees(node_id: str, sense: Sense, ports: str = "", **facts: Any) -> Row:
     return _row(node_id, Sign, ports, partial(_see, sense=sense, **facts))
 
 
-def speech(node_id: str, phrase: str, is_question: bool = False) -> Row:
+def _phrase(node: Any, phrase: str, variables: Sequence[str]) -> Request:
+    text = node.course.phrases.speeches[phrase]
+    if variables:  # each stands in braces
+        parts = re.split("[{}]", text)
+        parts[1::2] = map(node.get_input, parts[1::2])
+        text = "".join(parts)
+    return Say(text, node.course.language)
+
+
+def speech(node_id: str, phrase: str, is_question: bool = False,
+           variables: Sequence[str] = ()) -> Row:
     """Return the row of a node that says a phrase of the language's file."""
-    return _asks(node_id, Say, lambda node: Say(node.course.phrases.speeches[phrase],
-                                                node.course.language),
-                 ">questionAskedAt" if is_question else "", is_question=is_question)
+    ports = [">questionAskedAt"] * is_question + ["<" + name for name in variables]
+    return _asks(node_id, Say, partial(_phrase, phrase=phrase, variables=variables),
+                 " ".join(ports), is_question=is_question)
 
 
 def _mode(node_id: str, mode: str) -> Row:
