@@ -401,6 +401,10 @@ THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
      ([ASKED, leaf("", "said")], "SUCCESS", "no answer"),
      ([ASKED, leaf("", "heard"), ASKED], "SUCCESS", "no clear answer"),
      ([ASKED, leaf("", "heard"), START, ASKED], "SUCCESS", "no answer"),
+     ([ASKED, leaf("understood", "heard")], "SUCCESS", "no answer"),
+     ([ASKED, leaf("", "heard"), leaf("understood", "heard"), leaf("helped", "notice")], "SUCCESS",
+      "complete"),
+     ([ASKED, leaf("no", "heard"), leaf("helped", "notice")], "SUCCESS", "complete"),
      # nothing was asked: the question failed
      ([leaf("no", "heard")], "SUCCESS", "the visitor said no"),
      ([leaf("", "heard")], "SUCCESS", "no clear answer"),

@@ -1,8 +1,11 @@
 """The leaves of this package, without ROS: python3 -m unittest discover -s test"""
 import unittest
+from unittest import mock
 
 from behavior_controller.extend import (
     Answer, FAILURE, Prompt, SUCCESS, Say, Sense, Trial)
+
+from receptionist import directory
 
 NAMED = '<Sequence><Script code="@person := \'{}\'"/>{}</Sequence>'
 
@@ -25,6 +28,16 @@ class TestLeaves(unittest.TestCase):
             self.assertEqual(trial.events[-1].summary.text, sentence)
             self.assertEqual(trial.tree.blackboard.get("person"), person)
             self.assertEqual(trial.tree.blackboard.get("candidates"), candidates)
+
+    def test_an_error_of_the_recognition_is_no_name(self):
+        errol = directory.Directory({"Errol Flynn": "B203"}, {})
+        self.assertTrue(errol.heard("Error: no speech recognised").names)
+        with mock.patch.object(directory, "load", lambda: errol):
+            trial = Trial("<IsNameUttered/>")
+        topic = trial.mission.interface.evidence(Sense.UTTERANCE).topic
+        trial.topics.publish(topic, "Error: no speech recognised")
+        self.assertEqual(trial.tick(), FAILURE)
+        self.assertEqual(trial.events[-1].summary.text, "no answer recognised")
 
     def test_the_way_is_that_to_the_persons_room(self):
         trial = Trial(NAMED.format("Jürgen Müller", "<LookUpPerson/><RoomSpeech/>"))

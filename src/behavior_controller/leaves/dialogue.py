@@ -19,8 +19,10 @@ def utterance_summary(utterance: str, answer: Optional[str],
     """Return the sentence about an utterance and its answer; ``without``: there is none."""
     if answer is None and begins_with_error(utterance):  # of the recognition
         return LeafSummary("heard", "no answer recognised", "unrecognised")
+    if answer is None:
+        return LeafSummary("heard", f"heard “{utterance}”: {without}")
     mark = answer if answer in (YES, NO) else "understood"
-    return LeafSummary("heard", f"heard “{utterance}”: {answer or without}", mark if answer else "")
+    return LeafSummary("heard", f"heard “{utterance}”: {answer}", mark)
 
 
 class UtteranceCondition(TopicCondition):
@@ -43,8 +45,8 @@ class UtteranceCondition(TopicCondition):
         """Store the meaning of the utterance."""
 
     def is_evidence(self, value: Any) -> bool:
-        """Return whether the utterance has a meaning."""
-        return self.meaning(value) is not None
+        """Return whether the utterance has a meaning; an error of the recognition has none."""
+        return not begins_with_error(value) and self.meaning(value) is not None
 
     def judged(self, counting: Sequence[Sample]) -> None:
         """Have answers count from now on, whether something was asked or not."""
