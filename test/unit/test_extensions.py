@@ -114,6 +114,21 @@ def test_the_examples_test_their_leaves_as_the_guide_says():
         assert done.returncode == 0 and f"Ran {number} tests" in done.stdout, done.stdout
 
 
+HEARING = """from behavior_controller import leaves
+from behavior_controller.extend import SUCCESS, Sense, Trial
+from greeter.hearing import SPECS
+registry = leaves.registry()
+registry.extend(SPECS)
+leaves.registry = lambda: registry
+trial = Trial("<IsColourSaid/>")
+trial.topics.publish(trial.mission.interface.evidence(Sense.UTTERANCE).topic, "well blue please")
+assert trial.tick() is SUCCESS and trial.tree.blackboard.get("colour") == "blue"
+assert trial.events[-1].summary.text == "heard “well blue please”: blue"
+assert [port.name for port in SPECS[0].ports] == ["colour", "questionAskedAt"]
+"""
+"""Tries the leaf of the guide that hears a colour."""
+
+
 def test_the_code_of_the_guide_is_a_package_with_its_test(tmp_path):
     package(tmp_path, 'interface="greeter.interface" leaves="greeter.leaves"', None, "greeter")
     with open(os.path.join(ROOT, "docs", "extending.md"), encoding="utf-8") as file:
@@ -125,8 +140,11 @@ def test_the_code_of_the_guide_is_a_package_with_its_test(tmp_path):
     code, text = run("exportNodeModel", packages=tmp_path, paths=sources)
     assert code == 0 and '<Condition ID="DoorbellRang"' in text
     assert '<Decorator ID="EveryOther"' in text
-    subprocess.check_call([sys.executable, "-c", "from greeter.moving import SERVICES"],
-                          env=environment(tmp_path, sources))
+    (tmp_path / "greeter" / "data").mkdir()
+    (tmp_path / "greeter" / "data" / "colours.ini").write_text("Blue\nred\n")
+    subprocess.check_call(
+        [sys.executable, "-c", "from greeter.moving import SERVICES\n" + HEARING],
+        env=environment(tmp_path, sources))
     done = run_tests(tmp_path / "greeter", tmp_path, sources)
     assert done.returncode == 0 and "Ran 5 tests" in done.stdout, done.stdout
 

@@ -32,8 +32,13 @@ class UtteranceCondition(TopicCondition):
     """
 
     sense = Sense.UTTERANCE
-    PORTS: Tuple[Port, ...] = (QUESTION_ASKED_AT.changed(is_optional=True),)
+    ASKED_AT = QUESTION_ASKED_AT.changed(is_optional=True)
+    PORTS: Tuple[Port, ...] = (ASKED_AT,)
     without_meaning = "not understood"  # of an utterance, for people
+
+    def __init_subclass__(cls) -> None:
+        """Add the port with the question's time to those of the class."""
+        cls.PORTS = (*(port for port in cls.PORTS if port != cls.ASKED_AT), cls.ASKED_AT)
 
     @abstractmethod
     def meaning(self, utterance: str) -> Optional[str]:
@@ -71,7 +76,7 @@ class UtteranceCondition(TopicCondition):
 class IsYesNoUttered(UtteranceCondition):
     """``<IsYesNoUttered/>``: SUCCESS for a yes or a no after the question."""
 
-    PORTS = (VISITOR_RESPONSE.written(), *UtteranceCondition.PORTS)
+    PORTS = (VISITOR_RESPONSE.written(),)
     otherwise = "no yes or no heard"
     without_meaning = "neither yes nor no"
 

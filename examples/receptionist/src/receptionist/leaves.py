@@ -29,6 +29,7 @@ class OfPeople:
 class IsNameUttered(OfPeople, UtteranceCondition):
     """``<IsNameUttered/>``: SUCCESS for an utterance with the name of somebody, or one like it."""
 
+    PORTS = (PERSON, CANDIDATES)
     otherwise = "no name heard"
     awaiting = "listening for a name"
     without_meaning = "no name understood"
@@ -47,6 +48,7 @@ class TypeName(OfPeople, ServiceLeaf):
     """``<TypeName/>``: has a name typed on the tablet; nothing typed is a failure."""
 
     asks = Prompt
+    PORTS = (PERSON, CANDIDATES)
 
     def request(self):
         """Show the text that has been said."""
@@ -92,7 +94,7 @@ class LookUpPerson(OfPeople, InstantAction):
 
 
 SPECS = (
-    leaf_spec("IsNameUttered", IsNameUttered, "Did the visitor say a name?", (PERSON, CANDIDATES)),
-    leaf_spec("TypeName", TypeName, "Has a name typed on the tablet.", (PERSON, CANDIDATES)),
+    leaf_spec("IsNameUttered", IsNameUttered, "Did the visitor say a name?"),
+    leaf_spec("TypeName", TypeName, "Has a name typed on the tablet."),
     leaf_spec("LookUpPerson", LookUpPerson, "Looks up the way to a person."),
 )
