@@ -359,7 +359,7 @@ class _Run:
         except BaseException as error:
             self._standstill = None
             console.report_internal_error(error)
-            self._robot.close()
+            self._robot.cut()
             self.leave_safe()
             return exit_codes.BROKEN
         finally:
@@ -466,7 +466,8 @@ class _Run:
         it.
         """
         clock, wake, robot = Clock(), WakeUp(), self._plan.settings.interface
-        gateway = RosGateway(robot, self._plan.settings.deadline, clock, wake.emit)
+        gateway = RosGateway(robot, self._plan.settings.deadline, clock, wake.emit,
+                             standby=self._robot.standby)
 
         def wait(seconds: float) -> None:
             wake.wait(seconds)

@@ -46,12 +46,11 @@ class RequestThread:
         """Whether the request under way may have reached the server."""
         self.is_short = False
         """Whether the last request failed for a shortage of this computer."""
-        self.limit: Optional[float] = None
-        """Seconds for a step of a request that gets no thread of its own; None: it has one."""
 
-    def start(self) -> None:
-        """Start the thread. Raises RuntimeError if no thread is left."""
-        start_thread(self.service.kind + " " + self.name, self._work)
+    def start(self, role: str = "") -> None:
+        """Start the thread, whose name begins with its ``role``. Raises RuntimeError if no thread
+        is left."""
+        start_thread(f"{role}{self.service.kind} {self.name}", self._work)
 
     def carry(self, request: Request, done: Done, feedback: Callable[[str], None]) -> None:
         """Send ``request``; ``done`` and ``feedback`` are called on another thread."""
@@ -93,13 +92,6 @@ class RequestThread:
                 return
             job.done(self._carried_out(job), time.monotonic())
 
-    def work_off(self) -> None:
-        """Carry out the only request, on the calling thread."""
-        job = self._jobs.get()
-        if job is not None:
-            job.done(self._carried_out(job), time.monotonic())
-        self.close()
-
     def _carried_out(self, job: Job) -> Union[Answer, Failure]:
         """Return the answer, or why there is none. An optional service that no node offers counts
         as done."""
@@ -123,29 +115,3 @@ class RequestThread:
                 SHORTAGE.note(error)
                 return Failure(Cause.NOT_REACHABLE, no_resources(error), self.name)
             return Failure(Cause.UNUSABLE_ANSWER, f"its declaration: {described(error)}", self.name)
-
-
-class Reserve:
-    """One thread, started while there are any, for requests that get none of their own: it carries
-    them out one after the other."""
-
-    def __init__(self) -> None:
-        self._waiting: "queue.SimpleQueue[RequestThread]" = queue.SimpleQueue()
-        self._thread: Optional[threading.Thread] = None
-
-    def start(self) -> None:
-        """Start the thread, once. Raises RuntimeError if no thread is left."""
-        if self._thread is None:
-            self._thread = start_thread("reserve", self._work)
-
-    def carry_out(self, request: RequestThread) -> None:
-        """Have the request of ``request``, which has no thread, carried out."""
-        self._waiting.put(request)
-
-    def _work(self) -> None:
-        while True:
-            self._waiting.get().work_off()
-
-
-RESERVE = Reserve()
-"""That of this process."""

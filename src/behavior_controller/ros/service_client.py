@@ -9,6 +9,7 @@ only a connection found dead before the sending is opened again.
 """
 import contextlib
 import io
+import itertools
 import struct
 import time
 from collections import defaultdict
@@ -29,7 +30,7 @@ from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.action_client import GoalThread
 from behavior_controller.ros.tcpros import CONNECT_LIMIT, Connection, STEP_LIMIT, Trouble
 from behavior_controller.ros.master import DIRECTORY, Place
-from behavior_controller.ros.request_thread import Job, RESERVE, RequestThread
+from behavior_controller.ros.request_thread import Job, RequestThread
 from behavior_controller.ros.types import TYPES, filled, resolved
 
 LOOKUP_LIMIT = 0.3
@@ -38,10 +39,6 @@ LOOKUP_LIMIT = 0.3
 The safe state has one second, in which the master may freeze. ``Monitor`` looks up restarted
 services without haste.
 """
-
-WITHOUT_THREAD = 0.4
-"""Seconds for a request of the safe state that gets no thread of its own: the other one waits for
-it, and both have one second."""
 
 SUBSCRIBER_POLL = 0.05
 """Seconds between two looks for the subscribers of a topic that is published to."""
@@ -149,12 +146,10 @@ class ServiceThread(RequestThread):
         """Ask the server."""
         data = encode(self.service, job.request)
         if not self._connection.is_open:
-            limit = self.limit or CONNECT_LIMIT
-            place = DIRECTORY.service(self.name, limit, LOOKUP_LIMIT)
+            place = DIRECTORY.service(self.name, CONNECT_LIMIT, LOOKUP_LIMIT)
             open_service(place, self._connection, self.name, TYPES[self.service]._md5sum,
-                         limit, persistent="1")
-            if self.limit is None:
-                self._connection.wait_without_limit()
+                         CONNECT_LIMIT, persistent="1")
+            self._connection.wait_without_limit()
         self.is_asked = True
         self._connection.send(data)
         return result_of(self.service, receive_response(self.service, self._connection), self.name)
@@ -191,6 +186,13 @@ THREADS: Dict[type, Type[RequestThread]] = {
 """What carries requests, by the kind of declaration."""
 
 
+def _started(service: Service, role: str = "") -> RequestThread:
+    """Return a new thread for requests. Raises RuntimeError if none is left."""
+    thread = THREADS[type(service)](service)
+    thread.start(role)
+    return thread
+
+
 @dataclass
 class _UnderWay:
     """The resources of a call until it ends."""
@@ -205,11 +207,13 @@ class RosGateway(Gateway):
     neither waits."""
 
     def __init__(self, interface: Interface, deadline: Callable[[Service], float], clock: Clock,
-                 wake: Callable[[], None], health: Optional[Health] = None):
+                 wake: Callable[[], None], health: Optional[Health] = None,
+                 standby: Optional[Dict[Request, RequestThread]] = None):
         """``deadline`` returns the seconds that a service may take; ``wake`` is called for each
         result.
 
-        ``health`` gets reports about the services.
+        ``health`` gets reports about the services. ``standby`` is that of a gateway in whose place
+        this one asks for the safe state. Raises RuntimeError if no thread is left.
         """
         self.deadline = deadline
         self._interface = interface
@@ -218,7 +222,11 @@ class RosGateway(Gateway):
         self._wake = wake
         self._spare: Dict[Service, List[RequestThread]] = defaultdict(list)
         self._under_way: Dict[Call, _UnderWay] = {}
-        RESERVE.start()
+        if standby is None:
+            standby = {request: _started(interface.service(type(request)), "standby ")
+                       for request in interface.safe_state}
+        self.standby = standby
+        """The threads of the requests for the safe state when no other can be started."""
 
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at the deadline of
@@ -227,7 +235,7 @@ class RosGateway(Gateway):
         deadline = self.deadline(service)
         call = Call(request, self._wake, lambda: self._drop(call))
         try:
-            thread = self._thread(service, request in self._interface.safe_state)
+            thread = self._thread(service, request)
         except RuntimeError as error:
             text = f"no thread to ask with ({error})"
             call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
@@ -237,30 +245,25 @@ class RosGateway(Gateway):
         self._under_way[call] = _UnderWay(thread, timer, time.monotonic())
         thread.carry(request, partial(self._hand_over, self._end, call),
                      partial(self._hand_over, self._report, call))
-        if thread.limit is not None:
-            RESERVE.carry_out(thread)
         return call
 
-    def _thread(self, service: Service, is_vital: bool = False) -> RequestThread:
-        """Take a spare thread, or start one. Raises RuntimeError if none is left, unless it
-        ``is_vital``: then the request is for the reserve."""
-        spare = self._spare[service]
-        if spare:
-            return spare.pop()
-        thread = THREADS[type(service)](service)
+    def _thread(self, service: Service, request: Request) -> RequestThread:
+        """Take a spare thread, start one, or take the one that stands by. Raises RuntimeError if
+        none is left."""
+        if self._spare[service]:
+            return self._spare[service].pop()
         try:
-            thread.start()
+            return _started(service)
         except RuntimeError:
-            if not (is_vital and isinstance(thread, ServiceThread)):
+            if request not in self.standby:
                 raise
-            thread.limit = WITHOUT_THREAD
-        return thread
+            return self.standby.pop(request)
 
     def prepare(self, offers: Iterable[Offer]) -> None:
         """Connect to those of these that take longer to connect to than a service."""
         for offer in offers:
-            if isinstance(offer, (Action, Publication)):
-                self._spare[offer].append(self._thread(offer))
+            if isinstance(offer, (Action, Publication)) and not self._spare[offer]:
+                self._spare[offer].append(_started(offer))
 
     def _hand_over(self, callback: Callable[..., None], *arguments: Any) -> None:
         """Let the tick thread go on with ``callback``; on the request's thread."""
@@ -280,18 +283,16 @@ class RosGateway(Gateway):
         """Drop every call under way and free every thread and connection."""
         for call in list(self._under_way):
             self._drop(call)
-        for threads in self._spare.values():
-            while threads:
-                thread = threads.pop()
-                thread.cut()
-                thread.end()
+        for thread in [*self.standby.values(), *itertools.chain(*self._spare.values())]:
+            thread.cut()
+            thread.end()
+        self._spare.clear()
 
     def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
         """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
         held = self._release(call)
         if held is not None:
-            if held.thread.limit is None:
-                self._spare[held.thread.service].append(held.thread)
+            self._spare[held.thread.service].append(held.thread)
             self._finish(call, held, result, at)
 
     def _release(self, call: Call) -> Optional[_UnderWay]:
