@@ -20,7 +20,7 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, Fault, FaultsFound, NodesMissing)
-from behavior_controller.run.events import Events, Noticed
+from behavior_controller.run.events import Events, Noticed, RunFinished
 from behavior_controller.foreign_code import described
 from behavior_controller.run.health import Health
 from behavior_controller.missions.load import Mission
@@ -80,8 +80,8 @@ SAFE_STATE_BESIDE = 0.6
 it, they fit into STOP_LIMIT."""
 
 CLOSING = 2.0
-"""Seconds at the end to unregister from the master and to close the monitoring; after a stop, what
-is left of its time."""
+"""Seconds at the end to unregister from the master and to close the record; after a stop, what is
+left of its time."""
 
 RESERVE = 0.1
 """Seconds after a stop by which the process ends before STOP_LIMIT."""
@@ -161,30 +161,31 @@ class _Node:
             return exit_codes.UNAVAILABLE if code is None else code
         except FaultsFound as error:
             report_faults(error, self._outputs.note, NOTHING)
-            self._outputs.fail(NOTHING, exit_codes.WRONG_INPUT)
-            self._tell_former_run()
-            return exit_codes.WRONG_INPUT
+            return self._refused(exit_codes.WRONG_INPUT)
         except NodesMissing as missing:
             for line in str(missing).split("\n"):
                 self._outputs.note("error", line)
-            self._outputs.fail(NOTHING, exit_codes.UNAVAILABLE)
-            self._tell_former_run()
-            return exit_codes.UNAVAILABLE
+            return self._refused(exit_codes.UNAVAILABLE)
         except BaseException as error:  # the last resort: an operator never sees a traceback
             console.report_internal_error(error)
             return exit_codes.BROKEN
 
-    def _tell_former_run(self) -> None:
-        """Say what the robot may still do since the run before, if that was killed: this one does
-        not take over. What cannot be found out is not said."""
+    def _refused(self, code: int) -> int:
+        """Show that the start has failed, and return ``code``.
+
+        If the run before was killed, say what the robot may still do: this one does not take over.
+        What cannot be found out is not said.
+        """
         def find_out() -> str:
             place = valid_values()["recordDirectory"] or folders.records()
             return may_be_live(place) if place != NO_RECORD else ""
 
+        self._outputs.record(RunFinished(NOTHING, code))
         with contextlib.suppress(Exception):
             said = run_apart(find_out, self._wake, self._is_stopped, FORMER_LIMIT)
             if said:
                 self._console.warn(said)
+        return code
 
     def _stop_beside(self) -> None:
         """End the node without the tick thread if a leaf blocks it."""
@@ -291,13 +292,12 @@ class _Node:
         self._signals.request_stop()
 
     def end(self, code: int) -> NoReturn:
-        """End recording and monitoring, within a time limit, and the process at once: threads that
-        still wait for a hung peer must not hold it."""
+        """End the recording, within a time limit, and the process at once: threads that still wait
+        for a hung peer must not hold it."""
         self._console.drain(LAST_LINES)
-        closers = self._outputs.closers() + (self._run.closers() if self._run is not None else [])
         limit = min(CLOSING, self._signals.time_left - LAST_LINES - RESERVE)
         with contextlib.suppress(RuntimeError):  # no threads left: the process ends anyway
-            run_together(closers + [_unregister], limit)
+            run_together(self._outputs.record.closers() + [_unregister], limit)
         self._signals.is_over = True
         self._console.drain(LAST_LINES)
         os._exit(code)
@@ -329,7 +329,7 @@ class _Run:
         self._following: Deque[Mission] = collections.deque(maxlen=1)
         self._reading: Optional[threading.Thread] = None
         self._clock, self._wake = plan.tree.clock, plan.tree.wake
-        self._topics = outputs.topics(topics)
+        self._topics = outputs.record.topics(topics)
         self._outputs = outputs
         self._console = console
         self._signals = signals
@@ -337,44 +337,38 @@ class _Run:
         self._health = Health(self._wake.emit)
         self._robot = RosGateway(plan.settings.interface, plan.settings.deadline, self._clock,
                                  self._wake.emit, self._health)
-        self._standstill: Optional[BlockedTickMonitor] = None  # while the mission runs
         # what the operator holds the run for; empty: nothing
         self._held = WAITING if plan.settings.start_by == OPERATOR else ""
         self._monitor = Monitor(plan.settings.interface, topics, self._health,
                                 lambda: self._plan.settings.asr_enabled)
         self.runner = Runner(self._running(plan), signals.stop_requested.is_set, self._successor,
                              lambda: signals.stop_code, lambda: self._held)
+        self._blocked_tick = BlockedTickMonitor(self.runner, console.tell)
 
     def carry_out(self) -> int:
         """Run the mission, whose leaves are set up, and return the exit code."""
-        console = self._console
-        self._standstill = BlockedTickMonitor(self.runner, console.tell)
-        console.start_heartbeat(self._clock, self._events.emit)
+        self._console.start_heartbeat(self._clock, self._events.emit)
         try:
             self._monitor.start()
-            self._standstill.start()
+            self._blocked_tick.start()
             self._signals.reload = self._reload_by_signal
             return self.runner.run()
         # an internal error must not leave the robot in an arbitrary state
         except BaseException as error:
-            self._standstill = None
-            console.report_internal_error(error)
+            self.runner.is_stopping = True
+            self._console.report_internal_error(error)
             self._robot.cut()
             self.leave_safe()
             return exit_codes.BROKEN
         finally:
-            self._standstill = None
             self._outputs.tell_places()
-
-    def closers(self) -> List[Callable[[], None]]:
-        """Return the functions that end the monitoring of the robot; each may take long."""
-        return [self._monitor.close]
 
     def open_outputs(self, folder: str) -> None:
         """Open what is kept of the run, once: ``folder`` is that of the records."""
         self._outputs.open_files(folder)
         if self._plan.settings.ros_interface:
-            self._outputs.open_interface(lambda: self._plan.offers, self._commands())
+            self._outputs.record.add(
+                ros_interface.RosInterface(lambda: self._plan.offers, self._commands()))
 
     def _commands(self) -> Dict[str, ros_interface.Command]:
         """Return what the operator's services do, each on a thread of rospy."""
@@ -483,10 +477,10 @@ class _Run:
 
         It is stuck in the code of a leaf then. On another thread.
         """
-        watch = self._standstill
-        if watch is None or not watch.is_blocked(BLOCKED) or self.runner.is_stopping:
+        if not self._blocked_tick.is_blocked(BLOCKED) or self.runner.is_stopping:
             return False
-        self._events.emit(Noticed("error", f"stopping without the tree: {watch.blocking()}"))
+        leaf = self._blocked_tick.blocking()
+        self._events.emit(Noticed("error", f"stopping without the tree: {leaf}"))
         self._robot.cut()  # no goal stays under way
         self.leave_safe(SAFE_STATE_BESIDE)
         return True

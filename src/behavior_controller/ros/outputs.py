@@ -1,20 +1,15 @@
 """What is kept and shown of a run: the files of its record, the viewer, and the ROS interface."""
-import contextlib
-import socket
-from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional
+from typing import Any, Callable, Mapping, Optional
 
 import rosgraph.network
 
 from behavior_controller import folders
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.run.events import Events, Noticed, RunFinished, Starting
+from behavior_controller.run.events import Events, Noticed, Starting
 from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.missions.load import describe
 from behavior_controller.run.record.files import has_viewer
 from behavior_controller.run.record.recorder import Record, RecordFiles
-from behavior_controller.robot.declarations import Offer
-from behavior_controller.robot.gateway import Topics
-from behavior_controller.ros import ros_interface
 from behavior_controller.viewer.process import ViewerProcess
 
 NO_RECORD = "none"
@@ -38,7 +33,7 @@ class Outputs:
         self._tell("warning", text)
 
     def open_viewer(self, values: Mapping[str, Any]) -> None:
-        """Start the viewer, for this configuration; a name server may hang."""
+        """Start the viewer, for this configuration."""
         page, groot2 = values["monitorPort"], values["groot2Port"]
         if not page and not groot2:
             return
@@ -46,9 +41,6 @@ class Outputs:
         if place != NO_RECORD and has_viewer(place):
             self._tell("info", f"a missionViewer shows the runs in {place}: no other is started")
             return
-        for address in (values["monitorAddress"], values["groot2Address"]):
-            with contextlib.suppress(OSError, UnicodeError):  # reported by the viewer
-                socket.getaddrinfo(address, None)
         self._page = _url(values["monitorAddress"], page)
         self._viewer = ViewerProcess(
             ["--port", str(page), "--address", values["monitorAddress"],
@@ -64,10 +56,6 @@ class Outputs:
         self._tell(severity, text)
         self.record(Starting(text) if severity == "info" else Noticed(severity, text))
 
-    def fail(self, outcome: str, code: int) -> None:
-        """Show that the start has failed."""
-        self.record(RunFinished(outcome, code))
-
     def open_files(self, folder: str) -> None:
         """Write the record into a folder of its own below this one from now on."""
         if folder != NO_RECORD:
@@ -75,15 +63,6 @@ class Outputs:
             self.record.add(self._files)
         self.record.open()
         self._tell_record("record")
-
-    def open_interface(self, offers: Callable[[], Iterable[Offer]],
-                       commands: Dict[str, ros_interface.Command]) -> None:
-        """Publish the run, and serve the operator's commands."""
-        self.record.add(ros_interface.RosInterface(offers, commands))
-
-    def topics(self, inner: Topics) -> Topics:
-        """Return topics like ``inner``, of which the messages that are read are recorded."""
-        return self.record.topics(inner)
 
     def show(self, tree: Tree, heard: Mapping[str, float]) -> None:
         """Record ``tree`` from now on; ``heard`` has the time of each topic's last message."""
@@ -99,10 +78,6 @@ class Outputs:
     def _tell_record(self, words: str) -> None:
         if self._files is not None and self._files.path:
             self._tell("info", f"{words}: {self._files.path}")
-
-    def closers(self) -> List[Callable[[], None]]:
-        """Return the functions that end all of it; each may take long."""
-        return self.record.closers()
 
 
 def _url(address: str, port: int) -> str:
