@@ -21,7 +21,6 @@ import genpy
 import rospy
 
 from behavior_controller.bt.engine.clock import Clock, Timer
-from behavior_controller.foreign_code import defined_at
 from behavior_controller.robot.gateway import (
     Call, Cause, Failure, Gateway, NO_SUBSCRIBER, result_of, waited)
 from behavior_controller.run.health import Health, SLOW_SHARE
@@ -97,13 +96,8 @@ def _check_handshake(connection: Connection, answer: Dict[str, str], md5sum: str
 def encode(service: Service, request: Request) -> bytes:
     """Return ``request`` as TCPROS carries it: its length, then its fields. Raises ``Trouble`` if
     it does not fit, and Unsendable."""
-    buffer, message = io.BytesIO(), TYPES[service]._request_class
-    values = service.values(request, message.__slots__)
-    try:
-        message(*values).serialize(buffer)
-    except (genpy.SerializationError, struct.error, UnicodeError, TypeError) as error:
-        raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {service.type}: {error}"
-                    f"{defined_at(service.fields)}")
+    buffer = io.BytesIO()
+    filled(TYPES[service]._request_class(), service, request).serialize(buffer)
     return struct.pack("<I", buffer.tell()) + buffer.getvalue()
 
 
