@@ -107,15 +107,11 @@ def pause_without_files() -> None:
 
 def _begins_as_ros_does(sock: socket.socket) -> bool:
     """Return whether a caller sends the length of a header; nothing is taken from what it sends."""
-    ends = time.monotonic() + HANDSHAKE
-    with contextlib.suppress(OSError):
-        while time.monotonic() < ends:
-            start = sock.recv(4, socket.MSG_PEEK)
-            if len(start) == 4:
-                return struct.unpack("<I", start)[0] <= LONGEST_HEADER
-            if not start:
-                break
-            time.sleep(0.01)
+    with contextlib.suppress(OSError, struct.error):  # the caller is late, or has gone
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, 4)  # to wait for so many bytes
+        length, = struct.unpack("<I", sock.recv(4, socket.MSG_PEEK))
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, 1)
+        return length <= LONGEST_HEADER
     return False
 
 

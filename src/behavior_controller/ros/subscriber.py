@@ -332,7 +332,6 @@ class RosTopics(Topics):
     def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None]):
         """See ``TopicBuffer``."""
         self.latches = {topic: TopicBuffer(topic, wake, warn) for topic in interface.topics}
-        self._alarmed: Dict[Any, TopicBuffer] = {}  # the latch that each alarm was set at last
 
     def subscribe(self) -> None:
         """Subscribe to the topics; this registers the node at the master."""
@@ -360,12 +359,9 @@ class RosTopics(Topics):
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
         """Set the alarm ``key``."""
-        latch = self.latches[topic]
-        before = self._alarmed.get(key, latch)
-        if before is not latch:
-            before.clear_alarm(key)
-        self._alarmed[key] = latch
-        latch.set_alarm(key, wanted)
+        for latch in self.latches.values():
+            latch.clear_alarm(key)
+        self.latches[topic].set_alarm(key, wanted)
 
     def listen(self, topic: Topic, seconds: float) -> None:
         """See ``Topics``."""

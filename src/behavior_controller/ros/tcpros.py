@@ -102,13 +102,16 @@ class Trouble(BehaviorControllerError):
 
 
 class _TimedSocket(socket.socket):
-    """A socket whose operations all end by one ``deadline`` (monotonic seconds)."""
+    """A socket whose operations all end by one ``deadline`` (monotonic seconds; None: without a
+    limit)."""
 
-    deadline: float
-    has_received = False  # whether the peer has sent anything
+    deadline: Optional[float] = None
+    has_received = False  # whether ``recv_into`` has brought anything
 
     def limit(self) -> None:
         """Let the next operation end by the deadline."""
+        if self.deadline is None:
+            return
         left = self.deadline - time.monotonic()
         if left <= 0.0:
             raise socket.timeout("timed out")
@@ -246,13 +249,13 @@ class Connection:
     """
 
     def __init__(self) -> None:
-        self._socket: Optional[socket.socket] = None
+        self._socket: Optional[_TimedSocket] = None
         self.closed = False
 
     @property
     def has_received(self) -> bool:
-        """Whether the peer has sent anything."""
-        return isinstance(self._socket, _TimedSocket) and self._socket.has_received
+        """Whether the peer has sent anything of its answer to a request by HTTP."""
+        return self._socket is not None and self._socket.has_received
 
     @property
     def is_open(self) -> bool:
@@ -334,10 +337,9 @@ class Connection:
 
     def wait_without_limit(self) -> None:
         """Remove the time limit of later reads: from here on only ``close`` ends them."""
-        sock = self._socket = socket.socket(fileno=self._connected().detach())
+        sock = self._connected()
+        sock.deadline = None
         sock.settimeout(None)
-        if self.closed:  # ``close`` may have met the socket before it
-            self._lose("closed")
 
     def send(self, data: bytes) -> None:
         """Send ``data``. After ``Trouble`` it is unknown whether the peer has received it."""
@@ -365,7 +367,7 @@ class Connection:
             self._lose("closed by the peer")
         return chunk
 
-    def _connected(self) -> socket.socket:
+    def _connected(self) -> _TimedSocket:
         return self._socket or self._lose("it is not open")
 
     def _lose(self, reason: Any) -> NoReturn:
