@@ -16,7 +16,7 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.values.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.run.events import BreakpointChanged, Event, HookEnded
 from behavior_controller.run.from_viewer import (
-    AFTER, BEFORE, BREAKPOINT, RELEASE, REPLACE, SET, Hook, HookChange)
+    AFTER, BEFORE, BREAKPOINT, RELEASE, REMOVE, REPLACE, SET, Hook, HookChange)
 
 _RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
 
@@ -63,15 +63,10 @@ class Breakpoints:
     # --------------------------------------------------------------------------- on the tick thread
 
     def _change(self, change: HookChange) -> None:
-        hook, node = change.hook, self._nodes.get(change.hook.uid)
-        if node is None or change.tree != self._count:
-            return  # it was sent before the viewer knew of this tree
-        if change.what == SET:
-            node.insert(hook, change.number)
-        elif change.what == RELEASE:
-            node.release(hook, change.number, change.text)
-        else:
-            node.remove(hook, change.text)
+        node = self._nodes.get(change.hook.uid)
+        # else it was sent before the viewer knew of this tree
+        if node is not None and change.tree == self._count:
+            node.change(change)
 
     def _remove_all(self, reason: str) -> None:
         for node in self._nodes.values():
@@ -93,11 +88,11 @@ class Breakpoints:
 class _SetHook:
     """A hook that is set on a node, and its state."""
 
-    def __init__(self, hook: Hook):
-        self.hook = hook
+    def __init__(self, change: HookChange):
+        """It is as the last ``change`` wants it."""
+        self.hook, self.number = change.hook, change.number
         self.is_unlocked = False  # a breakpoint that was reached
         self.is_reported = False  # the operator knows that it decides results
-        self.number = 0  # of its last change
 
 
 class _NodeHooks(NodeHook):
@@ -118,30 +113,25 @@ class _NodeHooks(NodeHook):
     def _report_hold(self, is_held: bool) -> None:
         self._owner.emit(BreakpointChanged(self._node.uid, self._node.full_path, is_held))
 
-    def insert(self, hook: Hook, number: int) -> None:
-        """Set ``hook``, or change the one at its place, by the change with this number."""
-        self._node.hook = self
-        place = self._set.setdefault(hook.position, _SetHook(hook))
-        place.is_reported = False
-        place.hook, place.number = hook, number
-        if not hook.enabled:
-            self._unlock(place)
-        result = "" if hook.mode == BREAKPOINT else " to " + hook.desired_status
-        self._tell(hook, f"is set{result}" + ("" if hook.enabled else ", but disabled"))
-
-    def release(self, hook: Hook, number: int, text: str) -> None:
-        """Replace the hook at the same place by ``hook`` and let a breakpoint go on; the operator
-        gets ``text``."""
-        place = self._set.get(hook.position)
-        if place is None:
-            self._report_end(hook, number)  # it has removed itself already
+    def change(self, change: HookChange) -> None:
+        """Set a hook at its place, let its breakpoint go on, or remove it."""
+        hook, text = change.hook, change.text
+        if change.what == REMOVE:
+            self.remove(hook, text)
             return
-        place.hook, place.number = hook, number
-        self._unlock(place)
+        if change.what == SET:
+            self._node.hook = self
+            self._set.setdefault(hook.position, _SetHook(change)).is_reported = False
+            text = "is set" if hook.mode == BREAKPOINT else "is set to " + hook.desired_status
+            text += "" if hook.enabled else ", but disabled"
+        elif hook.position not in self._set:
+            self._report_end(hook, change.number)  # it has removed itself already
+            return
+        place = self._set[hook.position]
+        place.hook, place.number = hook, change.number
+        if change.what == RELEASE or not hook.enabled:
+            place.is_unlocked = self._held is not None and self._held[0] is place
         self._tell(hook, text)
-
-    def _unlock(self, place: _SetHook) -> None:
-        place.is_unlocked = self._held is not None and self._held[0] is place
 
     def _report_end(self, hook: Hook, number: int) -> None:
         self._owner.emit(HookEnded(hook.uid, hook.position, number))

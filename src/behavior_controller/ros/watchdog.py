@@ -140,6 +140,11 @@ class Monitor:
             self._closed.wait(AGAIN)
             limit = RETURN_LIMIT
 
+    def _judge(self, respect: str, kind: str, name: str, status: str, consequence: str,
+               node: str = "") -> None:
+        """Report a ``status``, which is good if it has no ``consequence``."""
+        self._report(respect, HealthChanged(kind, name, node, not consequence, status, consequence))
+
     def _report(self, respect: str, change: HealthChanged) -> None:
         """Report a changed state to the health; only changes, since each wakes the tree. Each
         thread reports on its own."""
@@ -173,30 +178,26 @@ class Monitor:
         if short:
             status = f"gives this node no more files, threads or memory: {short}"
             consequence = SHORT_COMPUTER
-        self._report(SHORT, HealthChanged(
-            "computer", socket.gethostname(), "", not short, status, consequence))
+        self._judge(SHORT, "computer", socket.gethostname(), status, consequence)
 
     def _check_master(self) -> None:
         """Report whether the master answers, and whether it has forgotten the robot's nodes."""
-        def report(respect: str, status: str, consequence: str = "") -> None:
-            self._report(respect, HealthChanged(
-                "master", rosgraph.get_master_uri(), "", not consequence, status, consequence))
-
-        forgotten = DIRECTORY.forgotten
+        master, forgotten = ("master", rosgraph.get_master_uri()), DIRECTORY.forgotten
         if DIRECTORY.unanswered >= LOST:
-            report(GONE, DIRECTORY.fault, NO_MASTER)
+            self._judge(GONE, *master, DIRECTORY.fault, NO_MASTER)
             return
         if DIRECTORY.slow_answers >= SLOW_IN_A_ROW:
-            report(SLOW, "answers slowly", SLOW_MASTER)
+            self._judge(SLOW, *master, "answers slowly", SLOW_MASTER)
         else:
-            report(SLOW, "answers in time again")
+            self._judge(SLOW, *master, "answers in time again", "")
         nodes = sorted({offer.node for offer in self._offers if resolved(offer) in forgotten})
-        report(GONE, "another one answers" if nodes else "answers again")
         if nodes:
-            report(NEW, "is a new one, or its memory was cleared: it does not know "
+            self._judge(GONE, *master, "another one answers", "")
+            self._judge(NEW, *master, "is a new one, or its memory was cleared: it does not know "
                         f"{', '.join(nodes)}", NEW_MASTER)
         else:
-            report(NEW, "knows the robot's nodes again")
+            self._judge(GONE, *master, "answers again", "")
+            self._judge(NEW, *master, "knows the robot's nodes again", "")
 
     def _check_topic(self, topic: Topic, latch: TopicBuffer) -> None:
         """Report whether a topic is published, and whether it has been silent for too long."""
@@ -228,8 +229,7 @@ class Monitor:
             self._silent[topic] = latch.rhythm.last, silence + RECONNECT
             status = f"silent for {silence:.1f} s"
             consequence = "until it is heard again, " + topic.impact_if_missing
-        self._report(SILENT, HealthChanged(
-            topic.kind, latch.name, topic.node, not consequence, status, consequence))
+        self._judge(SILENT, topic.kind, latch.name, status, consequence, topic.node)
 
 
 def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
