@@ -52,17 +52,14 @@ def valid_values() -> Dict[str, Any]:
 
 
 def _given() -> Dict[str, str]:
-    return dict(_unknown_to_the_launch_file(), **settings.split_arguments(sys.argv)[1])
-
-
-def _unknown_to_the_launch_file() -> Dict[str, str]:
-    """Return the arguments of our launch file that it does not declare: roslaunch does not refuse
-    them."""
+    """Return the arguments of the node, and those that its launch file does not declare: roslaunch
+    does not refuse them."""
     words = ros_arguments.given_to_roslaunch(ros_arguments.parent_command(), "cssr_system",
                                              LAUNCH_FILE)
     known = [key.name for key in settings.KEYS]
-    given = [word.split(ros_arguments.ASSIGNMENT, 1) for word in words]
-    return {name: value for name, value in given if name not in known}
+    given = dict(word.split(ros_arguments.ASSIGNMENT, 1) for word in words)
+    unknown = {name: value for name, value in given.items() if name not in known}
+    return dict(unknown, **settings.split_arguments(sys.argv)[1])
 
 
 def report_faults(invalid: FaultsFound, tell: Tell, consequence: str) -> None:

@@ -227,7 +227,7 @@ class RosGateway(Gateway):
         its service."""
         service = self._interface.service(type(request))
         deadline = self.deadline(service)
-        call = Call(request, self._wake, lambda: self._drop(call))
+        call = Call(request, self._wake, lambda: self._release(call, is_dropped=True))
         try:
             thread = self._thread(service, request)
         except RuntimeError as error:
@@ -276,7 +276,7 @@ class RosGateway(Gateway):
     def close(self) -> None:
         """Drop every call under way and free every thread and connection."""
         for call in list(self._under_way):
-            self._drop(call)
+            self._release(call, is_dropped=True)
         for thread in [*self.standby.values(), *itertools.chain(*self._spare.values())]:
             thread.cut()
             thread.end()
@@ -286,14 +286,16 @@ class RosGateway(Gateway):
         """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
         held = self._release(call)
         if held is not None:
-            self._spare[held.thread.service].append(held.thread)
             self._finish(call, held, result, at)
 
-    def _release(self, call: Call) -> Optional[_UnderWay]:
-        """Cancel the timer of ``call`` and return its resources; None if it has ended already."""
+    def _release(self, call: Call, is_dropped: bool = False) -> Optional[_UnderWay]:
+        """Free the resources of ``call`` and return them; None if it has ended already. The thread
+        of one that ``is_dropped`` is cut."""
         held = self._under_way.pop(call, None)
         if held is not None:
             held.timer.cancel()
+            if not is_dropped or held.thread.cut():
+                self._spare[held.thread.service].append(held.thread)
         return held
 
     def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure],
@@ -305,14 +307,6 @@ class RosGateway(Gateway):
                                is_failure, thread.service.kind)
         call.finish(result)
 
-    def _drop(self, call: Call) -> Optional[_UnderWay]:
-        """Cut the thread of ``call`` and return its resources; None if the call has ended already.
-        """
-        held = self._release(call)
-        if held is not None and held.thread.cut():
-            self._spare[held.thread.service].append(held.thread)
-        return held
-
     def _on_slow(self, call: Call, deadline: float) -> None:
         """Report that ``call`` is slow, and wait for its deadline."""
         held = self._under_way[call]
@@ -322,7 +316,7 @@ class RosGateway(Gateway):
 
     def _expire(self, call: Call) -> None:
         """End ``call`` at its deadline."""
-        held = self._drop(call)
+        held = self._release(call, is_dropped=True)
         if held is not None:
             thread = held.thread
             where = "" if thread.is_asked else ", still connecting: nothing was asked"
