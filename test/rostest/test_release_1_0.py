@@ -168,7 +168,7 @@ class TestHearing(unittest.TestCase):
 
     def setUp(self):
         del self.warnings[:]
-        self.latch = self.topics.latches[SPEECH]
+        self.latch = self.topics.buffers[SPEECH]
         self.robot = None
 
     def tearDown(self):
@@ -316,7 +316,7 @@ class TestHearing(unittest.TestCase):
         self.assertFalse(self.topics.is_hearing(SPEECH))
 
     def test_a_visitor_who_is_reported_once_in_a_burst_is_noticed(self):
-        latch = self.topics.latches[ATTENTION]
+        latch = self.topics.buffers[ATTENTION]
         publisher = rospy.Publisher(ATTENTION.name, TYPES[ATTENTION], queue_size=10)
         self.addCleanup(publisher.unregister)
         self.wait_until(lambda: latch.connected_nodes and publisher.impl.connections)

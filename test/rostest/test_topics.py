@@ -62,13 +62,13 @@ class TestTopics(unittest.TestCase):
         ended."""
         self.robot.stop()
         forget_dead_entries()
-        for latch in self.topics.latches.values():
+        for latch in self.topics.buffers.values():
             self.wait_until(lambda: not latch.is_connected or latch.reconnect())
 
     def wait_until_heard(self, topic, before, last, value):
         """Publish until a message arrives, as the publisher learns of a subscriber later than the
         subscriber of it; then the ``last`` one, of that ``value``."""
-        latch = self.topics.latches[topic]
+        latch = self.topics.buffers[topic]
         heard = latch.rhythm.last  # their count begins anew with the robot
         self.robot.publish(topic.name, *before, hertz=50)
         self.wait_until(lambda: latch.rhythm.last > heard)
@@ -173,7 +173,7 @@ class TestTopics(unittest.TestCase):
     def test_a_silent_connection_is_replaced(self):
         """As after a lost link whose other end does not know of it: the publisher answers, the
         connection is dead."""
-        latch = self.topics.latches[FACES]
+        latch = self.topics.buffers[FACES]
         publisher = self.publisher(FACES)
         while latch.rhythm.count <= 20:
             publisher.publish([], [], [])
@@ -189,7 +189,7 @@ class TestTopics(unittest.TestCase):
         publisher.unregister()
 
     def test_what_a_latching_publisher_sends_first_is_no_news(self):
-        latch = self.topics.latches[SPEECH]
+        latch = self.topics.buffers[SPEECH]
         publisher = rospy.Publisher("/speechEvent/text", String, queue_size=10, latch=True)
         publisher.publish("yes")  # long before it is read
         before = self.topics.newest(SPEECH)
@@ -223,7 +223,7 @@ class TestTopics(unittest.TestCase):
         self.assertEqual(times, sorted(set(times)))
 
     def test_utterances_that_a_lossy_link_has_merged_wake_the_tree_for_the_one_that_is_wanted(self):
-        latch = self.topics.latches[SPEECH]
+        latch = self.topics.buffers[SPEECH]
         publisher = self.publisher(SPEECH)
         self.topics.recent(SPEECH)
         self.topics.wake_when("answer", SPEECH, lambda text: text == "yes")
@@ -247,7 +247,7 @@ class TestTopics(unittest.TestCase):
 
     def test_a_publisher_of_which_no_message_can_be_decoded_counts_as_absent(self):
         self.robot.stop()
-        latch = self.topics.latches[FACES]
+        latch = self.topics.buffers[FACES]
         self.wait_until(lambda: not latch.is_connected)
         told = self.watch()
         publisher = rospy.Publisher(FACES.name, garbled(TYPES[FACES]), queue_size=10)

@@ -15,7 +15,7 @@ from behavior_controller.run.health import GONE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as console_module
-from behavior_controller.ros.console import ROSOUT, Console
+from behavior_controller.ros.console import ROSOUT_LOGGER, Console
 from mission_rig import FileRecord, Rig, visitor_who, written
 from test_page import (  # noqa: F401
     browser, is_second_text, open_page, show, text, wait_until)
@@ -43,7 +43,7 @@ def robot_lines(monkeypatch):
     monkeypatch.setattr(console_module, "take_over_streams", lambda: [])
     monkeypatch.setattr(console_module, "ROBOT_SPAN", 0.0)
     monkeypatch.setattr(Console, "attach", lambda self: None)
-    told, handler, logger = [], logging.Handler(), logging.getLogger(ROSOUT)
+    told, handler, logger = [], logging.Handler(), logging.getLogger(ROSOUT_LOGGER)
     handler.emit = lambda record: told.append(record.getMessage())
     monkeypatch.setattr(logger, "level", logging.INFO)
     logger.addHandler(handler)

@@ -15,7 +15,7 @@ from behavior_controller.run.moment import robot_line
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros import console as module
 from behavior_controller.ros.tcpros import Trouble
-from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console
+from behavior_controller.ros.console import FILE_ONLY, ROSOUT_LOGGER, Console
 from behavior_controller.text import Source
 from told_visits import RUNS, Teller, rig_of
 
@@ -35,7 +35,7 @@ def told():
     lines = Lines()
     handler = lines.handler = logging.Handler()
     handler.emit = lambda record: lines.append(record.getMessage())
-    logger = logging.getLogger(ROSOUT)
+    logger = logging.getLogger(ROSOUT_LOGGER)
     before = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

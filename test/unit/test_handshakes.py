@@ -254,7 +254,7 @@ def test_a_server_of_requests_that_gets_no_file_rests_and_answers_later(node, mo
         with no_files_left():
             caller.connect(("127.0.0.1", node.port))
             time.sleep(0.5)
-        assert 1 <= len(noted) <= 0.5 / handshakes.AGAIN + 1
+        assert 1 <= len(noted) <= 0.5 / handshakes.RECONNECT_PAUSE + 1
         caller.sendall(b"GET / HTTP/1.0\r\n\r\n")
         assert b"403" in caller.recv(100)
 

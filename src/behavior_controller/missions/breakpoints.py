@@ -20,7 +20,7 @@ from behavior_controller.run.from_viewer import (
 
 _RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
 
-MOST_LINES = 20
+MOST_LINES_A_SECOND = 20
 """The most lines about hooks that the operator gets in a second."""
 
 
@@ -79,9 +79,9 @@ class Breakpoints:
         if now - self._second_began >= 1.0:
             self._second_began, self._lines = now, 0
         self._lines += 1
-        if self._lines <= MOST_LINES:
+        if self._lines <= MOST_LINES_A_SECOND:
             self._warn(text)
-        elif self._lines == MOST_LINES + 1:
+        elif self._lines == MOST_LINES_A_SECOND + 1:
             self._warn("Groot2: more changes of breakpoints and replacements within this second")
 
 

@@ -27,7 +27,7 @@ GIVE_WAY = 5e-5
 """How long the tick thread yields, in seconds, before a tick that the last one asked for: other
 threads send the requests of the last one."""
 
-PACE = 0.01
+TICK_INTERVAL = 0.01
 """Seconds between further ticks of a mission in which each tick asks for the next (BT.CPP's
 default)."""
 
@@ -82,7 +82,7 @@ class RetryGate:
 class Runner:
     """Runs passes of a mission until ``is_stopped()``, or until their number is reached."""
 
-    pace = PACE
+    pace = TICK_INTERVAL
 
     def __init__(self, running: Running, is_stopped: Callable[[], bool],
                  successor: Callable[[], Optional[Running]] = lambda: None,

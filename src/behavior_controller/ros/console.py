@@ -30,7 +30,7 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.text import clean
 
-FORMAT = "ROSCONSOLE_FORMAT"
+FORMAT_VARIABLE = "ROSCONSOLE_FORMAT"
 """The environment variable with rospy's format of a line."""
 
 FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
@@ -39,13 +39,13 @@ FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
 WRITE_INTERVAL = 0.05
 """Seconds between two rounds of formatting lines, so that nothing the robot does waits for them."""
 
-MOST_WAITING = 2000
+MOST_UNFORMATTED = 2000
 """The most events and lines that wait to be formatted."""
 
-HEARTBEAT = 10.0
+HEARTBEAT_INTERVAL = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
 
-ROSOUT = "rosout.behavior_controller"
+ROSOUT_LOGGER = "rosout.behavior_controller"
 """The logger that reaches the terminal, the log file and /rosout."""
 
 FILE_ONLY = "behavior_controller"
@@ -66,18 +66,18 @@ class Console:
     def __init__(self) -> None:
         """Redirect the standard streams. Raises RuntimeError if no thread can be started."""
         self.is_verbose = False  # until the configuration is known
-        os.environ.setdefault(FORMAT, FOR_PEOPLE)
+        os.environ.setdefault(FORMAT_VARIABLE, FOR_PEOPLE)
         # what writes a line, or those of an event: rospy's logging takes longer than all that the
         # tick thread does with one
         self._lines = Sink("the console", lambda write: write(),
                            lambda text: partial(self._log, "warning", text),
-                           MOST_WAITING, WRITE_INTERVAL)
+                           MOST_UNFORMATTED, WRITE_INTERVAL)
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
         self._instruction = instruction(State())  # in the robot's line that was written last
         self._robot_written_at = -ROBOT_SPAN
         self._unmet: Dict[int, Failure] = {}  # why conditions were false last, by node
-        self._logger = logging.getLogger(ROSOUT)
+        self._logger = logging.getLogger(ROSOUT_LOGGER)
         self._shortage_reported_at = -SHORTAGE_SPAN
         self._clock_shift = 0  # that was reported
         # of rospy's own lines; ours go by ``tell``
@@ -198,9 +198,9 @@ class Console:
                 emit(Noticed("warning", jumped(jump)))
             self._lines.put(partial(self._log_robot, unix_now()))
             self.tell("info", "running.")
-            clock.call_after(HEARTBEAT, beat)
+            clock.call_after(HEARTBEAT_INTERVAL, beat)
 
-        clock.call_after(HEARTBEAT, beat)
+        clock.call_after(HEARTBEAT_INTERVAL, beat)
 
 
 def _make_safe(record: logging.LogRecord) -> bool:

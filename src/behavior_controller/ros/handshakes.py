@@ -15,7 +15,7 @@ import rosgraph.xmlrpc
 from rospy.impl import tcpros_base
 
 from behavior_controller.ros.shortage import SHORTAGE, is_shortage
-from behavior_controller.ros.tcpros import AGAIN
+from behavior_controller.ros.tcpros import RECONNECT_PAUSE
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.text import clean
 
@@ -95,7 +95,7 @@ def _accepted(listener: socket.socket) -> Any:
         if not is_shortage(error):
             raise
         SHORTAGE.note(error)
-        time.sleep(AGAIN)
+        time.sleep(RECONNECT_PAUSE)
         raise socket.timeout from error
 
 

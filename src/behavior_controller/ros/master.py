@@ -36,13 +36,13 @@ QUERY_LIMIT = 1.5
 It is long enough for a lost first packet at 100 ms each way.
 """
 
-SLOW = 0.8
+SLOW_ANSWER = 0.8
 """Seconds that no answer of a master takes, unless a packet is lost."""
 
 NAME_IS_TAKEN = "new node registered with same name"
 """The master's reason when it asks a node to end because another has registered under its name."""
 
-ROSOUT = "/rosout"
+ROSOUT_TOPIC = "/rosout"
 
 NO_TOPICS_IN_ROSOUT = "/rosout_disable_topics_generation"
 
@@ -208,7 +208,7 @@ class Directory:
                 self.fault, self._has_failed = trouble.fault, True
             raise
         finally:
-            is_slow = time.monotonic() - asked_at > SLOW
+            is_slow = time.monotonic() - asked_at > SLOW_ANSWER
             self.slow_answers = self.slow_answers + 1 if is_slow else 0
 
     def _register(self, missing: List[Tuple[str, str, str]]) -> None:
@@ -225,7 +225,7 @@ class Directory:
 
     def _register_all(self, missing: List[Tuple[str, str, str]], uri: str) -> None:
         # rospy registers /rosout first of all: without it the master has forgotten this node
-        if rospy.resolve_name(ROSOUT) in (name for _, name, _ in missing):
+        if rospy.resolve_name(ROSOUT_TOPIC) in (name for _, name, _ in missing):
             with self._lock:
                 self._former.update(self._known)
                 self._known.clear()

@@ -58,9 +58,9 @@ exit codes: 0 the last pass was a SUCCESS, or another node was started under the
             3 the last pass was a FAILURE;
             4 the node could not go on: no memory, threads or files left, or an internal error"""
 
-ALLOWED = "allowed: _key:=value, /name:=/other_name, --help, --version"
+ALLOWED_ARGUMENTS = "allowed: _key:=value, /name:=/other_name, --help, --version"
 
-START_LIMIT = 15.0
+START_STEP_LIMIT = 15.0
 """Seconds that each step of the start may take that uses the master or a disk."""
 
 FORMER_LIMIT = 5.0
@@ -76,30 +76,26 @@ BLOCKED = 0.2
 """Seconds for which the tick thread must stay where it is before a stop goes on without it."""
 
 SAFE_STATE_BESIDE = 0.6
-"""Seconds for the safe state then. With ``REACTION`` and ``BLOCKED`` before it and the end after
-it, they fit into STOP_LIMIT."""
+"""Seconds for the safe state then. With ``REACTION_LIMIT`` and ``BLOCKED`` before it and the end
+after it, they fit into STOP_LIMIT."""
 
-CLOSING = 2.0
+CLOSE_LIMIT = 2.0
 """Seconds at the end to unregister from the master and to close the record; after a stop, what is
 left of its time."""
 
-RESERVE = 0.1
+END_RESERVE = 0.1
 """Seconds after a stop by which the process ends before STOP_LIMIT."""
 
 WAITING, PAUSED = "waiting for the operator's start", "paused by the operator"
 """What an operator may hold the run for."""
 
-FILES = "configuration and mission (their files, or the parameters of the ROS master)"
-
-RECORDS = "recordDirectory"
+MISSION_FILES = "configuration and mission (their files, or the parameters of the ROS master)"
 
 NOTHING = "nothing was started"
 
-LEAVES = "the set-up of the mission's leaves"
-
 _LOG_FILE = logging.getLogger(FILE_ONLY)
 
-PARTING = "the node ends"
+OWN_END = "the node ends"
 REQUESTED = "external shutdown request"
 """The beginning of rospy's reason when another node or the master asked this node to end."""
 
@@ -128,7 +124,7 @@ def _unregister() -> None:
     threads."""
     is_forgotten = threading.Event()
     rospy.core.add_shutdown_hook(lambda reason: is_forgotten.set())
-    start_thread("parting", rospy.signal_shutdown, PARTING)
+    start_thread("parting", rospy.signal_shutdown, OWN_END)
     is_forgotten.wait()
 
 
@@ -204,7 +200,7 @@ class _Node:
             return _explain(arguments[0])
         console, words = self._console, split_arguments(sys.argv)[0]
         faults = unread(words[1:]) + [
-            Fault("command line", 0, 0, f"unknown argument {argument!r}", ALLOWED)
+            Fault("command line", 0, 0, f"unknown argument {argument!r}", ALLOWED_ARGUMENTS)
             for argument in arguments]
         if faults:
             raise ConfigurationError(faults)
@@ -214,13 +210,13 @@ class _Node:
         self._apart(lambda: adopt(NAME, words), master, silent_master)
         self._open_log()
         with contextlib.suppress(FaultsFound):  # which are reported when all is read
-            self._apart(lambda: self._outputs.open_viewer(valid_values()), FILES)
+            self._apart(lambda: self._outputs.open_viewer(valid_values()), MISSION_FILES)
         plan, folder = self._prepare()
         StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped).run()
         topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn)
         self._run = run = _Run(plan, topics, self._outputs, console, self._events,
                                self._signals)
-        self._apart(run.runner.prepare, LEAVES)
+        self._apart(run.runner.prepare, "the set-up of the mission's leaves")
         refuse_web_pages(console.warn)
         pause_without_files()
         former = self._apart(lambda: join(NAME, words), master, silent_master)
@@ -230,13 +226,13 @@ class _Node:
             console.warn(f"the former node of the name {rospy.get_name()} (at {former}) does not "
                          "end: end its process, or two nodes control the robot")
         self._apart(topics.subscribe, master, silent_master)
-        self._apart(lambda: run.open_outputs(folder), RECORDS)
+        self._apart(lambda: run.open_outputs(folder), "recordDirectory")
         return run.carry_out()
 
     def _prepare(self) -> Tuple[Mission, str]:
         """Return the mission, and the folder of the records."""
         clock = Clock()
-        plan = self._apart(lambda: read_plan(clock, self._wake, self._console.tell), FILES)
+        plan = self._apart(lambda: read_plan(clock, self._wake, self._console.tell), MISSION_FILES)
         if plan.settings.ros_interface:
             ros_interface.types()
         for doubt in extensions.doubts:
@@ -269,17 +265,17 @@ class _Node:
         ``Stopped``.
         """
         try:
-            notice = f"waiting up to {START_LIMIT:g} s for {what}"
-            return run_apart(step, self._wake, self._is_stopped, START_LIMIT,
+            notice = f"waiting up to {START_STEP_LIMIT:g} s for {what}"
+            return run_apart(step, self._wake, self._is_stopped, START_STEP_LIMIT,
                              lambda: self._console.tell("info", notice))
         except Late as error:
-            silence = ConfigurationError.of(what, f"no answer within {START_LIMIT:g} s")
-            raise extensions.late(START_LIMIT, error.frame) or late or silence
+            silence = ConfigurationError.of(what, f"no answer within {START_STEP_LIMIT:g} s")
+            raise extensions.late(START_STEP_LIMIT, error.frame) or late or silence
 
     def _ros_ends(self, reason: str) -> None:
         """Stop after ``rosnode kill``, a new node of the same name, or an error in rospy. On one of
         rospy's threads."""
-        if reason == PARTING:
+        if reason == OWN_END:
             return
         if NAME_IS_TAKEN in reason:
             # a supervisor must not restart this node: it would end the other
@@ -295,7 +291,7 @@ class _Node:
         """End the recording, within a time limit, and the process at once: threads that still wait
         for a hung peer must not hold it."""
         self._console.drain(LAST_LINES)
-        limit = min(CLOSING, self._signals.time_left - LAST_LINES - RESERVE)
+        limit = min(CLOSE_LIMIT, self._signals.time_left - LAST_LINES - END_RESERVE)
         with contextlib.suppress(RuntimeError):  # no threads left: the process ends anyway
             run_together(self._outputs.record.closers() + [_unregister], limit)
         self._signals.is_over = True

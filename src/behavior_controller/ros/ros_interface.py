@@ -30,7 +30,7 @@ CALL_INTERVAL = 0.02
 """Seconds that a call of a service takes at least, one after the other, however many callers there
 are: a flood of them must not take the processor from the robot."""
 
-CLOSING = 0.3
+LAST_STATE_LIMIT = 0.3
 """Seconds to publish how the run ended."""
 
 Command = Callable[[], Tuple[bool, str]]
@@ -75,7 +75,7 @@ class RosInterface(LineQueue):
         """Publish how the run ended; the topics and services end with the node."""
         self._board.close()
         self._closed.set()
-        self._thread.join(CLOSING)
+        self._thread.join(LAST_STATE_LIMIT)
 
     def _carry_out(self, command: Command, request: Any) -> Any:
         with self._rest:

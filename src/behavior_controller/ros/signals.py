@@ -19,7 +19,7 @@ from behavior_controller.ros.timeouts import start_thread
 STOP_LIMIT = 1.8
 """Seconds after the first signal at which the process ends in any case (the limit is 2 s)."""
 
-REACTION = 0.3
+REACTION_LIMIT = 0.3
 """Seconds after the first signal after which ``ignored`` is called, while the process has not
 ended."""
 
@@ -40,8 +40,8 @@ class Signals:
     def __init__(self, console: Console, wake: Callable[[], None], ignored: Callable[[], None]):
         """Handle the signals from now on. Raises RuntimeError if no thread can be started.
 
-        ``wake`` is called at the first request to stop, ``ignored`` ``REACTION`` seconds later, on
-        a thread of its own.
+        ``wake`` is called at the first request to stop, ``ignored`` ``REACTION_LIMIT`` seconds
+        later, on a thread of its own.
         """
         self.stop_requested = threading.Event()
         self.stop_code: Optional[int] = None
@@ -84,7 +84,7 @@ class Signals:
         self._deadline = time.monotonic() + STOP_LIMIT
         self.stop_requested.set()
         self._wake()
-        time.sleep(REACTION)
+        time.sleep(REACTION_LIMIT)
         try:
             start_thread("stop", self._ignored)
         except RuntimeError:  # no thread is left

@@ -24,20 +24,20 @@ RESET = "\x1b[0m"
 """Their end. rospy writes it after the line's end, where it would stay in the buffer until the next
 line."""
 
-LONGEST_LINE = 2 * LONGEST
+LONGEST_SHOWN = 2 * LONGEST
 """The most characters of a line: a text from outside, and the message around it."""
 
-MOST_WAITING = 1000
+MOST_UNWRITTEN = 1000
 """The most items that wait for a blocked sink."""
 
-AT_ONCE = 100
+MOST_IN_ROW = 100
 """The most items that a sink with a rest writes before it rests again."""
 
 FLOOD = 1000
 """The number of waiting items from which such a sink does not try to keep up, because that would
 slow down the robot."""
 
-AT_ONCE_IN_FLOOD = 10
+MOST_IN_FLOOD = 10
 """The most items that it then writes before it rests again."""
 
 INDENT = "    "
@@ -49,13 +49,13 @@ class Sink:
     fit are counted."""
 
     def __init__(self, name: str, write: Callable[[Any], object], item: Callable[[str], Any],
-                 most: int = MOST_WAITING, rest: float = 0.0):
+                 most: int = MOST_UNWRITTEN, rest: float = 0.0):
         """``item`` makes an item of the text that reports how many were lost. Raises RuntimeError
         if no thread can be started.
 
         With a ``rest`` in seconds ``put`` wakes no thread: the sink checks its queue at that
-        interval and writes at most ``AT_ONCE`` items each time, ``AT_ONCE_IN_FLOOD`` in a flood, so
-        that it delays nothing that the robot waits for.
+        interval and writes at most ``MOST_IN_ROW`` items each time, ``MOST_IN_FLOOD`` in a flood,
+        so that it delays nothing that the robot waits for.
         """
         self._write = write
         self._name = name
@@ -111,7 +111,7 @@ class Sink:
                 self._news.notify_all()
 
     def _must_rest(self) -> bool:
-        most = AT_ONCE if len(self._waiting) < FLOOD else AT_ONCE_IN_FLOOD
+        most = MOST_IN_ROW if len(self._waiting) < FLOOD else MOST_IN_FLOOD
         return bool(self._rest) and self._since_rest >= most
 
 
@@ -148,7 +148,7 @@ class LineStream(io.TextIOBase):
             *lines, self._part = (self._part + text).split("\n")
             for line in lines:
                 colours = COLOURS.match(line).group()  # type: ignore[union-attr]
-                shown = clean(line[len(colours):], LONGEST_LINE)
+                shown = clean(line[len(colours):], LONGEST_SHOWN)
                 self._sink.put(ColouredLine(colours.replace(RESET, ""), shown))
         return len(text)
 
@@ -164,7 +164,7 @@ class LineStream(io.TextIOBase):
 NAMED = "]: behaviorController: "
 """What a terminal, which shows one program, does without; other readers get the node's name."""
 
-HEARTBEAT = ": running."
+HEARTBEAT_END = ": running."
 """The end of the only line that keeps it (D3.2)."""
 
 
@@ -187,7 +187,7 @@ def _stream_sink(stream: Any) -> Sink:
         text, end = line.text, RESET if line.colours else ""
         with contextlib.suppress(OSError):  # the terminal is gone
             if stream.isatty():
-                if not text.endswith(HEARTBEAT):
+                if not text.endswith(HEARTBEAT_END):
                     text = text.replace(NAMED, "]: ", 1)
                 text = fitted(text, os.get_terminal_size(stream.fileno()).columns)
             data = f"{line.colours}{text}{end}\n".encode(stream.encoding, "backslashreplace")

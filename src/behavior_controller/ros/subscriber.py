@@ -21,7 +21,7 @@ from behavior_controller.robot.gateway import Cause, Sample, Topics, since
 from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.robot.rhythm import Rhythm
 from behavior_controller.ros.tcpros import (
-    AGAIN, Connection, MOST_BYTES, RETRY_INTERVAL, Trouble, open_publisher)
+    RECONNECT_PAUSE, Connection, LONGEST_ANSWER, RETRY_INTERVAL, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.action_client import SpeechActionClient
 from behavior_controller.ros.timeouts import start_thread
@@ -46,7 +46,7 @@ def split(buffer: bytearray) -> List[bytes]:
     messages, start = [], 0
     while len(buffer) - start >= 4:
         length, = struct.unpack_from("<I", buffer, start)
-        if length > MOST_BYTES:
+        if length > LONGEST_ANSWER:
             raise Trouble(Cause.CONNECTION_LOST, f"{length} bytes announced")
         if len(buffer) - start - 4 < length:
             break
@@ -64,17 +64,17 @@ class Link:
     timeout, retries with pauses of up to half a minute, and contacts the master without a limit.
     """
 
-    def __init__(self, uri: str, latch: "TopicBuffer"):
-        """``uri`` is the publisher's node. ``latch`` is called on the link's thread."""
+    def __init__(self, uri: str, topic: "TopicBuffer"):
+        """``uri`` is the publisher's node. ``topic`` is called on the link's thread."""
         self._uri = uri
-        self._latch = latch
+        self._topic = topic
         self._connection = Connection()
         self._ended = threading.Event()
         self.header: Dict[str, str] = {}
         """The publisher's handshake; empty while not connected."""
         self.fault: Optional[str] = None
         """Why its messages are not used; empty: they are; None: it was not tried yet."""
-        start_thread("topic " + latch.name, self._work)
+        start_thread("topic " + topic.name, self._work)
 
     def end(self) -> None:
         """Close the connection and end the thread."""
@@ -97,7 +97,7 @@ class Link:
                 if trouble.shortage is not None:
                     fault = None  # this computer could not try
             finally:
-                pause = AGAIN if self.header else RETRY_INTERVAL
+                pause = RECONNECT_PAUSE if self.header else RETRY_INTERVAL
                 self.fault = fault
                 self.header = {}
                 self._connection.hang_up()
@@ -105,13 +105,13 @@ class Link:
 
     def _open(self) -> None:
         """Connect and shake hands."""
-        message_type = self._latch.message_type
-        self.header = open_publisher(self._connection, self._uri, self._latch.name,
+        message_type = self._topic.message_type
+        self.header = open_publisher(self._connection, self._uri, self._topic.name,
                                      type=message_type._type, tcp_nodelay="1",
                                      message_definition=message_type._full_text)
         self._connection.notice_a_dead_host()
         self._connection.wait_without_limit()
-        self.fault = self._latch.fault_of(self.header)
+        self.fault = self._topic.fault_of(self.header)
 
     def _listen(self) -> None:
         """Read messages until the connection ends.
@@ -131,9 +131,9 @@ class Link:
                 continue
             if messages and is_old:
                 is_old = False
-                self._latch.pass_over(self.header, messages.pop(0))
+                self._topic.pass_over(self.header, messages.pop(0))
             if messages:
-                self.fault = "" if self._latch.receive(messages) else (
+                self.fault = "" if self._topic.receive(messages) else (
                     f"no message of {_sender(self.header)} can be decoded: build both from the "
                     "same msg files")
 
@@ -331,12 +331,12 @@ class RosTopics(Topics):
 
     def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None]):
         """See ``TopicBuffer``."""
-        self.latches = {topic: TopicBuffer(topic, wake, warn) for topic in interface.topics}
+        self.buffers = {topic: TopicBuffer(topic, wake, warn) for topic in interface.topics}
 
     def subscribe(self) -> None:
         """Subscribe to the topics; this registers the node at the master."""
-        for topic, latch in self.latches.items():
-            DIRECTORY.subscribe(latch.name, topic.type)
+        for topic, buffer in self.buffers.items():
+            DIRECTORY.subscribe(buffer.name, topic.type)
         rospy.on_shutdown(DIRECTORY.sign_off)
         start_thread("publishers of topics", self._keep_up)
 
@@ -347,33 +347,33 @@ class RosTopics(Topics):
             # the directory has noted it; or a link got no thread, and may get one next time
             with contextlib.suppress(Trouble, RuntimeError), DIRECTORY.round():
                 DIRECTORY.refresh()
-                for latch in self.latches.values():
+                for buffer in self.buffers.values():
                     with contextlib.suppress(Trouble):  # the others are met all the same
-                        latch.set_publishers(
-                            DIRECTORY.publishers(latch.name, latch.connected_nodes))
+                        buffer.set_publishers(
+                            DIRECTORY.publishers(buffer.name, buffer.connected_nodes))
             time.sleep(RETRY_INTERVAL)
 
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """See ``Topics``."""
-        return self.latches[topic].recent()
+        return self.buffers[topic].recent()
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
         """Set the alarm ``key``."""
-        for latch in self.latches.values():
-            latch.clear_alarm(key)
-        self.latches[topic].set_alarm(key, wanted)
+        for buffer in self.buffers.values():
+            buffer.clear_alarm(key)
+        self.buffers[topic].set_alarm(key, wanted)
 
     def listen(self, topic: Topic, seconds: float) -> None:
         """See ``Topics``."""
-        speech_action = self.latches[topic].speech_action
+        speech_action = self.buffers[topic].speech_action
         if speech_action is not None:
             speech_action.listen(seconds)
 
     def is_hearing(self, topic: Topic) -> bool:
         """See ``Topics``."""
-        speech_action = self.latches[topic].speech_action
+        speech_action = self.buffers[topic].speech_action
         return speech_action is not None and speech_action.is_under_way
 
     def ignore(self, topic: Topic, reason: str, missed: Callable[[Any], bool]) -> None:
         """See ``Topics``."""
-        self.latches[topic].ignoring = reason, missed
+        self.buffers[topic].ignoring = reason, missed

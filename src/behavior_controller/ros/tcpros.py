@@ -42,17 +42,17 @@ to shake hands."""
 RETRY_INTERVAL = 0.5
 """Seconds between two attempts to reach what is not there."""
 
-AGAIN = 0.05
+RECONNECT_PAUSE = 0.05
 """Seconds between a broken connection and the next one: a peer may end each at once."""
 
-MOST_BYTES = 64 * 1024 * 1024
+LONGEST_ANSWER = 64 * 1024 * 1024
 """The most bytes of a header or answer; a longer one counts as a broken stream. The longest real
 one lists the places."""
 
 MOST_XML = 8 * 1024 * 1024
 """The same of an XML-RPC answer. A system of a thousand topics takes a quarter of a megabyte."""
 
-CHUNK = 65536
+READ_SIZE = 65536
 
 NO_ANSWER = "does not answer"
 """The fault of a peer that cannot be reached, or is silent."""
@@ -190,7 +190,7 @@ def _called(connection: "Connection", uri: str, method: str, arguments: Tuple[An
     if response.status != http.client.OK:
         raise ValueError(f"HTTP status {response.status} {response.reason}")
     body = bytearray()
-    for chunk in iter(lambda: response.read(CHUNK), b""):
+    for chunk in iter(lambda: response.read(READ_SIZE), b""):
         body += chunk
         if len(body) > MOST_XML:
             raise ValueError(f"its answer has more than {MOST_XML} bytes")
@@ -350,11 +350,11 @@ class Connection:
 
     def receive(self, length: int) -> bytes:
         """Read ``length`` bytes."""
-        if length > MOST_BYTES:
+        if length > LONGEST_ANSWER:
             self._lose(f"{length} bytes announced")
         data = bytearray()
         while len(data) < length:
-            data += self.receive_some(min(length - len(data), CHUNK))
+            data += self.receive_some(min(length - len(data), READ_SIZE))
         return bytes(data)
 
     def receive_some(self, most: int) -> bytes:

@@ -19,7 +19,7 @@ from behavior_controller.run.health import (
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Topic)
 from behavior_controller.ros.tcpros import (
-    AGAIN, CHUNK, Connection, RETRY_INTERVAL, STEP_LIMIT, Trouble, open_publisher)
+    RECONNECT_PAUSE, READ_SIZE, Connection, RETRY_INTERVAL, STEP_LIMIT, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.shortage import SHORTAGE
@@ -38,18 +38,18 @@ again.
 Over a link of 100 ms that takes 0.85 s.
 """
 
-RECONNECT = 3.0
+RECONNECT_AFTER = 3.0
 """Seconds between two new connections to a continuous topic that is silent although its publisher
 is connected."""
 
-RETURN_LIMIT = 1.3
+RECONNECT_LIMIT = 1.3
 """Seconds for each step of a connection to a server whose last one broke; then it is gone.
 
 It is long enough for one lost packet. The connection to an unreachable host breaks after three and
 a half seconds, so that is reported within five.
 """
 
-LOST = 2
+LOST_AFTER = 2
 """A master is lost after this number of unanswered rounds: over a poor link one question in a
 hundred is lost."""
 
@@ -135,10 +135,10 @@ class Monitor:
             connection.wait_without_limit()
             with contextlib.suppress(Trouble):
                 while not self._closed.is_set():
-                    connection.receive_some(CHUNK)
+                    connection.receive_some(READ_SIZE)
             connection.hang_up()
-            self._closed.wait(AGAIN)
-            limit = RETURN_LIMIT
+            self._closed.wait(RECONNECT_PAUSE)
+            limit = RECONNECT_LIMIT
 
     def _judge(self, respect: str, kind: str, name: str, status: str, consequence: str,
                node: str = "") -> None:
@@ -169,7 +169,7 @@ class Monitor:
             for offer in self._offers:
                 is_unused = offer is self._speech and not self._is_asr_enabled()
                 if isinstance(offer, Topic) and not is_unused:
-                    self._check_topic(offer, self._topics.latches[offer])
+                    self._check_topic(offer, self._topics.buffers[offer])
 
     def _check_computer(self) -> None:
         """Report whether this computer gives the node what it needs."""
@@ -183,7 +183,7 @@ class Monitor:
     def _check_master(self) -> None:
         """Report whether the master answers, and whether it has forgotten the robot's nodes."""
         master, forgotten = ("master", rosgraph.get_master_uri()), DIRECTORY.forgotten
-        if DIRECTORY.unanswered >= LOST:
+        if DIRECTORY.unanswered >= LOST_AFTER:
             self._judge(GONE, *master, DIRECTORY.fault, NO_MASTER)
             return
         if DIRECTORY.slow_answers >= SLOW_IN_A_ROW:
@@ -199,37 +199,37 @@ class Monitor:
             self._judge(GONE, *master, "answers again", "")
             self._judge(NEW, *master, "knows the robot's nodes again", "")
 
-    def _check_topic(self, topic: Topic, latch: TopicBuffer) -> None:
+    def _check_topic(self, topic: Topic, buffer: TopicBuffer) -> None:
         """Report whether a topic is published, and whether it has been silent for too long."""
-        if latch.rhythm.count:
-            self._health.hear(latch.name, latch.rhythm.last)
+        if buffer.rhythm.count:
+            self._health.hear(buffer.name, buffer.rhythm.last)
         now = time.monotonic()
-        if not latch.is_connected:
-            since = self._lonely.setdefault(topic, now) if latch.is_searched else now
+        if not buffer.is_connected:
+            since = self._lonely.setdefault(topic, now) if buffer.is_searched else now
             if now - since > NO_CONNECTION_LIMIT:
-                self._tell_gone(topic, latch.absence)
+                self._tell_gone(topic, buffer.absence)
             return
         self._lonely.pop(topic, None)
         self._tell_back(topic)
         if topic.is_continuous:
-            self._check_silence(topic, latch, now)
+            self._check_silence(topic, buffer, now)
 
-    def _check_silence(self, topic: Topic, latch: TopicBuffer, now: float) -> None:
+    def _check_silence(self, topic: Topic, buffer: TopicBuffer, now: float) -> None:
         """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""
         last_arrival, again_at = self._silent.get(topic, (0.0, 0.0))
-        silence = now - latch.rhythm.last
-        if last_arrival == latch.rhythm.last:
+        silence = now - buffer.rhythm.last
+        if last_arrival == buffer.rhythm.last:
             # still silent: a new connection alone proves nothing
             if silence >= again_at:
-                self._silent[topic] = last_arrival, silence + RECONNECT
-                latch.reconnect()
+                self._silent[topic] = last_arrival, silence + RECONNECT_AFTER
+                buffer.reconnect()
             return
         status, consequence = "heard again", ""
-        if latch.rhythm.is_silent(now):
-            self._silent[topic] = latch.rhythm.last, silence + RECONNECT
+        if buffer.rhythm.is_silent(now):
+            self._silent[topic] = buffer.rhythm.last, silence + RECONNECT_AFTER
             status = f"silent for {silence:.1f} s"
             consequence = "until it is heard again, " + topic.impact_if_missing
-        self._judge(SILENT, topic.kind, latch.name, status, consequence, topic.node)
+        self._judge(SILENT, topic.kind, buffer.name, status, consequence, topic.node)
 
 
 def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
