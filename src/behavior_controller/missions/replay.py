@@ -7,10 +7,9 @@ from msgspec.structs import replace
 
 from behavior_controller import leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
-from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt import FAILURE, ManualClock, RUNNING, SUCCESS, Tree
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.values.status import FAILURE, NAMES, RUNNING, SUCCESS
+from behavior_controller.bt.values.status import NAMES
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
 from behavior_controller.run import events

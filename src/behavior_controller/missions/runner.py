@@ -6,8 +6,7 @@ import time
 from typing import Callable, NamedTuple, Optional, Tuple
 
 from behavior_controller import exit_codes
-from behavior_controller.bt import Result, Tree, FAILURE, RUNNING, SUCCESS
-from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.bt import FAILURE, ManualClock, Result, RUNNING, SUCCESS, Tree
 from behavior_controller.bt.engine.node import place_of
 from behavior_controller.bt.values.status import NAMES
 from behavior_controller.errors import BehaviorControllerError, MissionError

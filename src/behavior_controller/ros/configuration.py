@@ -12,9 +12,9 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import FaultsFound, NodesMissing
 from behavior_controller.robot.requests import Prompt
-from behavior_controller.missions.load import Mission
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.ros.tcpros import Trouble, ask_master
+from behavior_controller.text import count
 
 LAUNCH_FILE = "behaviorController.launch"
 
@@ -28,7 +28,7 @@ TABLET = {
 """What the tablet's success means for the mission, by ``tabletSuccessIs``."""
 
 
-def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Mission:
+def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> load.Mission:
     """Read everything and announce the run. Raises FaultsFound with every fault, or NodesMissing.
     """
     parameters, given = _private_parameters(), _given()
@@ -66,8 +66,8 @@ def report_faults(invalid: FaultsFound, tell: Tell, consequence: str) -> None:
     """Report each fault, and their number with the consequence."""
     for fault in invalid.faults:
         tell("warning" if fault.is_warning else "error", str(fault))
-    count = sum(not fault.is_warning for fault in invalid.faults)
-    tell("error", f"{consequence}: {count} mistake{'' if count == 1 else 's'}, see above")
+    mistakes = sum(not fault.is_warning for fault in invalid.faults)
+    tell("error", f"{consequence}: {count(mistakes, 'mistake', 'mistakes')}, see above")
 
 
 def _private_parameters() -> Dict[str, Any]:
@@ -83,7 +83,7 @@ def _private_parameters() -> Dict[str, Any]:
     return values if isinstance(values, dict) else {}
 
 
-def _announce(plan: Mission, tell: Tell) -> None:
+def _announce(plan: load.Mission, tell: Tell) -> None:
     """Announce the run, and warn of unusual settings."""
     chosen = plan.settings
     asr, verbose = ("on" if switch else "off"

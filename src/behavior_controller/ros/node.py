@@ -14,7 +14,7 @@ from typing import Any, Callable, Deque, Dict, List, NoReturn, Optional, Tuple
 import rosgraph
 import rospy
 
-from behavior_controller import exit_codes, extensions, folders
+from behavior_controller import exit_codes, extensions
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -32,7 +32,7 @@ from behavior_controller.ros.handshakes import (
 from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.configuration import read_plan, report_faults, valid_values
-from behavior_controller.ros.outputs import NO_RECORD, Outputs
+from behavior_controller.ros.outputs import Outputs, record_place
 from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
@@ -172,13 +172,10 @@ class _Node:
         If the run before was killed, say what the robot may still do: this one does not take over.
         What cannot be found out is not said.
         """
-        def find_out() -> str:
-            place = valid_values()["recordDirectory"] or folders.records()
-            return may_be_live(place) if place != NO_RECORD else ""
-
         self._outputs.record(RunFinished(NOTHING, code))
         with contextlib.suppress(Exception):
-            said = run_apart(find_out, self._wake, self._is_stopped, FORMER_LIMIT)
+            said = run_apart(lambda: may_be_live(record_place(valid_values())), self._wake,
+                             self._is_stopped, FORMER_LIMIT)
             if said:
                 self._console.warn(said)
         return code
@@ -211,7 +208,7 @@ class _Node:
         self._open_log()
         with contextlib.suppress(FaultsFound):  # which are reported when all is read
             self._apart(lambda: self._outputs.open_viewer(valid_values()), MISSION_FILES)
-        plan, folder = self._prepare()
+        plan = self._prepare()
         StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped).run()
         topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn)
         self._run = run = _Run(plan, topics, self._outputs, console, self._events,
@@ -226,11 +223,11 @@ class _Node:
             console.warn(f"the former node of the name {rospy.get_name()} (at {former}) does not "
                          "end: end its process, or two nodes control the robot")
         self._apart(topics.subscribe, master, silent_master)
-        self._apart(lambda: run.open_outputs(folder), "recordDirectory")
+        self._apart(run.open_outputs, "recordDirectory")
         return run.carry_out()
 
-    def _prepare(self) -> Tuple[Mission, str]:
-        """Return the mission, and the folder of the records."""
+    def _prepare(self) -> Mission:
+        """Return the mission."""
         clock = Clock()
         plan = self._apart(lambda: read_plan(clock, self._wake, self._console.tell), MISSION_FILES)
         if plan.settings.ros_interface:
@@ -238,7 +235,7 @@ class _Node:
         for doubt in extensions.doubts:
             self._console.warn(str(doubt))
         self._console.is_verbose = plan.settings.verbose_mode
-        return plan, plan.settings.record_directory or folders.records()
+        return plan
 
     def _open_log(self) -> None:
         """Write to rospy's log file from now on, or report why not."""
@@ -359,9 +356,9 @@ class _Run:
         finally:
             self._outputs.tell_places()
 
-    def open_outputs(self, folder: str) -> None:
-        """Open what is kept of the run, once: ``folder`` is that of the records."""
-        self._outputs.open_files(folder)
+    def open_outputs(self) -> None:
+        """Open the outputs of the run, once."""
+        self._outputs.open_files(record_place(self._plan.settings.values))
         if self._plan.settings.ros_interface:
             self._outputs.record.add(
                 ros_interface.RosInterface(lambda: self._plan.offers, self._commands()))

@@ -16,6 +16,12 @@ NO_RECORD = "none"
 """The value of ``recordDirectory`` that turns recording off."""
 
 
+def record_place(values: Mapping[str, Any]) -> str:
+    """Return below which folder a run with this configuration is recorded; empty: it is not."""
+    place = values["recordDirectory"] or folders.records()
+    return "" if place == NO_RECORD else place
+
+
 class Outputs:
     """Takes the events of the run from its start on."""
 
@@ -37,8 +43,8 @@ class Outputs:
         page, groot2 = values["monitorPort"], values["groot2Port"]
         if not page and not groot2:
             return
-        place = values["recordDirectory"] or folders.records()
-        if place != NO_RECORD and has_viewer(place):
+        place = record_place(values)
+        if place and has_viewer(place):
             self._tell("info", f"a missionViewer shows the runs in {place}: no other is started")
             return
         self._page = _url(values["monitorAddress"], page)
@@ -56,10 +62,10 @@ class Outputs:
         self._tell(severity, text)
         self.record(Starting(text) if severity == "info" else Noticed(severity, text))
 
-    def open_files(self, folder: str) -> None:
-        """Write the record into a folder of its own below this one from now on."""
-        if folder != NO_RECORD:
-            self._files = RecordFiles(folder, self._warn)
+    def open_files(self, place: str) -> None:
+        """Write the record into a folder of its own below this one from now on; empty: nowhere."""
+        if place:
+            self._files = RecordFiles(place, self._warn)
             self.record.add(self._files)
         self.record.open()
         self._tell_record("record")
