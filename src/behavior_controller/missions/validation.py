@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Collection, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Union
 
 from behavior_controller import folders, leaves
-from behavior_controller.config import knowledge_files, phrases, settings
+from behavior_controller.config import knowledge_files, settings
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.palette import (
     check_models, is_palette, models, stubs, used_types)
@@ -87,8 +87,8 @@ class Validation:
             self._settings, said_by = replace(self._settings, robot_interface=robot), "--interface"
         self.head = f"checked for the robot {self._settings.robot_interface} ({said_by})"
         """The line that says for which robot the files are checked."""
-        self._knowledge, _, _ = robot_files(self._settings, "", faults)
-        faults += keys_without_meaning(self._settings, self._knowledge)
+        known, _, _ = robot_files(self._settings, "", faults)
+        faults += keys_without_meaning(self._settings, known)
         self._configuration: Dict[str, List[Fault]] = {}  # the faults of each of its files
         for fault in faults:
             self._configuration.setdefault(fault.file, []).append(fault)
@@ -166,6 +166,8 @@ class Validation:
         used = set(used_types(documents))
         lacking = tuple(spec.id for spec in specs if spec.id in used)
         judgement = Judgement(path, stubs=lacking, mains=_main_trees(documents, main))
+        of_robot: List[Fault] = []  # in the files with what it knows and says in this mission
+        known, _, _ = robot_files(self._settings, folders.mission_name(path), of_robot)
         for tree_id in judgement.mains or (main,):
             tree = attempt(lambda: build_tree(documents, tree_id, registry=registry), faults)
             if tree is None:
@@ -173,13 +175,9 @@ class Validation:
             judgement.nodes += len(tree.nodes)
             faults += tree.warnings
             if not lacking:
-                faults += on_robot(tree, self._settings, self._knowledge)
+                faults += on_robot(tree, self._settings, known)
         if not lacking and judgement.nodes:
-            of_mission: List[Fault] = []  # of what the robot says in it
-            mission = os.path.splitext(os.path.basename(path))[0]
-            language = (self._knowledge or self._settings).language
-            attempt(lambda: phrases.load(language, mission), of_mission)
-            faults += [fault for fault in of_mission if fault.file not in self._configuration]
+            faults += [fault for fault in of_robot if fault.file not in self._configuration]
         judgement.faults = sorted(self._reported(faults), key=by_place)
         return judgement
 
