@@ -19,6 +19,8 @@ from behavior_controller.run.from_viewer import (
     AFTER, BEFORE, BREAKPOINT, RELEASE, REMOVE, REPLACE, SET, Hook, HookChange)
 
 _RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
+_KINDS = {BREAKPOINT: "breakpoint", REPLACE: "replacement"}
+_PLACES = {BEFORE: "before", AFTER: "after"}
 
 MOST_LINES_A_SECOND = 20
 """The most lines about hooks that the operator gets in a second."""
@@ -153,8 +155,7 @@ class _NodeHooks(NodeHook):
             self._node.hook = None
 
     def _tell(self, hook: Hook, text: str) -> None:
-        kind = "breakpoint" if hook.mode == BREAKPOINT else "replacement"
-        where = "before" if hook.position == BEFORE else "after"
+        kind, where = _KINDS[hook.mode], _PLACES[hook.position]
         self._owner.tell(f"Groot2: {kind} {where} {self._node.full_path} {text}")
 
     def before(self, node: Node) -> Optional[Result]:
@@ -176,8 +177,7 @@ class _NodeHooks(NodeHook):
     def after(self, node: Node, result: Result) -> Result:
         """Return the node's result, or the one that a hook decides instead."""
         if result is SUCCESS or result is FAILURE:
-            decided = self._ask(node, AFTER, result)
-            result = result if decided is None else decided
+            result = self._ask(node, AFTER, result) or result
         self._leave()
         return result
 
