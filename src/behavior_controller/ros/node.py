@@ -350,7 +350,7 @@ class _Run:
         except BaseException as error:
             self.runner.is_stopping = True
             self._console.report_internal_error(error)
-            self._robot.cut()
+            self._robot.close()
             self.leave_safe()
             return exit_codes.BROKEN
         finally:

@@ -9,7 +9,6 @@ only a connection found dead before the sending is opened again.
 """
 import contextlib
 import io
-import itertools
 import struct
 import time
 from collections import defaultdict
@@ -274,13 +273,15 @@ class RosGateway(Gateway):
             held.thread.cut()
 
     def close(self) -> None:
-        """Drop every call under way and free every thread and connection."""
+        """Drop every call under way and free every thread and connection; the threads that stand by
+        are left to another gateway."""
         for call in list(self._under_way):
             self._release(call, is_dropped=True)
-        for thread in [*self.standby.values(), *itertools.chain(*self._spare.values())]:
-            thread.cut()
-            thread.end()
-        self._spare.clear()
+        for threads in self._spare.values():
+            while threads:
+                thread = threads.pop()
+                thread.cut()
+                thread.end()
 
     def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
         """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
