@@ -283,11 +283,18 @@ class RosGateway(Gateway):
                 thread.cut()
                 thread.end()
 
-    def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
-        """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
-        held = self._release(call)
-        if held is not None:
-            self._finish(call, held, result, at)
+    def _end(self, call: Call, result: Union[Answer, Failure], at: float,
+             is_dropped: bool = False) -> None:
+        """Finish ``call``, which ended ``at`` that time, and report it to the health, unless it has
+        ended before."""
+        held = self._release(call, is_dropped)
+        if held is None:
+            return
+        thread, is_failure = held.thread, isinstance(result, Failure)
+        if not thread.is_short:  # its server was not asked
+            self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
+                               is_failure, thread.service.kind)
+        call.finish(result)
 
     def _release(self, call: Call, is_dropped: bool = False) -> Optional[_UnderWay]:
         """Free the resources of ``call`` and return them; None if it has ended already. The thread
@@ -299,15 +306,6 @@ class RosGateway(Gateway):
                 self._spare[held.thread.service].append(held.thread)
         return held
 
-    def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure],
-                at: float) -> None:
-        """Finish ``call``, which ended ``at`` that time, and report it to the health."""
-        thread, is_failure = held.thread, isinstance(result, Failure)
-        if not thread.is_short:  # its server was not asked
-            self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
-                               is_failure, thread.service.kind)
-        call.finish(result)
-
     def _on_slow(self, call: Call, deadline: float) -> None:
         """Report that ``call`` is slow, and wait for its deadline."""
         held = self._under_way[call]
@@ -317,10 +315,9 @@ class RosGateway(Gateway):
 
     def _expire(self, call: Call) -> None:
         """End ``call`` at its deadline."""
-        held = self._release(call, is_dropped=True)
-        if held is not None:
-            thread = held.thread
-            where = "" if thread.is_asked else ", still connecting: nothing was asked"
-            text = waited(self.deadline(thread.service)) + where
-            late = Failure(Cause.NO_ANSWER, text, thread.name)
-            self._finish(call, held, late, time.monotonic())
+        thread = self._under_way[call].thread
+        text = waited(self.deadline(thread.service))
+        if not thread.is_asked:
+            text += ", still connecting: nothing was asked"
+        late = Failure(Cause.NO_ANSWER, text, thread.name)
+        self._end(call, late, time.monotonic(), is_dropped=True)
