@@ -14,8 +14,6 @@ import struct
 import subprocess
 import sys
 import time
-import types
-import uuid
 import xml.etree.ElementTree as ElementTree
 
 import msgspec
@@ -32,7 +30,7 @@ from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.run.record.codec import Decoder, encode, header
 from behavior_controller.run.record.feed import Feed
 from behavior_controller.run.record.tree_shown import shown
-from behavior_controller.viewer import groot2, tcp_proxy
+from behavior_controller.viewer import groot2, zmtp
 from behavior_controller.viewer.groot2 import Groot2Publisher
 from free_ports import free_port
 from mission_rig import Rig, visitor_who
@@ -147,7 +145,7 @@ def served(request, monkeypatch):
     seconds."""
     warnings, clients = [], []
     port = free_port(2)
-    monkeypatch.setattr(groot2, "HEARTBEAT", getattr(request, "param", 60.0))
+    monkeypatch.setattr(groot2, "CLIENT_SILENCE", getattr(request, "param", 60.0))
     publisher = Served(port, warnings.append)
     publisher.warnings = warnings
 
@@ -441,7 +439,7 @@ def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(monkeypatch, 
     client = Client(port)
     client.ask("I", hook(1, mode=0, status="SKIPPED"))
     assert tree.tick_exactly_once() is RUNNING
-    monkeypatch.setattr(groot2, "PACE", "an internal error")
+    monkeypatch.setattr(groot2, "REQUEST_INTERVAL", "an internal error")
     tree.wake.test_and_clear()
     client.requests.send(struct.pack("<BBI", 2, ord("S"), 7))
     tree.wake.wait(10.0)
@@ -562,9 +560,7 @@ def test_a_client_whose_requests_are_longer_than_the_answers_is_served_on(served
 
 @pytest.mark.parametrize("count", [
     40, pytest.param(1000, marks=[pytest.mark.long, pytest.mark.timing])])
-def test_clients_that_come_and_go_leave_nothing_behind(served, count, monkeypatch):
-    if count < 1000:  # many are not all served within half a second
-        monkeypatch.setattr(tcp_proxy, "FORGETTING", 0.5)
+def test_clients_that_come_and_go_leave_nothing_behind(served, count):
     served.show(tree_of('<Act name="a"/>', a="S"))
     served.client().ask("S")
     before, known = len(os.listdir("/proc/self/fd")), links()
@@ -590,9 +586,9 @@ def test_clients_that_come_and_go_leave_nothing_behind(served, count, monkeypatc
 
 
 def links():
-    """Return how many objects of the front are alive."""
+    """Return how many connections are alive."""
     gc.collect()
-    return sum(type(each).__module__ == tcp_proxy.__name__ for each in gc.get_objects())
+    return sum(isinstance(each, zmtp.Peer) for each in gc.get_objects())
 
 
 def resident():
@@ -621,7 +617,7 @@ while True:
 
 @pytest.mark.parametrize("seconds", many(2.0, 20.0))
 def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypatch, seconds):
-    monkeypatch.setattr(groot2, "PACE", 0.0)
+    monkeypatch.setattr(groot2, "REQUEST_INTERVAL", 0.0)
     tree, client = Rig().tree, served.client()
     served.show(tree)
     assert len(client.ask("T")) > 20_000
@@ -704,7 +700,7 @@ def test_a_message_without_an_end_closes_its_connection(served):
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.0\r\n\r\n" + bytes(3000)])
 def test_a_stranger_is_disconnected(served, sent, monkeypatch, caplog):
-    monkeypatch.setattr(tcp_proxy, "FIRST_BYTE", 0.3)
+    monkeypatch.setattr(zmtp, "HANDSHAKE_LIMIT", 0.3)
     served.show(tree_of('<Act name="a"/>', a="S"))
     with socket.create_connection(("127.0.0.1", served.port), timeout=8) as stranger:
         stranger.sendall(sent)
@@ -783,82 +779,37 @@ def test_a_client_that_pings_is_answered(served):
     context.destroy(0)
 
 
-def test_a_link_that_zeromq_does_not_make_holds_nothing_up(monkeypatch):
-    monkeypatch.setattr(tcp_proxy, "FIRST_BYTE", 0.1)
-
-    async def accept():
-        with socket.socket(socket.AF_UNIX) as listener:
-            listener.bind(b"\0test-" + uuid.uuid4().bytes)
-            listener.listen(1)
-            with pytest.raises(asyncio.TimeoutError):
-                await tcp_proxy._accept(listener)
-
-    asyncio.run(accept(), debug=True)  # so that a socket that would block is refused
-
-
-def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_unanswered():
-    async def serve(sock):
-        found = tcp_proxy.TcpProxy(sock, 1000)
-        assert tcp_proxy.MOST_CONNECTIONS == 16  # as the operator's guide says
-        assert [
-            sock.getsockopt(option) for option in (zmq.LINGER, zmq.RECONNECT_IVL, zmq.MAXMSGSIZE,
-                                                   zmq.HANDSHAKE_IVL, zmq.HEARTBEAT_IVL)
-        ] == [0, 3600000, 1000, 5000, 20000]
-        clients = {
-            b"one": types.SimpleNamespace(unanswered=7),
-            b"other": types.SimpleNamespace(unanswered=7)
-        }
-        for name, client in clients.items():
-            found.connect(name, client)
-        found.note_request(b"one")
-        found.note_request(b"unknown")
-        found.disconnect(b"other")
-        found.note_request(b"other")
-        assert [client.unanswered for client in clients.values()] == [0, 7]
-        with pytest.raises(zmq.ZMQError):
-            sock.disconnect("ipc://@other")
-        sock.disconnect("ipc://@one")
-
-    with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
-        asyncio.run(serve(router))
-
-
 @pytest.mark.parametrize("last, is_taken", [(b"\x00\x00", True), (b"\x00\x01x", False)])
-def test_a_client_may_leave_as_many_bytes_unanswered_as_are_allowed(last, is_taken):
-    many_parts = 499 * b"\x01\x00" + last  # 1000 bytes, or one more
+def test_a_message_may_have_as_many_bytes_as_are_allowed(last, is_taken):
+    taken = asyncio.Queue()
 
-    async def received(router):
-        while not router.poll(0):
-            await asyncio.sleep(0.001)
-        return router.recv_multipart()
+    async def take(peer, frames):
+        await taken.put(frames)
 
-    async def serve(router):
-        front, listener = tcp_proxy.TcpProxy(router, 1000), bind_sockets(0, "127.0.0.1")[0]
-        front.add_sockets([listener])
+    async def serve():
+        server = zmtp.ZmtpServer(b"ROUTER", 1000, take, id)
+        listener, = bind_sockets(0, "127.0.0.1")
+        server.add_sockets([listener])
         reader, writer = await asyncio.open_connection(*listener.getsockname())
         writer.write(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) + b"\x04\x06\x05READY")
         await reader.readexactly(64)
         _, length = await reader.readexactly(2)
-        await reader.readexactly(length)  # so that nothing more comes
-        writer.write(b"\x00\x02hi")
-        name, text = await received(router)
-        assert text == b"hi"
-        front.note_request(name)
-        writer.write(many_parts)
+        await reader.readexactly(length)
+        writer.write(b"\x00\x02hi" + 499 * b"\x01\x00" + last)  # 1000 bytes, or one more
+        assert await taken.get() == [b"hi"]
         if is_taken:
-            assert len(await received(router)) == 1 + 500
+            assert len(await taken.get()) == 500
         else:
             assert await reader.read() == b""
         writer.close()
-        front.stop()
+        server.stop()
 
-    with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
-        asyncio.run(asyncio.wait_for(serve(router), 10.0))
+    asyncio.run(asyncio.wait_for(serve(), 10.0))
 
 
 @pytest.mark.parametrize("offset", [0, 1])
 def test_idle_connections_are_capped_and_make_room(served, offset, monkeypatch):
-    monkeypatch.setattr(tcp_proxy, "FIRST_BYTE", 60.0)  # no place becomes free by itself
+    monkeypatch.setattr(zmtp, "HANDSHAKE_LIMIT", 60.0)  # no place becomes free by itself
     served.show(tree_of('<Act name="a"/>', a="S"))
     active = served.client()
     active.ask("S")

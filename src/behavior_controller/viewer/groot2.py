@@ -14,8 +14,6 @@ import uuid
 from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
 
 import msgspec
-import zmq
-import zmq.asyncio
 
 from behavior_controller.run.events import (
     LETTERS, BreakpointChanged, HookEnded, Letter, Line, Tick, TreeShown, unix_now)
@@ -24,11 +22,11 @@ from behavior_controller.run.from_viewer import (
     ALLOWED, Hook, HookChange, HookPlace, Unlocking)
 from behavior_controller.run.state import State
 from behavior_controller.viewer.hook_list import HookList
-from behavior_controller.viewer.tcp_proxy import TcpProxy
 from behavior_controller.viewer.server import LoopThread, opened
+from behavior_controller.viewer.zmtp import Peer, ZmtpServer
 
 PROTOCOL = 2
-NUMBERS: Dict[Letter, int] = {letter: number for number, letter in enumerate(LETTERS.values())}
+CODES: Dict[Letter, int] = {letter: number for number, letter in enumerate(LETTERS.values())}
 """The statuses as BehaviorTree.CPP numbers them."""
 
 WAS = 10
@@ -36,27 +34,16 @@ WAS = 10
 see it."""
 
 MOST_TRANSITIONS = 1000
-HEARTBEAT = 5.0
+CLIENT_SILENCE = 5.0
 """Seconds without a request after which a client, which is one connection, counts as gone: its
 breakpoints must not hold the robot."""
 
-PACE = 0.002
-"""The shortest time between two requests, in seconds: a client that floods must not slow the
-mission."""
+REQUEST_INTERVAL = 0.002
+"""The shortest time between two requests of a client, in seconds: one that floods must not slow the
+others."""
 
-MOST_REQUEST = 32_768
+LONGEST_REQUEST = 32_768
 """The most bytes of a request."""
-
-MOST_SUBSCRIPTIONS = 4096
-"""The most bytes from a client on the port of breakpoints reached: ZeroMQ keeps them in a hundred
-times the memory."""
-
-MOST_QUEUED = 2
-"""Requests and replies that ZeroMQ keeps for each client."""
-
-ZERO_COPY_RECV = 10
-"""An option of libzmq without a name in pyzmq; if it is off, a small part does not keep 8 KB of its
-connection's input."""
 
 
 class Refused(ValueError):
@@ -108,28 +95,22 @@ class Groot2Publisher:
             self._publish(event.uid)
 
     def _begin(self) -> None:
-        self._context = zmq.asyncio.Context()
-        self._context.set(ZERO_COPY_RECV, 0)
-        self._requests, self._news = self._context.socket(zmq.ROUTER), self._context.socket(zmq.PUB)
-        self._requests.setsockopt(zmq.SNDHWM, MOST_QUEUED)
-        self._requests.setsockopt(zmq.RCVHWM, MOST_QUEUED)
-        self._front = TcpProxy(self._requests, MOST_REQUEST)
-        self._front.add_sockets(self._sockets[0])
-        TcpProxy(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
+        requests = ZmtpServer(b"ROUTER", LONGEST_REQUEST, self._serve, self._served)
+        self._news = ZmtpServer(b"PUB", LONGEST_REQUEST, self._subscribe, self._served)
+        for server, sockets in zip((requests, self._news), self._sockets):
+            server.add_sockets(sockets)
         # without the check for a client that is gone, no breakpoint may hold the robot
-        self._tasks = list(map(asyncio.ensure_future, (self._serve(), self._check_clients())))
-        for task in self._tasks:
-            task.add_done_callback(self._served)
+        self._check = asyncio.ensure_future(self._check_clients())
+        self._check.add_done_callback(self._served)
 
     def _served(self, task: "asyncio.Task[None]") -> None:
         """End if serving ended by an error, which asyncio would print with its traceback."""
-        if not task.cancelled():
-            error = task.exception()
+        error = None if task.cancelled() else task.exception()
+        if error is not None:
             self._warn(f"Groot2: internal error ({type(error).__name__}: {error})")
             asyncio.get_event_loop().stop()
 
     def _end(self) -> None:
-        self._context.destroy(0)
         if self._shown is not None:
             self._shown.hooks.remove_all()
         if not self._is_closed:
@@ -137,33 +118,32 @@ class Groot2Publisher:
                        "are removed")
 
     def _publish(self, uid: int) -> None:
-        """Announce to the client that a breakpoint was reached."""
+        """Announce to the clients that a breakpoint was reached; not to one that does not read."""
         header = struct.pack("<BBI", PROTOCOL, ord("N"), int.from_bytes(os.urandom(4), "little"))
-        self._news.send_multipart([header, str(uid).encode()])
+        for peer in self._news.peers:
+            peer.offer(header, str(uid).encode())
 
-    async def _serve(self) -> None:
-        """Answer requests one by one, at a limited rate; the parts before the empty one are the
-        sender's address, which begins with its connection."""
-        while True:
-            parts = await self._requests.recv_multipart()
-            self._front.note_request(parts[0])
-            if b"" in parts[:-1]:
-                start = parts.index(b"") + 1
-                answer = self._answer(parts[start:], parts[0])
-                await self._requests.send_multipart(parts[:start] + answer)
-            await asyncio.sleep(PACE)
+    async def _subscribe(self, peer: Peer, frames: List[bytes]) -> None:
+        """Do nothing: every client gets all news, and leaves out what it does not want."""
+
+    async def _serve(self, peer: Peer, frames: List[bytes]) -> None:
+        """Answer a request, whose sender's address ends with an empty frame."""
+        if b"" in frames[:-1]:
+            start = frames.index(b"") + 1
+            await peer.send(*frames[:start], *self._answer(frames[start:], peer))
+        await asyncio.sleep(REQUEST_INTERVAL)
 
     async def _check_clients(self) -> None:
         """Remove the hooks of a client that is gone, also while others ask: they must not hold the
         robot."""
         while True:
-            await asyncio.sleep(HEARTBEAT / 10)
+            await asyncio.sleep(CLIENT_SILENCE / 10)
             if self._shown is not None:
                 self._shown.hooks.remove_all(
                     ": its client is gone",
-                    lambda client: self._front.silence(client) >= HEARTBEAT)
+                    lambda client: client is None or client.silence >= CLIENT_SILENCE)
 
-    def _answer(self, frames: List[bytes], client: bytes) -> List[bytes]:
+    def _answer(self, frames: List[bytes], client: Peer) -> List[bytes]:
         """Return the reply to one request, valid or not."""
         try:
             return self._reply(frames, client, self._shown)
@@ -172,7 +152,7 @@ class Groot2Publisher:
             kind = "" if isinstance(error, Refused) else f"{type(error).__name__}: "
             return [b"error", f"{kind}{error}".encode("utf-8", "replace")]
 
-    def _reply(self, frames: List[bytes], client: bytes,
+    def _reply(self, frames: List[bytes], client: Peer,
                shown: "Optional[_Shown]") -> List[bytes]:
         if len(frames[0]) != 6:
             raise Refused("wrong request header")
@@ -197,7 +177,7 @@ class _Shown:
     def __init__(self, state: State, hooks: HookList):
         self.uuid = uuid.uuid4().bytes
         self.hooks = hooks
-        self.client = b""  # whose request is carried out
+        self.client: Optional[Peer] = None  # whose request is carried out
         self._state = state
         # as in the library: grouped by subtree instance, in the order in which these were made
         tree = state.tree
@@ -213,7 +193,7 @@ class _Shown:
             self.hooks.end(event)
         elif isinstance(event, Tick) and self._recording_since is not None:
             moment = max(0, int(1e6 * (line.time - self._recording_since)))
-            self._transitions.extend((moment, uid, NUMBERS[new]) for uid, new in event.changes)
+            self._transitions.extend((moment, uid, CODES[new]) for uid, new in event.changes)
 
     # ------------------------------------------------------------------------------------- requests
 
@@ -311,7 +291,7 @@ _DECLARATION = b"<?xml version='1.0' encoding='utf-8'?>\n"
 
 def _code(letter: str) -> int:
     """Return the code of a node's status, or of what it was before it went back to IDLE."""
-    for status, number in NUMBERS.items():
+    for status, number in CODES.items():
         if letter in (status, status.lower()):
             return number + WAS * (letter != status)
     return 0

@@ -3,13 +3,22 @@
 A hook belongs to the client that set or changed it last, and is removed when that client is gone:
 the library asks only whether any client is there. Any client may remove, disable or unlock it.
 """
-from typing import Callable, Dict, Iterable, List, Tuple
+from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from msgspec.structs import replace
 
 from behavior_controller.run.events import HookEnded, TreeShown
 from behavior_controller.run.from_viewer import (
     RELEASE, REMOVE, SET, Change, Hook, HookChange, HookPlace, Unlocking)
+from behavior_controller.viewer.zmtp import Peer
+
+
+class _Listed(NamedTuple):
+    """A hook, the client that it belongs to, and the number of its last change."""
+
+    hook: Hook
+    owner: Optional[Peer]
+    number: int
 
 
 class HookList:
@@ -21,61 +30,57 @@ class HookList:
         self.tree = tree
         self._send = send
         self.next_number = first
-        self._listed: Dict[Tuple[int, int], Hook] = {}  # by position and uid
-        self._owners: Dict[Tuple[int, int], bytes] = {}  # likewise; also of hooks that are gone
-        self._numbers: Dict[Tuple[int, int], int] = {}  # likewise: of the last change
+        self._listed: Dict[Tuple[int, int], _Listed] = {}  # by position and uid
 
     def all(self) -> List[Hook]:
         """Return every hook, those before their nodes first."""
-        return [hook for _, hook in sorted(self._listed.items())]
+        return [listed.hook for _, listed in sorted(self._listed.items())]
 
     def end(self, event: HookEnded) -> None:
         """Forget a hook that has removed itself, unless it was changed meanwhile."""
-        key = event.position, event.uid
-        if self._numbers.get(key) == event.number:
-            self._listed.pop(key, None)
+        listed = self._listed.get((event.position, event.uid))
+        if listed is not None and listed.number == event.number:
+            del self._listed[listed.hook.key]
 
-    def insert(self, hooks: Iterable[Hook], owner: bytes = b"") -> None:
+    def insert(self, hooks: Iterable[Hook], owner: Optional[Peer] = None) -> None:
         """Add each hook of the client ``owner``, or change the one at its place; a hook of an
         unknown node is passed over, as the library does."""
         # the last hook for a place counts: a client that floods must not occupy the tick thread
         newest = {hook.key: hook for hook in hooks if 0 < hook.uid <= len(self.tree.nodes)}
-        for key, hook in newest.items():
-            self._owners[key] = owner
-            self._change(SET, hook)
+        for hook in newest.values():
+            self._change(SET, hook, owner)
 
     def remove(self, place: HookPlace, reason: str = "") -> bool:
         """Remove the hook there and let its node go on; return whether it existed. The operator
         gets the ``reason``."""
-        hook = self._listed.get(place.key)
-        if hook is not None:
-            self._change(REMOVE, hook, reason)
+        listed = self._listed.get(place.key)
+        if listed is not None:
+            self._change(REMOVE, listed.hook, None, reason)
             del self._listed[place.key]
-        return hook is not None
+        return listed is not None
 
     def unlock(self, given: Unlocking) -> bool:
         """Let a breakpoint go on with this result; return whether there is one."""
-        hook = self._listed.get(given.key)
-        if hook is not None:
-            self._change(RELEASE, replace(
-                hook, desired_status=given.desired_status,
-                once=hook.once or given.remove_when_done), "lets the node go on")
-        return hook is not None
+        listed = self._listed.get(given.key)
+        if listed is not None:
+            hook = replace(listed.hook, desired_status=given.desired_status,
+                           once=listed.hook.once or given.remove_when_done)
+            self._change(RELEASE, hook, listed.owner, "lets the node go on")
+        return listed is not None
 
     def disable_all(self) -> None:
         """Disable every hook without removing it; every breakpoint lets its node go on."""
-        for hook in self.all():
-            self._change(RELEASE, replace(hook, enabled=False), "is disabled")
+        for _, (hook, owner, _number) in sorted(self._listed.items()):
+            self._change(RELEASE, replace(hook, enabled=False), owner, "is disabled")
 
     def remove_all(self, reason: str = "",
-                   is_removed: Callable[[bytes], bool] = lambda owner: True) -> None:
+                   is_removed: Callable[[Optional[Peer]], bool] = lambda owner: True) -> None:
         """Remove the hooks of each client for which ``is_removed``."""
-        for hook in self.all():
-            if is_removed(self._owners[hook.key]):
+        for _, (hook, owner, _number) in sorted(self._listed.items()):
+            if is_removed(owner):
                 self.remove(hook, reason)
 
-    def _change(self, what: Change, hook: Hook, text: str = "") -> None:
+    def _change(self, what: Change, hook: Hook, owner: Optional[Peer], text: str = "") -> None:
         self._send(HookChange(what, hook, self.next_number, self.tree.number, text))
-        self._listed[hook.key] = hook
-        self._numbers[hook.key] = self.next_number
+        self._listed[hook.key] = _Listed(hook, owner, self.next_number)
         self.next_number += 1
