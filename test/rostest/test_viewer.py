@@ -24,7 +24,6 @@ import urllib.request
 import rostest
 import zmq
 
-from behavior_controller.viewer.parts import patched
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import BUSY, Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402
@@ -62,7 +61,7 @@ class Browser:
             for line in self._stream:
                 if line.startswith(b"data: "):
                     with self._news:
-                        self.parts = patched(self.parts, json.loads(line[len(b"data: "):]))
+                        self.parts = dict(self.parts, **json.loads(line[len(b"data: "):]))
                         self._news.notify_all()
 
     def wait_for(self, wanted):

@@ -190,6 +190,18 @@ class LiveBoard(Board):
         """Show a tree from now on."""
         self.record.show(tree, heard)
 
+    def part(self, name):
+        self.refresh()
+        return super().part(name)
+
+    def node(self, uid):
+        self.refresh()
+        return super().node(uid)
+
+    def at(self, moment):
+        self.refresh()
+        return super().at(moment)
+
 
 def board_of(rig):
     """Return a board that shows the rig's mission."""

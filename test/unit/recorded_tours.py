@@ -108,7 +108,7 @@ def recorded_day(folder, monkeypatch, runs, kinds=KINDS):
     rig.mission_file = folders.mission("lab_tour")
     monkeypatch.setattr(record_module.events, "unix_now",
                         lambda: BEGAN + rig.clock.now() - 1000.0)
-    monkeypatch.setattr(record_module, "MOST_WAITING", 10 ** 9)
+    monkeypatch.setattr(record_module, "MOST_FOR_DISK", 10 ** 9)
     record = FileRecord(str(folder), pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)

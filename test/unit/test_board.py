@@ -33,7 +33,6 @@ from behavior_controller.viewer import status_tool
 from behavior_controller.viewer.view import PARTS
 from behavior_controller.run.moment import robot_line
 from behavior_controller.run.moment import Card, RobotLine, card_line
-from behavior_controller.viewer.parts import changes, patched
 from behavior_controller.run.record import feed, recorder
 from behavior_controller.viewer import report_moments as moments_module
 from behavior_controller.viewer.report_moments import Moments
@@ -52,7 +51,7 @@ GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigati
 def let_time_stand(monkeypatch, now):
     """Have the clocks of the board show ``now[0]`` seconds, the one of the day a million more."""
     monkeypatch.setattr(board_module, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
-    for module in (board_module, recorder.events):
+    for module in (view, recorder.events):
         monkeypatch.setattr(module, "unix_now", lambda: 1_000_000.0 + now[0])
     monkeypatch.setattr(recorder.events, "unix_at", lambda at: 1_000_000.0 + at)
 
@@ -199,7 +198,7 @@ def test_a_pause_of_the_operator_is_a_moment_of_the_record():
 
 @pytest.mark.parametrize("every", [2, 100])
 def test_the_moments_of_a_record_have_what_was_shown_at_each_of_them(monkeypatch, every):
-    monkeypatch.setattr(moments_module, "EVERY", every)
+    monkeypatch.setattr(moments_module, "STRETCH_MOMENTS", every)
     happens = [
         TreeShown("M", [TreeNode("a", "A", "a", 0)]), RUN, PassStarted(1, 0.0),
         StepStarted(1, "x", "x", "driving", "", 0.0, False), Tick(0.0, True, [(1, "R")]),
@@ -210,22 +209,22 @@ def test_the_moments_of_a_record_have_what_was_shown_at_each_of_them(monkeypatch
     for at, event in enumerate(happens):
         shown.take(float(at), event)
         moments.take(shown, float(at))
-        parts = {name: msgspec.to_builtins(shown.part(name)) for name in moments_module.KEPT}
+        parts = shown.shown(moments_module.AT_MOMENTS)
         parts["story"] = parts["story"]["visit"]  # the report's page has the sentences itself
         if not expected or expected[-1][1] != parts:
-            expected.append((1000 * at, parts))
+            expected.append((at, parts))
     found = []
     for _, packed in moments.packed():
         known = {}
         for number, (at, news) in enumerate(json.loads(zlib.decompress(base64.b64decode(packed)))):
             assert number < every
-            known = patched(known, news)
+            known.update(news)
             found.append((at, dict(known, story=known["story"]["visit"])))
     assert found == expected and len(found) > 8
 
 
 def test_each_stretch_of_moments_begins_at_its_first_one(monkeypatch):
-    monkeypatch.setattr(moments_module, "EVERY", 2)
+    monkeypatch.setattr(moments_module, "STRETCH_MOMENTS", 2)
     moments, shown = Moments(), view.View()
     for at, event in enumerate((RUN, Suspended("paused"), Suspended(""), Suspended("again"))):
         shown.take(1.0 + at, event)
@@ -233,7 +232,7 @@ def test_each_stretch_of_moments_begins_at_its_first_one(monkeypatch):
     stretches = [(begins, json.loads(zlib.decompress(base64.b64decode(packed))))
                  for begins, packed in moments.packed()]
     assert [(begins, [at for at, _ in kept]) for begins, kept in stretches] == [
-        (0, [0, 1000]), (2000, [2000, 3000])]
+        (0, [0, 1]), (2, [2, 3])]
 
 
 def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
@@ -259,7 +258,8 @@ def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
     board.show(one_leaf("<AlwaysFailure/>").tree)
     assert changed() == {"mission", "statuses", "now", "blackboard"} and changed() == set()
     board.close()
-    assert changed() == {"now"} and board.part("now")["ended"] == "the controller has stopped"
+    assert changed() == {"now", "alive"}
+    assert board.part("now")["ended"] == "the controller has stopped"
 
 
 def test_story_visits_health_trouble_and_blackboard():
@@ -390,7 +390,7 @@ def test_results_that_each_took_less_than_an_instant_are_one(monkeypatch, took, 
         shown.take(at, Tick(0.0, True, [(1, "R")]))
         at += seconds
         shown.take(at, Tick(0.0, True, [(1, "S")]))
-    assert [each["times"] for each in shown.results(1)] == times
+    assert [each["times"] for each in shown.node(1)["results"]] == times
 
 
 @pytest.mark.parametrize("path, uid, tip", [("go", 3, 2), ("go", 1, 3), ("unknown", 3, 3)])
@@ -584,7 +584,7 @@ def test_what_the_robot_says_stays_on_its_line():
 
 
 def test_lines_that_are_missing_are_told(monkeypatch):
-    monkeypatch.setattr(feed, "MOST_WAITING", 3)
+    monkeypatch.setattr(feed, "MOST_EVENTS", 3)
     rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
     board.refresh()
@@ -655,7 +655,7 @@ def test_a_change_of_health_is_shown_at_once(monkeypatch):
 
 
 def test_an_earlier_moment_is_shown_as_it_was_shown_then(monkeypatch):
-    monkeypatch.setattr(run_module, "EVERY", 40)
+    monkeypatch.setattr(run_module, "STRETCH_EVENTS", 40)
     rig, then = Rig(answer=lambda request: refusal(request)
                     if isinstance(request, PerformGesture) else NotImplemented), {}
     numbers = itertools.count(1)  # every event has a time of its own
@@ -703,46 +703,6 @@ def test_which_entries_are_shown_as_a_time_of_day(name, text, has_visit, expecte
     shown.take(1_000_110.0, EntriesWritten([(name, text)]))
     told = time_of_day(expected) if isinstance(expected, float) else expected
     assert shown.blackboard() == {name: told}
-
-
-def test_what_is_sent_are_the_changes_and_they_make_what_is_so():
-    rig = Rig(answer=lambda request: refusal(request)
-              if isinstance(request, PerformGesture) else NotImplemented)
-    board, sizes = board_of(rig), []
-    sent, known = {}, {}
-
-    def send():
-        nonlocal sent, known
-        parts = json.loads(json.dumps({name: board.part(name) for name in PARTS}))
-        text = json.dumps(changes(sent, parts))
-        sizes.append(len(text))
-        sent, known = parts, patched(known, json.loads(text))
-        gone = {name: text for name, text in known["blackboard"].items() if text is not None}
-        assert dict(known, blackboard=gone) == parts
-
-    def visitor(rig):
-        send()
-        visitor_who(says="yes")(rig)
-
-    rig.run(visitor, runs=2)
-    send()
-    assert len(sizes) > 20 and sum(sizes[1:]) / len(sizes) < sizes[0] / 10
-    assert changes(sent, sent) == {}
-
-
-@pytest.mark.parametrize("old, new, expected", [
-    ({"a": [1, 2, 3]}, {"a": [2, 3, 4]}, {"a": {"drop": 1, "add": [4]}}),
-    ({"a": [1, 2]}, {"a": []}, {"a": {"drop": 2, "add": []}}),
-    ({"a": {"b": 1, "c": 2}, "d": 3}, {"a": {"b": 1}, "d": 3}, {"a": {"c": None}}),
-    ({"a": None}, {"a": {"b": [1]}}, {"a": {"b": [1]}})])
-def test_a_change_is_no_larger_than_what_differs(old, new, expected):
-    assert changes(old, new) == expected
-
-
-@pytest.mark.parametrize("change", [{"drop": 1}, {"add": [1]}, {"drop": "1", "add": []}])
-def test_a_change_that_does_not_fit_is_refused(change):
-    with pytest.raises(ValueError):
-        patched({"a": [1, 2]}, {"a": change})
 
 
 def subclasses(kind):

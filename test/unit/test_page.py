@@ -27,7 +27,7 @@ from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
 from behavior_controller.run.state import LEFT_OUT, rank
-from behavior_controller.viewer import board as board_module
+from behavior_controller.viewer import view
 from behavior_controller.run.record import recorder
 from behavior_controller.viewer import server
 from behavior_controller.viewer import web_page as page_module
@@ -230,7 +230,7 @@ def test_the_row_where_the_run_is_stays_in_view_when_the_panel_changes_its_size(
 def rig_s_time(monkeypatch):
     """Return what has the board tell the time of day by the clock of a rig."""
     def use(rig):
-        for module in (board_module, recorder.events):
+        for module in (view, recorder.events):
             monkeypatch.setattr(module, "unix_now", rig.clock.now)
     return use
 

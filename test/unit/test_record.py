@@ -111,7 +111,7 @@ def test_what_does_not_fit_into_the_queue_of_a_disk_is_counted_where_it_is_missi
         tmp_path, monkeypatch):
     # until it is closed, as if the disk were that slow
     monkeypatch.setattr(module, "RECORD_INTERVAL", 60.0)
-    monkeypatch.setattr(module, "MOST_WAITING", 10)
+    monkeypatch.setattr(module, "MOST_FOR_DISK", 10)
     complaints = []
     record = FileRecord(str(tmp_path), complaints.append).open()
     for number in range(12):
@@ -138,14 +138,14 @@ def test_a_disk_that_hangs_keeps_no_other_output_and_not_the_end_of_the_run(tmp_
     record(PassFinished(3, "SUCCESS", 1.0))
     began = time.monotonic()
     record.close()
-    assert time.monotonic() - began < 2 * module.CLOSING + 0.5 and record.is_kept
+    assert time.monotonic() - began < 2 * module.CLOSING_LIMIT + 0.5 and record.is_kept
     assert found + [line.event.number for line in queue.take()] == [0, 1, 2, 3]
     returns.set()
     written(record)
 
 
 def test_a_feed_says_where_events_are_missing(monkeypatch):
-    monkeypatch.setattr(feed_module, "MOST_WAITING", 10)
+    monkeypatch.setattr(feed_module, "MOST_EVENTS", 10)
     feed, found = Feed(), []
     for number in range(20):
         if number == 12:  # some of them are taken

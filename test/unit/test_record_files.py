@@ -329,7 +329,7 @@ def small_disk(tmp_path, monkeypatch):
     if os.geteuid() or subprocess.call(["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs",
                                         str(tmp_path)], stderr=subprocess.DEVNULL):
         pytest.skip("no disk can be mounted here")
-    monkeypatch.setattr(module, "RETRY", 0.05)
+    monkeypatch.setattr(module, "DISK_RETRY", 0.05)
     yield tmp_path
     subprocess.check_call(["umount", "-l", str(tmp_path)])
 
@@ -378,7 +378,7 @@ def test_a_full_disk_is_tried_again_and_nothing_is_lost(disk):
 
 
 def test_what_does_not_fit_meanwhile_is_stated_in_the_record(disk, monkeypatch):
-    monkeypatch.setattr(module, "MOST_WAITING", 50)
+    monkeypatch.setattr(module, "MOST_FOR_DISK", 50)
     told = Told()
     fill(disk)
     record = module.RecordFiles(str(disk), told)  # a disk that is full at the start too
@@ -417,7 +417,7 @@ def test_a_disk_that_stays_full_costs_the_mission_nothing(disk):
                                                 (errno.ESTALE, 1, 2)])
 def test_after_a_disk_was_gone_the_run_goes_on_without_a_gap(tmp_path, monkeypatch, kind, times,
                                                              parts):
-    monkeypatch.setattr(module, "RETRY", 0.05)
+    monkeypatch.setattr(module, "DISK_RETRY", 0.05)
     expected, left = whole(tmp_path, 2), [times]
     write, told, torn = os.pwrite, Told(), []
 
@@ -448,7 +448,7 @@ def test_after_a_disk_was_gone_the_run_goes_on_without_a_gap(tmp_path, monkeypat
 @pytest.mark.parametrize("is_folder", [True, False])
 def test_a_record_that_is_removed_while_it_is_written_goes_on(tmp_path, monkeypatch, file_bytes,
                                                               is_folder):
-    monkeypatch.setattr(module, "RETRY", 0.05)
+    monkeypatch.setattr(module, "DISK_RETRY", 0.05)
     expected, told = whole(tmp_path, 3), Told()
     visits = [place for place, event in enumerate(expected) if isinstance(event, PassStarted)]
     monkeypatch.setattr(files, "FILE_BYTES", file_bytes)
@@ -488,7 +488,7 @@ def test_a_further_file_that_cannot_be_made_is_tried_again(tmp_path, small, monk
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return made(path)
 
-    monkeypatch.setattr(module, "RETRY", 0.05)
+    monkeypatch.setattr(module, "DISK_RETRY", 0.05)
     monkeypatch.setattr(files, "FILE_BYTES", 50_000)
     monkeypatch.setattr(files, "_created", create)
     record = FileRecord(str(tmp_path), told).open()

@@ -403,7 +403,7 @@ def test_a_retry_that_failed_is_marked():
 
 
 def test_no_result_of_a_long_run_is_dropped(monkeypatch):
-    monkeypatch.setattr(timeline, "MOST", 100)
+    monkeypatch.setattr(timeline, "MOST_BARS", 100)
     results = [
         finished(100.0 + 2 * n, "SUCCESS" if n % 3 else "FAILURE", 0.001,
                  failure=None if n % 3 else FAILED) for n in range(1, 3401)
@@ -471,7 +471,7 @@ def test_a_wait_lasts_until_its_end_and_what_is_asked_next_is_asked_anew():
 
 
 def test_a_bar_too_many_joins_those_that_are_twice_as_far_apart(monkeypatch):
-    monkeypatch.setattr(timeline, "MOST", 3)
+    monkeypatch.setattr(timeline, "MOST_BARS", 3)
     drawn = timeline.Lanes()
     for begin in (10.0, 11.5, 14.0):
         drawn.add(1, timeline.Bar(begin, begin, "S"))
@@ -483,7 +483,7 @@ def test_a_bar_too_many_joins_those_that_are_twice_as_far_apart(monkeypatch):
 
 
 def test_bars_become_coarser_only_when_there_are_a_quarter_more_of_them(monkeypatch):
-    monkeypatch.setattr(timeline, "MOST", 4)
+    monkeypatch.setattr(timeline, "MOST_BARS", 4)
     drawn, grains = timeline.Lanes(), []
     for number in range(1, 10):
         # results that are never alike

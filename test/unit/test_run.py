@@ -9,7 +9,7 @@ from behavior_controller.run.events import (
     LeafFinished, Line, Lost, Message, Noticed, PassFinished, PassStarted, Paused, Recovered,
     Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources,
     StepStarted, Suspended, Tick, LeafSummary, StopChanged, TreeNode, TreeShown)
-from behavior_controller.run.fold import KEPT, fold
+from behavior_controller.run.fold import KEPT_VISITS, fold
 from behavior_controller.run.history import Run
 from behavior_controller.run.state import (
     FAILED, STOPPED, NodeResult, Reason, RecoveryRound, State, step_over)
@@ -106,7 +106,7 @@ def test_only_the_newest_visits_are_in_a_state_and_all_of_them_in_a_run():
     ]
     run = after(*events)
     assert len(
-        run.state.visits) == KEPT and len(run.visits) == 60 == run.state.outcomes["FAILURE"]
+        run.state.visits) == KEPT_VISITS and len(run.visits) == 60 == run.state.outcomes["FAILURE"]
     assert run.state.visit_count == 60 == run.state.visits[-1].number
 
 
@@ -401,7 +401,7 @@ def test_a_state_is_not_changed_by_what_comes_later():
 
 
 def test_any_moment_of_a_run_is_the_same_as_the_run_was_then(tmp_path, monkeypatch):
-    monkeypatch.setattr(run_module, "EVERY", 7)
+    monkeypatch.setattr(run_module, "STRETCH_EVENTS", 7)
     record = read_record(recorded(tmp_path, visitor_who(says="yes"), failure_rate=0.2, seed=3))
     run, states = Run(), []
     for number, line in enumerate(record):
@@ -422,7 +422,7 @@ def test_a_moment_of_a_long_run_costs_no_more_than_some_hundred_events(monkeypat
     folded = []
     monkeypatch.setattr(run_module, "fold", lambda state, at, event: folded.append(at) or state)
     run.at(15_000.0)
-    assert 0 < len(folded) <= run_module.EVERY
+    assert 0 < len(folded) <= run_module.STRETCH_EVENTS
 
 
 # --------------------------------------------------------------------- what could not be seen, held

@@ -18,17 +18,25 @@ import time
 import msgspec
 import pytest
 
-from behavior_controller.run.events import HealthChanged, Noticed, RunFinished
+from behavior_controller import folders
+from behavior_controller.run import events
+from behavior_controller.run.events import (
+    HealthChanged, Line, Noticed, RunFinished, RunStarted, SignOfLife, Sources, Tick, TreeNode,
+    TreeShown, unix_now)
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, Say
 from behavior_controller.leaves import registry
 from behavior_controller.config.settings import KEYS
+from behavior_controller.run.record.codec import encode, header
+from behavior_controller.text import Source
 from behavior_controller.viewer import status_tool
+from behavior_controller.viewer.backlog import Backlog
 from behavior_controller.viewer.view import PARTS
-from mission_rig import Rig, board_of, one_leaf, refusal, service_of, visitor_who
+from mission_rig import FileRecord, Rig, board_of, one_leaf, refusal, service_of, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
+COMMAND = [sys.executable, os.path.join(SOURCE, "behavior_controller", "missionStatus")]
 
 
 def state_of(board):
@@ -126,7 +134,7 @@ def test_a_node_that_is_gone_is_told_once_and_what_is_done_again_is_marked():
     assert len([line for line in rows if "gone: refused" in line]) == 1
     assert [row for row in rows if "Navigate" in row and row[:1] in "✘▶↻"] == [
         "↻ Navigate #4: done again after a failure"]
-    tree = [line for line in rest if line.lstrip()[0] in status_tool.SIGNS.values()]
+    tree = [line for line in rest if line.lstrip()[0] in status_tool.MARKS.values()]
     assert [line for line in status_tool.fitted(tree, 60, 2) if "Navigate #4" in line]
 
 
@@ -285,6 +293,12 @@ def test_names_cannot_steer_the_terminal():
 # --------------------------------------------------------------------------------------- the server
 
 
+@pytest.fixture(autouse=True)
+def own_clock(monkeypatch):
+    """The command uses the clock of the computer that it asks."""
+    monkeypatch.setattr(events, "_unix_at_zero", events._unix_at_zero)
+
+
 @contextlib.contextmanager
 def server(*pieces, pause=0.0, keeps_open=False):
     """Answer each connection with ``pieces`` (bytes, or a function that returns an endless
@@ -321,16 +335,25 @@ def http(body, line="200 OK", *headers):
     return "\r\n".join(("HTTP/1.0 " + line,) + headers + ("", "")).encode() + body
 
 
-def changed(**parts):
-    return http(event(dict(good(), **parts)))
+def sent(*happened, stopped="", **told):
+    """Return what the viewer sends of a run of these events."""
+    backlog = Backlog()
+    for number, happens in enumerate(happened):
+        backlog.take(Line(unix_now() + number / 1000, happens))
+    return batch(backlog.since(0)[1], is_first=True, stopped=stopped, **told)
 
 
-def without(part):
-    return http(event({name: value for name, value in good().items() if name != part}))
+def batch(texts, **told):
+    head = dict({"lines": len(texts), "is_first": False, "at": unix_now()}, **told)
+    return json.dumps(head).encode() + b"\n" + b"".join(texts)
 
 
-def event(state):
-    return b"data: " + json.dumps(state).encode() + b"\n\n"
+def more(*happened, **told):
+    return batch([encode(unix_now(), happens) for happens in happened], **told)
+
+
+SPEECH = TreeShown("M", [TreeNode("a", "WelcomeSpeech", "a", 0, label="WelcomeSpeech #1")])
+GOOD = [SPEECH, Tick(0.0, True, [(1, "R")])]
 
 
 def endless(piece):
@@ -342,25 +365,19 @@ BAD = {
     "no HTTP": ([b"SSH-2.0-OpenSSH_9.2\r\n"], "SSH-2.0"),
     "not even text": ([b"\x00\xff\xfe\r\n\r\n"], ""),
     "an empty body": ([http(b"")], "(the answer is not a mission's)"),
-    "a web page": ([http(b"<html>")], "(the answer is not a mission's)"),
-    "no JSON": ([http(b"data: <html>\n\n")], "not JSON"),
-    "a number": ([http(event(3))], "Expected `object`"),
-    "a list": ([http(event([]))], "Expected `object`"),
-    "no parts": ([http(event({}))], "field `mission`"),
-    "a missing part": ([without("statuses")], "field `statuses`"),
-    "a missing field": ([changed(now={"count": 0})], "required field `card` - at `$.now`"),
-    "a wrong type": ([changed(mission={"file": 5, "nodes": []})],
-                     "Expected `str`, got `int` - at `$.mission.file`"),
-    "wrong nodes": ([changed(mission={"file": "", "nodes": [[]]})],
-                    "Expected `object`, got `array` - at `$.mission.nodes[0]`"),
-    "wrong letters":
-        ([changed(statuses={"letters": None})], "got `null` - at `$.statuses.letters`"),
-    "wrong health":
-        ([changed(health={"/a": {"kind": "topic"}})], "required field `name` - at `$.health"),
-    "a wrong age": ([changed(alive={"age": 1e400, "hangs": True})], "not JSON"),
-    "no UTF-8": ([http(b'data: {"mission": {"file": "\xff"}}\n')], "not JSON"),
-    "deep JSON": ([http(b"data: " + b'{"x":' * 100000)], "not JSON"),
-    "truncated": ([changed()[:-200]], "not JSON"),
+    "a web page": ([http(b"<html>")], "(the answer is not JSON)"),
+    "a number": ([http(b"3\n")], "Expected `object`"),
+    "a list": ([http(b"[]\n")], "Expected `object`"),
+    "no batch": ([http(b"{}\n")], "required field `lines`"),
+    "a wrong type": ([http(batch([], lines="5"))], "Expected `int`, got `str` - at `$.lines`"),
+    "a wrong time": ([http(batch([], at="1"))], "got `str` - at `$.at`"),
+    "no UTF-8": ([http(b'{"lines": "\xff\n')], "not JSON"),
+    "deep JSON": ([http(b'{"x":' * 100000)], "not JSON"),
+    "no header": ([http(batch([encode(1.0, SPEECH)], is_first=True))], "this is no record"),
+    "another version": ([http(batch([header(1, 1.0).replace(b"11", b"99")], is_first=True))],
+                        "version 99"),
+    "no event": ([http(batch([header(1, 1.0), b"{}\n"], is_first=True))], "not a line of a record"),
+    "truncated": ([http(sent(*GOOD)[:-20])], "not a line of a record"),
     "less than was said": ([http(b"{}", "200 OK", "Content-Length: 500")], ""),
     "a wrong chunk":
         ([http(b"zz\r\n{}\r\n", "200 OK", "Transfer-Encoding: chunked").replace(b"1.0", b"1.1",
@@ -389,7 +406,8 @@ def test_a_bad_server_is_one_line(capsys, pieces, expected, arguments):
     pytest.param([b"HTTP/1.0 200 OK\r\n", endless(b"X")], id="a header that drips"),
     pytest.param([http(b""), endless(b" ")], id="a body that drips"),
     pytest.param([], id="silence"),
-    pytest.param([http(b""), endless(b": still here\n")], id="no message")])
+    pytest.param([http(batch([header(1, 1.0)], lines=10 ** 9)),
+                  endless(encode(1.0, Noticed("info", "so")))], id="no last line")])
 @pytest.mark.parametrize("arguments", [[], ["--watch"]], ids=["once", "watch"])
 def test_a_server_that_drips_is_not_waited_for(capsys, monkeypatch, pieces, arguments):
     monkeypatch.setattr(status_tool, "FIRST_ANSWER_LIMIT", 0.5)
@@ -402,24 +420,20 @@ def test_a_server_that_drips_is_not_waited_for(capsys, monkeypatch, pieces, argu
     assert all(each.daemon for each in threading.enumerate() if each.name == "messages")
 
 
-def ended():
-    """Return the part of a mission that has ended."""
-    return dict(good()["now"], ended="stopped")
+ENDED = RunFinished("stopped", 0)
+STREAM = http(b"", "200 OK", "Content-Type: application/x-ndjson")
 
 
-STREAM = http(b"", "200 OK", "Content-Type: text/event-stream")
-
-
-def test_watching_tells_how_the_mission_ended(capsys):
-    rig = one_leaf("<WelcomeSpeech/>")
-    board = board_of(rig)
-    first = event(state_of(board))
-    rig.mission.events.emit(RunFinished("all passes are done; last pass: SUCCESS", 0))
-    with server(STREAM, first, event({"now": board.part("now")})) as port:
+@pytest.mark.parametrize("last, words", [
+    (more(RunFinished("all passes are done; last pass: SUCCESS", 0)),
+     "all passes are done; last pass: SUCCESS"),
+    (more(stopped="the controller has stopped"), "the controller has stopped"),
+    (sent(SPEECH, ENDED), "stopped")])  # another run
+def test_watching_tells_how_the_mission_ended(capsys, last, words):
+    with server(STREAM, sent(*GOOD), last) as port:
         assert status_tool.main(["--watch", "--port", str(port)]) == 0
     printed = capsys.readouterr()
-    assert printed.out.endswith(
-        "missionStatus: the mission has ended: all passes are done; last pass: SUCCESS\n")
+    assert printed.out.endswith("missionStatus: the mission has ended: {}\n".format(words))
     assert printed.err == ""
 
 
@@ -430,9 +444,8 @@ def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatc
                                                                       lines):
     terminal, inside = os.openpty()
     fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
-    state = dict(good(), statuses={"letters": "R", "tip": 0})
-    with os.fdopen(inside, "w", encoding="utf-8") as stdout, server(STREAM, event(state), event(
-            {"now": ended()})) as port:
+    with os.fdopen(inside, "w", encoding="utf-8") as stdout, server(
+            STREAM, sent(*GOOD), more(ENDED)) as port:
         monkeypatch.setattr(sys, "stdout", stdout)
         assert status_tool.main(["--watch", "--port", str(port)]) == 0
         printed = b""
@@ -441,16 +454,17 @@ def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatc
     os.close(terminal)
     found = printed.decode().replace("\r\n", "\n")
     shown, cleared, last = found.rpartition("\x1b[J")
-    assert (shown[:3], cleared) == ("\x1b[H", "\x1b[J") and shown.count("\x1b[K\n") == lines
+    assert (shown[:3], cleared) == ("\x1b[H", "\x1b[J")
+    assert shown.rpartition("\x1b[H")[2].count("\x1b[K\n") == lines
     assert last == "missionStatus: the mission has ended: stopped\n"
 
 
 def test_watching_prints_at_once_what_a_pipe_is_to_carry_on(monkeypatch):
     monkeypatch.setattr(status_tool, "LATE", 0.1)
-    monkeypatch.setattr(status_tool, "GIVEN_UP", 0.1)
+    monkeypatch.setattr(status_tool, "NO_MESSAGE_LIMIT", 0.1)
     carried, pipe = os.pipe()
     os.set_blocking(carried, False)
-    with os.fdopen(pipe, "w", encoding="utf-8") as stdout, server(STREAM, event(good()),
+    with os.fdopen(pipe, "w", encoding="utf-8") as stdout, server(STREAM, sent(*GOOD),
                                                                   keeps_open=True) as port:
         monkeypatch.setattr(sys, "stdout", stdout)
         assert status_tool.main(["--watch", "--port", str(port)]) == 1
@@ -459,26 +473,27 @@ def test_watching_prints_at_once_what_a_pipe_is_to_carry_on(monkeypatch):
 
 
 def test_once_is_once_though_the_mission_has_ended(capsys):
-    with server(changed(now=ended())) as port:
+    with server(http(sent(*GOOD, ENDED))) as port:
         assert status_tool.main(["--port", str(port)]) == 0
-    assert capsys.readouterr().out.endswith("\n· WelcomeSpeech #1\n")
+    assert capsys.readouterr().out.endswith("\n▶ WelcomeSpeech #1: running\n")
 
 
 @pytest.mark.parametrize("length, code", [(0, 0), (-1, 1)])
-def test_a_message_may_have_so_many_bytes(capsys, monkeypatch, length, code):
-    line = event(good())[:-1]
-    monkeypatch.setattr(status_tool, "MOST_BYTES", len(line) + length)
-    with server(http(line)) as port:
+def test_a_line_may_have_so_many_bytes(capsys, monkeypatch, length, code):
+    message = sent(*GOOD)
+    longest = max(map(len, message.splitlines(True)))
+    monkeypatch.setattr(status_tool, "LONGEST_LINE_READ", longest + length)
+    with server(http(message)) as port:
         assert status_tool.main(["--port", str(port)]) == code
-    assert ("the answer has more than {} bytes".format(len(line) - 1)
+    assert ("the answer has more than {} bytes".format(longest - 1)
             in capsys.readouterr().err) == bool(code)
 
 
 @pytest.mark.parametrize("last, expected", [
-    (b"", "the connection was closed"), (b"data: {\n\n", "not JSON"),
-    (event({"now": 3}), "got `int` - at `$.now`")])
+    (b"", "the connection was closed"), (b"{\n", "not JSON"),
+    (b'{"lines": "3"}\n', "got `str` - at `$.lines`")])
 def test_watching_tells_why_it_ends_without_the_end_of_the_mission(capsys, last, expected):
-    with server(STREAM, event(good()), last) as port:
+    with server(STREAM, sent(*GOOD), last) as port:
         assert status_tool.main(["--watch", "--port", str(port)]) == 1
     printed = capsys.readouterr()
     assert "WelcomeSpeech" in printed.out and printed.err.count("\n") == 1
@@ -488,8 +503,8 @@ def test_watching_tells_why_it_ends_without_the_end_of_the_mission(capsys, last,
 
 def test_watching_a_controller_that_is_frozen_tells_how_old_the_picture_is(capsys, monkeypatch):
     monkeypatch.setattr(status_tool, "LATE", 0.2)
-    monkeypatch.setattr(status_tool, "GIVEN_UP", 2.5)
-    with server(STREAM, event(good()), keeps_open=True) as port:
+    monkeypatch.setattr(status_tool, "NO_MESSAGE_LIMIT", 2.5)
+    with server(STREAM, sent(*GOOD), keeps_open=True) as port:
         assert status_tool.main(["--watch", "--port", str(port)]) == 1
     printed = capsys.readouterr()
     ages = [
@@ -501,23 +516,92 @@ def test_watching_a_controller_that_is_frozen_tells_how_old_the_picture_is(capsy
 
 
 def test_what_has_not_changed_is_not_printed_again(capsys):
-    state = good()
-    with server(STREAM, event(state), event({"alive": {"age": 0.7, "hangs": False}}),
-                event(state)) as port:
+    with server(STREAM, sent(*GOOD), more(), more(SignOfLife())) as port:
         status_tool.main(["--watch", "--port", str(port)])
-    assert capsys.readouterr().out.count("WelcomeSpeech") == 1
+    assert capsys.readouterr().out.count("WelcomeSpeech") == 2  # the card, and the tree
+
+
+@pytest.mark.parametrize("ahead", [-5000.0, 5000.0])
+def test_the_clock_of_another_computer_makes_nothing_old(capsys, ahead):
+    at = unix_now() + ahead
+    texts = [header(1, at)] + [encode(at, each) for each in (*GOOD, SignOfLife())]
+    with server(http(batch(texts, is_first=True, at=at + 4.0))) as port:
+        assert status_tool.main(["--port", str(port)]) == 0
+    assert "the controller hangs: no sign of its tick thread for 4.0 s" in capsys.readouterr().out
+
+
+# --------------------------------------------------------------------------------------- the record
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """A run that is written to the default folder, whose page would have the port 9."""
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    record = FileRecord(folders.records()).open()
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    rig.mission.events.subscribe(record)
+    record.show(rig.tree)
+    record(RunStarted("tour.xml", [], {"monitorPort": 9}, Sources(
+        (Source("m.xml", "<m/>"),), Source("", ""), Source("", ""), "")))
+    rig.tick()
+    yield record
+    record.close()
+
+
+def status_until(words, *arguments):
+    """Return the result of the command when it is so."""
+    ends = time.monotonic() + 10.0
+    while True:
+        done = command(*arguments)
+        if words in (done.stdout + done.stderr).decode() or time.monotonic() > ends:
+            return done
+
+
+def test_a_run_of_this_computer_is_read_from_its_record(run):
+    done = status_until("tour: running", "--port", "9")
+    assert (done.returncode, done.stderr) == (0, b"")
+    lines = done.stdout.decode().splitlines()
+    assert lines[0].startswith("mission tour: ") and lines[-1] == "▶ tour: running"
+
+
+@pytest.mark.parametrize("arguments", [
+    ["--port", "10"], ["--port", "9", "--address", "host.invalid"]])
+def test_the_record_of_another_mission_is_not_shown(run, arguments):
+    status_until("tour", "--port", "9")
+    done = command(*arguments)
+    assert done.returncode == 1 and done.stdout == b"" and b"no mission answers" in done.stderr
+
+
+@pytest.mark.parametrize("limit, code", [(60.0, 0), (0.0, 1)])
+def test_a_record_that_lags_is_not_shown(run, monkeypatch, capsys, limit, code):
+    status_until("tour: running", "--port", "9")
+    monkeypatch.setattr(status_tool, "HANGS", limit)
+    assert status_tool.main(["--port", "9"]) == code
+    assert ("no mission answers" in capsys.readouterr().err) == bool(code)
+
+
+def test_a_record_is_watched_to_the_end_of_its_run(run):
+    status_until("tour", "--port", "9")
+    with subprocess.Popen(COMMAND + ["--watch", "--port", "9"], stdout=subprocess.PIPE,
+                          env=dict(os.environ, PYTHONPATH=SOURCE)) as watching:
+        assert watching.stdout.readline().startswith(b"mission tour: ")
+        run(RunFinished("stopped; last pass: none", 0))
+        run.close()
+        assert watching.stdout.read().decode().endswith(
+            "missionStatus: the mission has ended: stopped; last pass: none\n")
+    assert watching.returncode == 0
 
 
 def test_a_tree_of_many_levels_is_printed(capsys):
-    board = board_of(one_leaf("<Inverter>" * 1900 + "<WelcomeSpeech/>" + "</Inverter>" * 1900))
+    nodes = [TreeNode("n", "Inverter", "n", parent, label="n") for parent in range(1901)]
     before = sys.getrecursionlimit()
-    with server(http(event(state_of(board)))) as port:
+    with server(http(sent(TreeShown("M", nodes)))) as port:
         sys.setrecursionlimit(300)
         try:
             assert status_tool.main(["--all", "--port", str(port)]) == 0
         finally:
             sys.setrecursionlimit(before)
-    assert capsys.readouterr().out.rstrip().endswith("  · WelcomeSpeech #1901")
+    assert capsys.readouterr().out.rstrip().endswith("  · n")
 
 
 # -------------------------------------------------------------------------------------- the command
@@ -525,9 +609,7 @@ def test_a_tree_of_many_levels_is_printed(capsys):
 
 def command(*arguments, **changes):
     return subprocess.run(
-        [sys.executable,
-         os.path.join(SOURCE, "behavior_controller", "missionStatus")] + list(arguments),
-        env=dict(os.environ, PYTHONPATH=SOURCE,
+        COMMAND + list(arguments), env=dict(os.environ, PYTHONPATH=SOURCE,
                  **changes), stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=30)
 
 
@@ -569,7 +651,7 @@ def test_wrong_arguments_are_told_without_a_traceback(arguments, code):
 
 
 def test_a_terminal_without_the_signs_and_a_full_disk():
-    with server(http(event(state_of(board_of(Rig()))))) as port:
+    with server(http(sent(*GOOD))) as port:
         done = command("--all", "--port", str(port), PYTHONIOENCODING="ascii")
         assert done.returncode == 0 and b"\\u25b6" in done.stdout or b"\\xb7" in done.stdout
         with open("/dev/full", "w") as full:

@@ -18,7 +18,7 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import FAILING, GONE, NEW
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Say, SetAttention)
-from behavior_controller.run.fold import KEPT
+from behavior_controller.run.fold import KEPT_VISITS
 from behavior_controller.run.state import (
     BROKEN_OFF, DONE_ALL, FAILED, GAVE_UP, LEFT, LEFT_OUT, COMPLETED, NOTICED, UNDER_WAY,
     Reason, State, Step, Stop, Visit)
@@ -707,13 +707,14 @@ def test_ordinals(words):
 def test_it_keeps_a_bounded_number_of_visits_and_steps():
     story = Story()
     assert (story.state.visit_count, story.state.outcomes) == (0, {})
-    for number in range(1, KEPT + 10):
+    for number in range(1, KEPT_VISITS + 10):
         story.take(1.0, PassStarted(number, 0.0))
         story.take(1.0, StepStarted(number, "x", "x", "doing", "", 0.0, False))
         story.take(1.0, PassFinished(number, "SUCCESS", 1.0))
         assert story.state.step is None
-    assert len(story.state.visits) == KEPT and story.state.visits[-1].number == KEPT + 9
-    assert story.state.outcomes == {"SUCCESS": KEPT + 9}
+    assert len(story.state.visits) == KEPT_VISITS
+    assert story.state.visits[-1].number == KEPT_VISITS + 9
+    assert story.state.outcomes == {"SUCCESS": KEPT_VISITS + 9}
 
 
 FAILURE = Failure(Cause.REFUSED, "\x1b[2J\n", "/x\x1b")

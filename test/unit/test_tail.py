@@ -8,6 +8,7 @@ import pytest
 
 from behavior_controller.errors import MissionError
 from behavior_controller.run.events import Noticed
+from behavior_controller.run.history import Run
 from behavior_controller.run.record import files, tail
 from behavior_controller.run.record.codec import encode, header
 from behavior_controller.run.record.reader import read_record
@@ -21,7 +22,7 @@ def followed(path):
 
     def follow():
         try:
-            for line in tail.follow(str(path)):
+            for line in filter(None, tail.follow(str(path))):
                 found.put(line.event)
             found.put(None)
         except MissionError as error:
@@ -76,3 +77,30 @@ def test_a_run_that_cannot_be_read_is_named(tmp_path):
     os.remove(record.path)
     assert following() == f"{record.path}: the record cannot be read: No such file or directory"
     record.close()
+
+
+def test_the_newest_files_tell_what_is_so_and_miss_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "FILE_BYTES", 50_000)
+    path = recorded(tmp_path, visitor_who(says="yes"))
+    assert len(files.parts(path)) > 3
+    whole = Run(read_record(path))
+    for newest in (1, 2, 100):
+        late = Run(tail.RunTail(path, newest).news())
+        assert (len(late.lines) < len(whole.lines)) == (newest < 100)
+        assert late.state.lost == 0 and late.state.started == whole.state.started
+        for field in ("letters", "entries", "finished", "visit_count", "robot"):
+            assert getattr(late.state, field) == getattr(whole.state, field), field
+
+
+def test_files_that_come_later_are_read_though_only_the_newest_was_wanted(tmp_path):
+    def write(number, *lines):
+        with open(files.part(str(tmp_path / files.FILE_NAME), number), "wb") as file:
+            file.write(b"".join(lines))
+
+    for number in (0, 1):
+        write(number, header(1, 1.0, number), encode(1.0, Noticed("info", str(number))))
+    reader = tail.RunTail(str(tmp_path / files.FILE_NAME), 1)
+    assert [line.event.text for line in reader.news()] == ["1"]
+    for number in (2, 3):
+        write(number, header(1, 1.0, number), encode(1.0, Noticed("info", str(number))))
+    assert [line.event.text for line in reader.news()] == ["2", "3"]

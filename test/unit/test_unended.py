@@ -11,11 +11,11 @@ from behavior_controller.run.history import Run
 from behavior_controller.run.state import State
 from behavior_controller.run.moment import left_running
 from behavior_controller.run.record import files, unended
+from behavior_controller.run.record.tail import RunTail
 from behavior_controller.run.record.unended import may_be_live
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, GoTo, Location, SetAnimation, SetAttention
-from behavior_controller.text import read_bytes
 from mission_rig import recorded, visitor_who
 
 LOOKS, MOVES = Asked(1, "/a", SetAttention("social")), Asked(2, "/b", SetAnimation("enabled"))
@@ -84,9 +84,9 @@ def test_a_long_run_is_known_from_its_last_files(tmp_path, monkeypatch):
                 if b'"_type":"GoTo"' in open(part, "rb").read()) + 1
     for part in parts[last:]:
         os.remove(part)
-    monkeypatch.setattr(unended, "read_bytes", lambda file, most: (
-        read.append(file) or read_bytes(file, most)))
-    read = []
+    read, added = [], RunTail._added
+    monkeypatch.setattr(RunTail, "_added",
+                        lambda tail, file: read.append(file) or added(tail, file))
     assert left_running(Run(read_record(path)).state) in may_be_live(str(tmp_path))
     assert read == parts[last - 2:last] and last > 10
 

@@ -70,6 +70,7 @@ class Viewed:
     def shows(self, *parts):
         """Whether the page is told what the board of this process has."""
         state = self.state()
+        self.board.refresh()
         return state != {} and all(state[name] == self.board.part(name) for name in parts) and (
             self.board.state.nodes != [])
 
@@ -142,7 +143,7 @@ def test_a_viewer_that_does_not_take_its_lines_in_time_is_started_again(view, mo
     wait_until(lambda: viewed.shows("mission"), 20.0)
     first = viewed.pid
     os.kill(first, signal.SIGSTOP)
-    monkeypatch.setattr(module, "MOST_WAITING", 1000)
+    monkeypatch.setattr(module, "MOST_FOR_VIEWER", 1000)
     for number in range(1100):  # a pipe takes 64 of them
         viewed.rig.mission.events.emit(Noticed("info", str(number) + 1000 * "x"))
     wait_until(lambda: viewed.pid not in (first, None), 20.0)
@@ -170,7 +171,7 @@ def test_a_viewer_that_ends_leaves_no_hook(view):
 
 
 def test_a_viewer_that_cannot_be_started_is_told_once_until_it_is_tried_again(view, monkeypatch):
-    monkeypatch.setattr(module, "COMMAND", ["/no/such/program"])
+    monkeypatch.setattr(module, "VIEWER_COMMAND", ["/no/such/program"])
     monkeypatch.setattr(module, "PAUSES", (0.5, 30.0))
     viewed, began = view(one_leaf("<Sleep msec='9000'/>")), time.monotonic()
     wait_until(lambda: len(viewed.warnings) == 3)
@@ -220,7 +221,7 @@ def test_it_ends_after_a_controller_that_is_killed(is_stopped):
 
 def test_a_line_that_the_controller_could_not_finish_is_left_out():
     port = free_port()
-    with subprocess.Popen(module.COMMAND + ["--port", str(port), "--groot2-port", "0"],
+    with subprocess.Popen(module.VIEWER_COMMAND + ["--port", str(port), "--groot2-port", "0"],
                           env=ENVIRONMENT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as viewer:
         viewer.stdin.write(header(1, 0.0) + encode(5.0, Noticed("info", "whole")))
         viewer.stdin.flush()
@@ -300,8 +301,8 @@ def work_to_page(*command):
 @pytest.mark.timing
 def test_it_is_there_soon():
     """Half of the work are its libraries, which take a third of a second."""
-    libraries = "import tornado.web, tornado.httpserver, zmq.asyncio, msgspec\nprint('true')"
-    viewer = module.COMMAND[1:] + ["--port", str(free_port()), "--groot2-port", "0"]
+    libraries = "import tornado.web, tornado.httpserver, msgspec\nprint('true')"
+    viewer = module.VIEWER_COMMAND[1:] + ["--port", str(free_port()), "--groot2-port", "0"]
     assert work_to_page(*viewer) < 2.0 * work_to_page("-c", libraries)
 
 
@@ -332,7 +333,7 @@ SOON = ("import sys; from behavior_controller.viewer import main; main.PORTS_LIM
 
 def test_it_comes_when_another_program_leaves_its_port(view, monkeypatch):
     """A controller may wait long for the robot before it replaces the one whose page has it."""
-    monkeypatch.setattr(module, "COMMAND", [sys.executable, "-c", SOON, "-", "--child"])
+    monkeypatch.setattr(module, "VIEWER_COMMAND", [sys.executable, "-c", SOON, "-", "--child"])
     port = free_port()
     given = free_port
     monkeypatch.setitem(globals(), "free_port", lambda *count: given(*count) if count else port)

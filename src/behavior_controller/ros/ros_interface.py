@@ -14,7 +14,7 @@ import rospy
 from std_msgs.msg import String
 
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.viewer.board import Board
+from behavior_controller.viewer.view import CONTROLLER_STOPPED, View
 from behavior_controller.run.record.recorder import LineQueue
 from behavior_controller.run.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
@@ -59,7 +59,7 @@ class RosInterface(LineQueue):
         super().__init__()
         self._trigger, self._array, self._status, self._value = types()
         self._offers = offers
-        self._board = Board(self.take)
+        self._view = View()
         self._shown: Optional[bytes] = None  # as published last
         self._diagnosed: Tuple[float, Any] = (0.0, None)
         self._rest = threading.Lock()
@@ -73,7 +73,6 @@ class RosInterface(LineQueue):
 
     def close(self) -> None:
         """Publish how the run ended; the topics and services end with the node."""
-        self._board.close()
         self._closed.set()
         self._thread.join(LAST_STATE_LIMIT)
 
@@ -87,6 +86,8 @@ class RosInterface(LineQueue):
         is_over = False
         while not is_over:
             is_over = self._closed.wait(PUBLISH_INTERVAL)
+            if is_over:
+                self._view.stopped = CONTROLLER_STOPPED
             try:
                 self._publish()
             except rospy.ROSException:
@@ -94,11 +95,12 @@ class RosInterface(LineQueue):
 
     def _publish(self) -> None:
         """Publish the state if it has changed, and the diagnostics if they have, or are due."""
-        shown = msgspec.json.encode(self._board.part("now"))
+        self._view.extend(self.take())
+        shown = msgspec.json.encode(self._view.now())
         if shown != self._shown:
             self._shown = shown
             self._topic.publish(String(shown.decode()))
-        now, diagnosis = time.monotonic(), statuses(self._board.state, self._offers())
+        now, diagnosis = time.monotonic(), statuses(self._view.state, self._offers())
         if diagnosis != self._diagnosed[1] or now >= self._diagnosed[0] + DIAGNOSTICS_EVERY:
             self._diagnosed = now, diagnosis
             array = self._array(status=list(map(self._message, diagnosis)))

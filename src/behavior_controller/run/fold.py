@@ -23,7 +23,7 @@ from behavior_controller.robot.gateway import UNCERTAIN, UNSENT, Cause, Failure
 from behavior_controller.robot.requests import GoTo, SetAnimation, SetAttention, SetPose, Words
 from behavior_controller.text import clean
 
-KEPT = 50
+KEPT_VISITS = 50
 """Number of the newest visits in a ``State``."""
 
 Item = TypeVar("Item")
@@ -105,7 +105,7 @@ def _end_visit(state: State, outcome: str, why: Reason, seconds: float, waited: 
 
 def _pass_started(state: State, event: PassStarted) -> State:
     state = _abandon(_end_steps(state))
-    visits = (state.visits + (Visit(event.number, state.at),))[-KEPT:]
+    visits = (state.visits + (Visit(event.number, state.at),))[-KEPT_VISITS:]
     return replace(state, visits=visits, visit_count=event.number, recoveries=(), running={},
                    held={}, course=Course(pass_began=event.at, met=event.at),
                    letters=NOT_TICKED * len(state.letters))
@@ -301,8 +301,7 @@ def _stop_changed(state: State, event: StopChanged) -> State:
         return state
     begun = Stop(event.number, event.of, clean(event.name), UNDER_WAY, None, 0.0, state.at,
                  clean(event.noun))
-    stops = state.visits[-1].stops if state.visits else ()
-    others = tuple(stop for stop in stops if stop.number != event.number)
+    others = tuple(stop for stop in state.stops if stop.number != event.number)
     return _change_course(_change_visit(state, stops=others + (begun,)), stuck=None)
 
 
@@ -314,7 +313,7 @@ def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF,
         return state
     ended = replace(stop, state=COMPLETED if why is None else how,
                     why=why and _as_seen(state, why), seconds=state.at - stop.began)
-    return _conclude(_change_visit(state, stops=state.visits[-1].stops[:-1] + (ended,)), ended)
+    return _conclude(_change_visit(state, stops=state.stops[:-1] + (ended,)), ended)
 
 
 # ----------------------------------------------------------------------------------------- recovery
@@ -379,7 +378,7 @@ def _count_skipped(state: State, node: str) -> State:
     if stop is None:
         return state
     changed = replace(stop, skipped={**stop.skipped, node: stop.skipped.get(node, 0) + 1})
-    return _change_visit(state, stops=state.visits[-1].stops[:-1] + (changed,))
+    return _change_visit(state, stops=state.stops[:-1] + (changed,))
 
 
 def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) -> State:
@@ -605,30 +604,22 @@ def _noticed(state: State, event: Noticed) -> State:
     return _conclude(_change_course(state, failed=(0, Reason(NOTICED, text=event.text))), event)
 
 
-def _message(state: State, event: Message) -> State:
-    return state  # what the mission makes of it are other events
-
-
-def _recognition_pending(state: State, event: RecognitionPending) -> State:
-    return state
-
-
-def _hook_ended(state: State, event: HookEnded) -> State:
-    return state  # it is set or not; only what it does is part of the run
-
-
 def _lost(state: State, event: Lost) -> State:
     return replace(state, lost=state.lost + event.lines)
 
 
+WITHOUT_EFFECT = (Message, RecognitionPending, HookEnded)
+"""The kinds of events that change nothing: what the mission makes of a message, and what a hook
+does, are other events."""
+
 _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
-    handler.__annotations__["event"]: handler for handler in (
+    **dict.fromkeys(WITHOUT_EFFECT, lambda state, event: state),
+    **{handler.__annotations__["event"]: handler for handler in (
         _tree_shown, _run_started, _pass_started, _step_started, _leaf_finished, _stop_changed,
         _recovering, _retried, _recovered, _paused, _safe_state_reported, _breakpoint_changed,
         _suspended, _health_changed, _pass_finished, _noticed, _run_finished, _ticked, _asked,
-        _answered, _feedback_received, _entries_written, _message, _recognition_pending, _lost,
-        _starting, _sign_of_life, _hook_ended,
-        _tree_statuses)}
+        _answered, _feedback_received, _entries_written, _lost, _starting, _sign_of_life,
+        _tree_statuses)}}
 """What interprets each kind of event."""
 
 _unknown = sorted(kind.__name__ for kind in set(EVENTS).difference(_HANDLERS))

@@ -12,27 +12,27 @@ from behavior_controller.run.fold import fold
 from behavior_controller.run.state import (
     Exchange, Fact, LeafFailure, NodeResult, RecoveryRound, State, Step, Stop, Visit)
 
-EVERY = 250
+STRETCH_EVENTS = 250
 """Number of events between two states that a ``History`` keeps.
 
 For any other moment at most so many are folded again.
 """
 
-MOST = 4000
+MOST_STRETCHES = 4000
 """The most states that a ``History`` keeps: a million events."""
 
 
 class History:
     """The events of a run in bounded memory: what was so at any moment.
 
-    It keeps each ``EVERY``-th state, and packed the events after it. The oldest go when there are
-    ``MOST`` such stretches.
+    It keeps each ``STRETCH_EVENTS``-th state, and packed the events after it. The oldest go when
+    there are ``MOST_STRETCHES`` such stretches.
     """
 
     def __init__(self) -> None:
-        self._times: Deque[float] = deque(maxlen=MOST)  # when each stretch began
-        self._states: Deque[State] = deque(maxlen=MOST)  # before it
-        self._packed: Deque[Union[bytes, List[Line]]] = deque(maxlen=MOST)
+        self._times: Deque[float] = deque(maxlen=MOST_STRETCHES)  # when each stretch began
+        self._states: Deque[State] = deque(maxlen=MOST_STRETCHES)  # before it
+        self._packed: Deque[Union[bytes, List[Line]]] = deque(maxlen=MOST_STRETCHES)
         self._lines: List[Line] = []  # of the stretch under way
         self._latest = -math.inf  # a clock that was set back does not take events back
 
@@ -44,7 +44,7 @@ class History:
     def take(self, before: State, line: Line) -> None:
         """Keep the next event, given what was so before it."""
         self._latest = max(self._latest, line.time)
-        if len(self._lines) in (0, EVERY):
+        if len(self._lines) in (0, STRETCH_EVENTS):
             if self._lines:
                 self._packed[-1] = _packed(self._lines)
             self._lines = []

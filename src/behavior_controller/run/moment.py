@@ -12,7 +12,7 @@ from behavior_controller.run.health import FAILING, GONE, NEW, SHORT, SILENT
 from behavior_controller.run.state import HOME, Robot, State, Step
 from behavior_controller.run.story import (
     STOP_BUTTON, cause, condition, conditions, few, listed, may_be_under_way, may_move, run_end,
-    stop_name, step_words, switched_off, under_way_warning)
+    safe_parts, stop_name, step_words, switched_off, under_way_warning)
 from behavior_controller.robot.requests import SetAnimation, SetAttention
 from behavior_controller.text import clean
 
@@ -183,17 +183,12 @@ def _safety(state: State) -> str:
     """
     if state.safe_state is None:
         return ""
-    off, left_on, under_way = switched_off(state), _left_on(state), may_be_under_way(state)
+    off, left_on = switched_off(state), safe_parts(state, is_off=False)
+    under_way = may_be_under_way(state)
     if not left_on and not under_way:
         return f"safe: {off}" if off else "safe"
     on = f"{listed(left_on)} may be on" if left_on else ""
     return clean("; ".join(filter(None, (off, on, under_way))))
-
-
-def _left_on(state: State) -> List[str]:
-    """Return what may still be on after a stop."""
-    parts = state.safe_state.parts if state.safe_state is not None else ()
-    return [part.what for part in parts if part.failure is not None]
 
 
 def _place(robot: Robot) -> str:
@@ -260,8 +255,9 @@ def _repairs(state: State) -> Iterator[str]:
             yield "repair what fails: " + cause(pause.failure)
     if state.held:
         yield "release the breakpoint in Groot2, or disconnect Groot2"
-    if _left_on(state):
-        yield f"switch {listed(_left_on(state))} off by hand"
+    left_on = safe_parts(state, is_off=False)
+    if left_on:
+        yield f"switch {listed(left_on)} off by hand"
 
 
 def _named(nodes: List[str]) -> str:

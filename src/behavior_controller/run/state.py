@@ -357,10 +357,14 @@ class State(Struct, frozen=True):
         return self.steps[-1] if self.steps else None
 
     @property
+    def stops(self) -> Tuple[Stop, ...]:
+        """The stops of the visit under way, or else of the last one."""
+        return self.visits[-1].stops if self.visits else ()
+
+    @property
     def stop(self) -> Optional[Stop]:
         """The stop under way."""
-        last = self.visits[-1].stops[-1:] if self.visits else ()
-        return last[0] if last and last[0].state == UNDER_WAY else None
+        return next((stop for stop in self.stops[-1:] if stop.state == UNDER_WAY), None)
 
     @property
     def waits_for(self) -> Optional[Exchange]:
@@ -406,11 +410,9 @@ class State(Struct, frozen=True):
 
     def omits(self, event: Recovered) -> Optional[Stop]:
         """Return the stop that is not gone on with because of a recovery's decision."""
-        stop = self.visits[-1].stops[-1] if self.visits and self.visits[-1].stops else None
-        if not self.omitted or stop is None or stop.number != self.omitted:
-            return None
-        allowed = (UNDER_WAY, BROKEN_OFF) if event.outcome == SKIPPED else (UNDER_WAY,)
-        return stop if stop.state in allowed else None
+        allowed = [UNDER_WAY] + [BROKEN_OFF] * (event.outcome == SKIPPED)
+        return next((stop for stop in self.stops[-1:]
+                     if stop.number == self.omitted and stop.state in allowed), None)
 
     def has_given_up(self, event: Recovered) -> bool:
         """Return whether an inner HandleFallBack has given up that step already."""

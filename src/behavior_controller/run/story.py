@@ -59,6 +59,11 @@ class Story:
         before, self.state = self.state, fold(self.state, at, event)
         return sentences(before, event, self.state)
 
+    def extend(self, lines: Iterable[events.Line]) -> None:
+        """Fold the next lines."""
+        for line in lines:
+            self.take(line.time, line.event)
+
 
 def sentences(before: State, event: events.Event, after: State) -> Tuple[Sentence, ...]:
     """Return the sentences about an event, given what was so before it and what is so after it."""
@@ -303,12 +308,19 @@ def under_way_warning(state: State) -> str:
     return f"{under_way}: {STOP_BUTTON}" if may_move(state) else under_way
 
 
+def safe_parts(state: State, is_off: bool) -> List[str]:
+    """Return the parts of the safe state that were switched off after a stop, or those that were
+    not."""
+    if state.safe_state is None:
+        return []
+    return [part.what for part in state.safe_state.parts if (part.failure is None) is is_off]
+
+
 def switched_off(state: State) -> str:
     """Return ``attention and lifelike movement are off``, of the parts of the safe state that were
     reached; empty for none.
     """
-    parts = state.safe_state.parts if state.safe_state is not None else ()
-    off = [part.what for part in parts if part.failure is None]
+    off = safe_parts(state, is_off=True)
     return clean(f"{listed(off)} {'are' if len(off) > 1 else 'is'} off") if off else ""
 
 

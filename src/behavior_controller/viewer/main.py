@@ -27,7 +27,7 @@ from behavior_controller.run.record.tail import follow
 from behavior_controller.viewer.groot2 import Groot2Publisher
 from behavior_controller.viewer.web_page import Page
 
-PULSE = 1.0
+ALIVE_INTERVAL = 1.0
 """Seconds between two signs of life for the controller."""
 
 NEWER_RUN_POLL = 0.5
@@ -179,7 +179,7 @@ def _read(put: Callable[[bytes], None]) -> None:
 
 
 class _Alive:
-    """Tells the controller once in ``PULSE`` that this process goes on."""
+    """Tells the controller once in ``ALIVE_INTERVAL`` that this process goes on."""
 
     def __init__(self, send: Callable[[FromViewer], None]):
         self.has_page = False
@@ -189,7 +189,7 @@ class _Alive:
     def _work(self) -> None:
         while True:
             self._send(ViewerAlive(self.has_page))
-            time.sleep(PULSE)
+            time.sleep(ALIVE_INTERVAL)
 
 
 def _ports(chosen: argparse.Namespace) -> Tuple[List[Port], List[Port]]:
@@ -213,7 +213,7 @@ def _trouble(ports: List[Port]) -> int:
 def _end_when_free(ports: List[Port], send: Callable[[FromViewer], None]) -> None:
     """End the process when the ports can be opened: the controller starts another one."""
     while _trouble(ports):
-        time.sleep(PULSE)
+        time.sleep(ALIVE_INTERVAL)
     send(ViewerTold("the ports that page or Groot2 did not get are free now"))
     os._exit(exit_codes.UNAVAILABLE)
 
@@ -270,7 +270,7 @@ def _show_run(viewer: Viewer, path: str) -> None:
     _print(f"the run {path}")
     viewer.begin()
     try:
-        for line in follow(path):
+        for line in filter(None, follow(path)):
             viewer.take(line)
     finally:
         viewer.note_end()

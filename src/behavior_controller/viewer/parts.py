@@ -1,7 +1,4 @@
-"""The state of a running mission as it is sent: the parts of the board that the page's server makes
-and ``missionStatus`` reads.
-"""
-import itertools
+"""The parts of the board: what page and ``missionStatus`` show of a run."""
 from typing import Any, Dict, List, Optional
 
 from msgspec import Struct
@@ -91,31 +88,3 @@ class Alive(Struct, frozen=True):
     kept: Optional[float] = None
     clock_shift: int = 0
 
-
-def changes(old: Any, new: Any) -> Any:
-    """Return what differs in ``new``, as JSON for ``patched``.
-
-    Of a record the fields that differ, with None for one that is gone; of a list the number of
-    items to ``drop`` at its begin, and those to ``add`` at its end.
-    """
-    if isinstance(old, list) and isinstance(new, list):
-        drop = next(count for count in itertools.count() if old[count:] == new[:len(old) - count])
-        return {"drop": drop, "add": new[len(old) - drop:]}
-    if not isinstance(old, dict) or not isinstance(new, dict):
-        return new
-    differences = {name: changes(old.get(name), value) for name, value in new.items()
-                   if name not in old or old[name] != value}
-    return {**differences, **dict.fromkeys(old.keys() - new.keys())}
-
-
-def patched(old: Any, change: Any) -> Any:
-    """Return what ``changes`` were made of. Raises ValueError for changes that do not fit."""
-    if not isinstance(change, dict):
-        return change
-    if isinstance(old, list):
-        drop, add = change.get("drop"), change.get("add")
-        if not isinstance(drop, int) or not isinstance(add, list):
-            raise ValueError("a list is changed without drop and add")
-        return old[drop:] + add
-    known = old if isinstance(old, dict) else {}
-    return dict(known, **{name: patched(known.get(name), value) for name, value in change.items()})

@@ -19,7 +19,7 @@ from behavior_controller.run.from_viewer import HookChange, ViewerAlive, ViewerT
 from behavior_controller.run.record.outset import Outset
 from behavior_controller.run.record.recorder import EncodedLine
 
-MOST_WAITING = 100_000
+MOST_FOR_VIEWER = 100_000
 """The most lines that wait for a viewer; with more it is started again."""
 
 LINES_POLL = 0.02
@@ -31,13 +31,13 @@ NO_SIGN_LIMIT = 10.0
 PAUSES = (1.0, 30.0)
 """Seconds from one start to the next, at least: the first time, and at most."""
 
-CLOSING = 0.5
+LAST_LINES = 0.5
 """Seconds at the end to hand over the last lines."""
 
-MOST_BYTES = 65_536
+LONGEST_FROM_VIEWER = 65_536
 """The most bytes of a line from the viewer."""
 
-COMMAND = [sys.executable, "-m", "behavior_controller.viewer.main", "-", "--child"]
+VIEWER_COMMAND = [sys.executable, "-m", "behavior_controller.viewer.main", "-", "--child"]
 
 
 class ViewerProcess:
@@ -66,16 +66,16 @@ class ViewerProcess:
 
     def put(self, line: EncodedLine) -> None:
         """Queue a line."""
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MOST_FOR_VIEWER:
             self._has_lost = True
         else:
             self._waiting.append(line)
 
     def close(self) -> None:
-        """Hand over the last lines, for ``CLOSING`` seconds at most. The viewer shows the end, and
-        ends by itself; one that hangs is killed."""
+        """Hand over the last lines, for ``LAST_LINES`` seconds at most. The viewer shows the end,
+        and ends by itself; one that hangs is killed."""
         self._is_over.set()
-        self._thread.join(CLOSING)
+        self._thread.join(LAST_LINES)
         child = self._child
         if child is not None and time.monotonic() - self._lived > NO_SIGN_LIMIT / 4:
             child.kill()
@@ -138,7 +138,7 @@ class ViewerProcess:
     def _new_child(self) -> "subprocess.Popen[bytes]":
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
         child = subprocess.Popen(
-            COMMAND + self._arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            VIEWER_COMMAND + self._arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL, bufsize=0, env=environment,
             cwd="/",  # Python's -m looks for modules in the working directory first
             start_new_session=True)  # Ctrl-C in the terminal is for the controller alone
@@ -174,7 +174,7 @@ class ViewerProcess:
     def _listen(self, child: "subprocess.Popen[bytes]") -> None:
         output = child.stdout
         assert output is not None
-        for line in iter(lambda: output.readline(MOST_BYTES), b""):
+        for line in iter(lambda: output.readline(LONGEST_FROM_VIEWER), b""):
             with contextlib.suppress(ValueError):  # a torn line of a viewer that was killed
                 self._take(from_viewer.decode(line))
         self.has_page = False

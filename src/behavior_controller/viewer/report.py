@@ -29,14 +29,14 @@ COMMAND = "replayMission"
 
 SECTIONS = {"then": "Moment", "story": "Story", "timeline": "Timeline", "tree": "Tree",
             "files": "Mission file", "settings": "Configuration"}
-SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
-NO, RETRY, DONE = "n", "r", "d"
+ICONS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
+UNTRUE, RETRIED, STEP_DONE = "n", "r", "d"
 """Kinds of bars in addition to the statuses: a condition that does not hold, a retry that failed, a
 step."""
 
 LEGEND = {
-    "S": "success", "F": "failure", "h": "halted", NO: "not yet true", RETRY: "a retry failed",
-    "w": "waiting for a visitor", "warning": "warning", "error": "error"}
+    "S": "success", "F": "failure", "h": "halted", UNTRUE: "not yet true",
+    RETRIED: "a retry failed", "w": "waiting for a visitor", "warning": "warning", "error": "error"}
 
 MAX_LIST_DEPTH = 100
 """Levels of nested lists; browsers accept no more than about 170, so deeper nodes are shown beside
@@ -95,22 +95,23 @@ class Drawn:
             if ended.uid not in self.lanes:
                 self.changes.add(ended.uid, self._bar(ended.began, ended.ended, ended.letter))
         self._draw(time, event)
-        self.moments.take(self.view, self._since(self.ended))
+        self.moments.take(self.view, self.ended)
 
     def _end_step(self, step: Step) -> None:
-        bar = self._bar(step.began, step.ended or step.began, DONE, story.step_words(step))
+        bar = self._bar(step.began, step.ended or step.began, STEP_DONE, story.step_words(step))
         self.steps.append(bar)
-        self.lanes.end_wait(step.uid, NO, bar.end)  # a condition tells that it does not hold once
+        # a condition tells that it does not hold once
+        self.lanes.end_wait(step.uid, UNTRUE, bar.end)
 
     def _draw(self, time: float, event: events.Event) -> None:
         if isinstance(event, events.Lost):
             self.missing.append(str(event))
         elif isinstance(event, events.Retried):
-            bar = self._bar(time, time, RETRY, story.cause(event.failure))
+            bar = self._bar(time, time, RETRIED, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)
         elif isinstance(event, events.LeafFinished) and 0 < event.uid <= len(self.nodes):
             is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
-            kind = NO if is_no else events.LETTERS.get(event.status, "-")
+            kind = UNTRUE if is_no else events.LETTERS.get(event.status, "-")
             self.finished[event.uid - 1][kind] += 1
             why = story.cause(event.failure) if event.failure else ""
             bar = self._bar(time - max(0.0, event.seconds), time, kind, why)
@@ -193,7 +194,7 @@ def _seconds(seconds: float) -> str:
 
 
 def _sign(letter: str, word: str) -> str:
-    return '<b class="{}" title="{}">{}</b>'.format(letter, word, SIGNS[letter])
+    return '<b class="{}" title="{}">{}</b>'.format(letter, word, ICONS[letter])
 
 
 def _letter(visit: Visit) -> str:
@@ -258,8 +259,8 @@ def _data(run: Drawn) -> str:
         "nodes": [[node.type, [(port.name, port.text, port.given) for port in node.ports]]
                   for node in run.nodes],
         "types": run.tree.summaries,
-        "moments": run.moments.packed(), "words": dict(LEGEND, **{"R": UNDER_WAY, DONE: ""}),
-        "signs": SIGNS}
+        "moments": run.moments.packed(), "words": dict(LEGEND, **{"R": UNDER_WAY, STEP_DONE: ""}),
+        "signs": ICONS}
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
@@ -286,9 +287,9 @@ def _row(run: Drawn, uid: int, place: Optional[FilePlace]) -> SimpleNamespace:
     """Return what the template shows of a node: its results, and its place in the file."""
     node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
     # a condition that does not hold has not failed
-    failed = finished["F"] if finished[NO] else count["F"]
+    failed = finished["F"] if finished[UNTRUE] else count["F"]
     results = (("S", "success", count["S"]), ("F", "failure", failed),
-               (NO, LEGEND[NO], count["F"] - failed))
+               (UNTRUE, LEGEND[UNTRUE], count["F"] - failed))
     return SimpleNamespace(
         uid=uid, path=encodable(node.path), name=encodable(node.label),
         kind=encodable(node.kind), is_bare=node.is_bare,

@@ -5,17 +5,14 @@ import json
 import zlib
 from typing import Any, Dict, List, Tuple
 
-import msgspec
-
 from behavior_controller.run.state import State
-from behavior_controller.viewer.parts import changes
 from behavior_controller.viewer.view import View
 
-EVERY = 500
+STRETCH_MOMENTS = 500
 """Number of moments in a stretch, whose first one is whole; the script unpacks one at a time."""
 
-KEPT = ("statuses", "now", "story", "blackboard")
-"""The parts of the board that a moment has."""
+AT_MOMENTS = ("statuses", "now", "story", "blackboard")
+"""The parts of the board that a moment has; the sentences stand in the page itself."""
 
 
 class Moments:
@@ -24,22 +21,24 @@ class Moments:
     def __init__(self) -> None:
         self._shown = State()
         self._parts: Dict[str, Any] = {}
-        self._moments: List[Tuple[int, Dict[str, Any]]] = []  # of the stretch under way
-        self._stretches: List[Tuple[int, str]] = []
+        self._moments: List[Tuple[float, Dict[str, Any]]] = []  # of the stretch under way
+        self._stretches: List[Tuple[float, str]] = []
 
     def take(self, view: View, at: float) -> None:
-        """Note what is shown ``at`` that time, in seconds since the begin of the run."""
+        """Note what is shown ``at`` that time."""
         changed = view.changed(self._shown)
-        parts = {name: msgspec.to_builtins(view.part(name)) for name in KEPT
-                 if name in changed or name not in self._parts}
-        before, self._parts = self._parts, {**self._parts, **parts}
+        parts = view.shown(name for name in AT_MOMENTS
+                           if name in changed or name not in self._parts)
+        if "story" in parts:
+            parts["story"] = {"visit": parts["story"]["visit"]}
         self._shown = view.state
-        news = changes(before, self._parts)
+        news = {name: part for name, part in parts.items() if part != self._parts.get(name)}
         if not news:
             return
-        if len(self._moments) == EVERY:
+        self._parts.update(news)
+        if len(self._moments) == STRETCH_MOMENTS:
             self._close()
-        self._moments.append((round(1000 * at), news if self._moments else self._parts))
+        self._moments.append((round(at, 3), news if self._moments else dict(self._parts)))
 
     def _close(self) -> None:
         text = json.dumps(self._moments, separators=(",", ":"))
@@ -47,8 +46,8 @@ class Moments:
         self._stretches.append((self._moments[0][0], packed))
         self._moments = []
 
-    def packed(self) -> List[Tuple[int, str]]:
-        """Return each stretch: when it begins, in milliseconds, and its moments as packed JSON."""
+    def packed(self) -> List[Tuple[float, str]]:
+        """Return each stretch: when it begins, and its moments as packed JSON."""
         if self._moments:
             self._close()
         return self._stretches

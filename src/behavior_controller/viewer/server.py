@@ -22,7 +22,7 @@ SHORTEST_IDLE = 2.0
 NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 """The system's error numbers when it gives nothing for a connection."""
 
-AGAIN = 0.05
+ACCEPT_AGAIN = 0.05
 """Seconds between two attempts to accept a client meanwhile."""
 
 
@@ -72,7 +72,7 @@ class _Listener(socket.socket):
         except OSError as error:
             if error.errno not in NO_DESCRIPTOR:
                 raise
-            time.sleep(AGAIN)
+            time.sleep(ACCEPT_AGAIN)
             raise BlockingIOError from error
 
 

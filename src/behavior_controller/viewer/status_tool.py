@@ -1,8 +1,13 @@
 """``missionStatus``: prints the running mission's tree in the terminal, once or again at every
-change."""
+change.
+
+It reads the lines of the run: from its record if that is written on this computer, or else from the
+viewer's address.
+"""
 import argparse
 import contextlib
 import http.client
+import itertools
 import os
 import queue
 import sys
@@ -15,18 +20,28 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
-from behavior_controller import exit_codes, ros_arguments
+from behavior_controller import exit_codes, folders, ros_arguments
+from behavior_controller.errors import MissionError
 from behavior_controller.folders import mission_name
-from behavior_controller.viewer import parts
+from behavior_controller.run.events import unix_now, use_clock_of
 from behavior_controller.run.moment import card_line
+from behavior_controller.run.record import files
+from behavior_controller.run.record.codec import Decoder
+from behavior_controller.run.record.tail import follow
+from behavior_controller.run.state import State
+from behavior_controller.viewer import parts
+from behavior_controller.viewer.addresses import is_loopback
+from behavior_controller.viewer.backlog import Batch
+from behavior_controller.viewer.view import CONTROLLER_STOPPED, HANGS, View
 from behavior_controller.text import clean
 
-AGAIN = "again"
+DONE_AGAIN = "again"
 """Instead of the letter of a failed node that a recovery does again."""
 
-SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·", AGAIN: "↻"}
-WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure",
-         "r": "was halted", "-": "", AGAIN: "done again after a failure"}
+MARKS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·", DONE_AGAIN: "↻"}
+MEANINGS = {"R": "running", "S": "success", "F": "failure", "s": "was success",
+            "f": "was failure", "r": "was halted", "-": "",
+            DONE_AGAIN: "done again after a failure"}
 TOP, END_OF_LINE, BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
 """Control sequences: move to the first line, clear the rest of a line, clear the rest of the
 window."""
@@ -38,16 +53,19 @@ second."""
 FIRST_ANSWER_LIMIT = 5.0
 """Seconds within which the first answer must be complete."""
 
-GIVEN_UP = 30.0
+NO_MESSAGE_LIMIT = 30.0
 """Seconds without a message after which ``--watch`` ends."""
 
-MOST_BYTES = 10_000_000
-"""Bytes of a message; 2,000 nodes are about 300,000."""
+LONGEST_LINE_READ = 10_000_000
+"""Bytes of a line from the viewer."""
+
+FILES_SHOWN = 1
+"""Number of the newest files of a record that are read; each begins with what was so before."""
 
 MAX_INDENT = 30
 """Levels of the tree that are indented."""
 
-MOST_WAITING = 100
+MOST_STATES_WAITING = 100
 """The most messages that wait for a blocked terminal."""
 
 
@@ -135,9 +153,9 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
     """Yield the whole board after each message and, while none comes, again, with ``silent``:
     seconds since the last one. Raises NoMission if no further message comes.
 
-    A separate thread reads: a server may hang or send slowly at any moment.
+    A separate thread reads: a disk or a server may hang or be slow at any moment.
     """
-    messages: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
+    messages: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_STATES_WAITING)
     threading.Thread(target=_read, args=(address, port, messages.put), name="messages",
                      daemon=True).start()
     state: Union[ShownState, NoMission] = NoMission(
@@ -149,7 +167,7 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
         if isinstance(state, NoMission):
             raise state
         silent = time.monotonic() - came
-        if silent >= GIVEN_UP:
+        if silent >= NO_MESSAGE_LIMIT:
             raise NoMission(f"no message for {silent:.0f} s")
         yield replace(state, silent=silent)
         if not is_watching:
@@ -158,27 +176,73 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
 
 
 def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]], None]) -> None:
+    """Read the run from its record, or else from its viewer."""
+    reason = "the answer is not a mission's"
     try:
-        connection = http.client.HTTPConnection(address, port)
-        connection.request("GET", "/events")
-        answer = connection.getresponse()
-        if answer.status != http.client.OK:
-            raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
-        known: Any = {}
-        for line in iter(lambda: answer.readline(MOST_BYTES + 1), b""):
-            if len(line) > MOST_BYTES:
-                raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
-            if line.startswith(b"data: "):
-                known = parts.patched(known, msgspec.json.decode(line[6:]))
-                put(msgspec.convert(known, ShownState))
-        reason = "the connection was closed" if known else "the answer is not a mission's"
+        for view in itertools.chain(_of_record(address, port), _of_viewer(address, port)):
+            put(ShownState(view.mission(), view.statuses(), view.now(), view.story(),
+                           view.health(), view.alive()))
+            reason = "the connection was closed"
     except msgspec.ValidationError as error:
         reason = f"the answer is not a mission's: {error}"
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         reason = "the answer is not JSON"
-    except (OSError, ValueError, http.client.HTTPException) as error:
+    except (OSError, ValueError, http.client.HTTPException, MissionError) as error:
         reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
     put(NoMission(reason))
+
+
+def _of_record(address: str, port: int) -> Iterator[View]:
+    """Yield the view of a run that is written on this computer and whose page has that port, again
+    and again until the run ends, its record cannot be read, or lags, as on a disk that is full."""
+    places = files.runs(folders.records()) if is_loopback(address) else []
+    with contextlib.suppress(OSError, MissionError):
+        for path in filter(files.is_written, reversed(places)):
+            view, is_shown = View(), False
+            for line in follow(path, FILES_SHOWN):
+                if line is not None:
+                    view.take(line.time, line.event)
+                    continue
+                is_shown = _is_current(view.state, port)
+                if not is_shown:
+                    break
+                yield view
+            if is_shown:
+                view.stopped = CONTROLLER_STOPPED
+                yield view
+                return
+
+
+def _is_current(state: State, port: int) -> bool:
+    return (state.started is not None and unix_now() - state.at < HANGS
+            and state.started.settings.get("monitorPort") in (0, port))
+
+
+def _of_viewer(address: str, port: int) -> Iterator[View]:
+    """Yield the view after each batch of lines that the viewer there sends."""
+    connection = http.client.HTTPConnection(address, port)
+    connection.request("GET", "/lines")
+    answer = connection.getresponse()
+    if answer.status != http.client.OK:
+        raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
+    view, decoder = View(), Decoder(f"{address}:{port}")
+    for text in iter(lambda: _line(answer), b""):
+        batch = msgspec.json.decode(text, type=Batch)
+        if batch.is_first:
+            view, decoder = View(), Decoder(f"{address}:{port}")
+        use_clock_of(batch.at - time.monotonic())
+        for _ in range(batch.lines):
+            view.extend(decoder.read(_line(answer)))
+        view.stopped = batch.stopped
+        yield view
+
+
+def _line(answer: http.client.HTTPResponse) -> bytes:
+    """Return the next line, empty at the end. Raises ValueError for one that is too long."""
+    line = answer.readline(LONGEST_LINE_READ + 1)
+    if len(line) > LONGEST_LINE_READ:
+        raise ValueError(f"the answer has more than {LONGEST_LINE_READ} bytes")
+    return line
 
 
 # ----------------------------------------------------------------------------------------- the text
@@ -207,8 +271,8 @@ def fitted(text: List[str], width: int, height: int) -> List[str]:
     """
     wrapper = textwrap.TextWrapper(width, subsequent_indent="    ", break_on_hyphens=False)
     wrapped = [part for line in text for part in wrapper.wrap(line)]
-    running = (SIGNS["R"], SIGNS[AGAIN])
-    head = next((at for at, row in enumerate(wrapped) if row[0] in SIGNS.values()), len(wrapped))
+    running = (MARKS["R"], MARKS[DONE_AGAIN])
+    head = next((at for at, row in enumerate(wrapped) if row[0] in MARKS.values()), len(wrapped))
     here = max((at for at, row in enumerate(wrapped) if row.lstrip()[0] in running), default=0)
     room = max(0, height - 1 - head)
     first = max(head, min(here - room // 2, len(wrapped) - room))
@@ -246,10 +310,10 @@ def _tree(nodes: List[parts.NodeRow], statuses: parts.Statuses, is_all: bool) ->
         is_tip = number == statuses.tip
         is_shown = is_all or letter != "-" and (not node.bare or is_tip) or number == 1
         if is_tip and letter != "R":
-            letter = AGAIN
+            letter = DONE_AGAIN
         depths.append(depths[parent] + 1 if is_shown and number > 1 else depths[parent])
         if is_shown:
             label = clean(" ".join(filter(None, (node.name, node.kind))))
-            words = ": " + WORDS[letter] if WORDS.get(letter) else ""
+            words = ": " + MEANINGS[letter] if MEANINGS.get(letter) else ""
             indent = "  " * min(depths[number], MAX_INDENT)
-            yield f"{indent}{SIGNS.get(letter, '·')} {label}{words}"
+            yield f"{indent}{MARKS.get(letter, '·')} {label}{words}"

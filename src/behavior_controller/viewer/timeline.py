@@ -5,7 +5,7 @@ from typing import Dict, Iterator, List, Optional, Tuple
 
 from msgspec import Struct
 
-MOST = 20_000
+MOST_BARS = 20_000
 """The most bars of a run; with more results, bars are coarser."""
 
 GRAIN = 1.0
@@ -32,7 +32,7 @@ class Lanes:
     def __init__(self) -> None:
         self.grain = GRAIN
         self.results = self.bars = 0
-        self._most = MOST
+        self._most = MOST_BARS
         self._lanes: Dict[int, List[Bar]] = {}
         self._newest: Dict[Tuple[int, str, str], Bar] = {}  # of each lane, kind and note
         self._last: Optional[int] = None  # the lane of the last result
@@ -73,7 +73,7 @@ class Lanes:
             for bar in bars:
                 self._put(key, bar, self.grain)
         # kinds and notes without number cannot be joined
-        self._most = max(MOST, self.bars * 5 // 4)
+        self._most = max(MOST_BARS, self.bars * 5 // 4)
 
     def __contains__(self, key: int) -> bool:
         return key in self._lanes

@@ -2,16 +2,21 @@
 """
 import collections
 import time
-from typing import Any, Deque, Dict, List, NamedTuple, Tuple
+from typing import Any, Deque, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
-from msgspec.structs import asdict
+import msgspec
+from msgspec.structs import asdict, replace
 
-from behavior_controller.run.events import Event, PassStarted, TreeShown, clock_shift
-from behavior_controller.run.state import Exchange, NodeResult, State, Step, Visit, step_over
+from behavior_controller.folders import mission_name
+from behavior_controller.run.events import (
+    Event, HealthChanged, PassStarted, PortText, TreeNode, TreeShown, clock_shift, unix_now)
+from behavior_controller.run.state import (
+    Exchange, NodeResult, State, Step, Visit, rank, step_over)
 from behavior_controller.viewer import parts
 from behavior_controller.run import story
 from behavior_controller.run.moment import card, robot_line
 from behavior_controller.robot.gateway import Failure
+from behavior_controller.text import clean
 
 SENTENCES = 100
 """Number of the newest sentences of the story that are kept."""
@@ -21,6 +26,15 @@ STEPS = 200
 
 RESULTS = 5
 """Number of the newest results of a node that are kept."""
+
+LONGEST_PORT = 120
+"""The most characters of a port's text."""
+
+HANGS = 3.0
+"""Seconds without a sign of the tick thread after which it hangs."""
+
+CONTROLLER_STOPPED = "the controller has stopped"
+"""How a run ended that does not say so itself."""
 
 INSTANT = 0.01
 """Seconds; alike results of a node that each took less are joined."""
@@ -37,7 +51,7 @@ class Calls(NamedTuple):
 class View(story.Story):
     """Keeps besides the state what is shown of what has ended.
 
-    Each part of the board that is known for each moment has a method, which makes it.
+    Each part of the board has a method, which makes it.
     """
 
     stopped = ""
@@ -106,8 +120,21 @@ class View(story.Story):
         return names + (["now"] if "statuses" in names and now.step is None else [])
 
     def part(self, name: str) -> Any:
-        """Return a part of the board."""
-        return getattr(self, name)()
+        """Return a part of the board as data that JSON can carry."""
+        return msgspec.to_builtins(getattr(self, name)())
+
+    def shown(self, names: Iterable[str]) -> Dict[str, Any]:
+        """Return some parts of the board, likewise."""
+        return {name: self.part(name) for name in names}
+
+    def mission(self) -> parts.MissionPart:
+        nodes = [_row(uid, node) for uid, node in enumerate(self.state.nodes, 1)]
+        started = self.state.started
+        if started is None:
+            return parts.MissionPart("", nodes)
+        if nodes:  # as py-trees-render has it
+            nodes[0] = replace(nodes[0], name=clean(mission_name(started.mission)), kind="")
+        return parts.MissionPart(clean(started.mission), nodes)
 
     def statuses(self) -> parts.Statuses:
         # the last in depth-first order: a running leaf, or what waits above it
@@ -149,9 +176,51 @@ class View(story.Story):
         except (ValueError, OverflowError):  # a script of the mission wrote something else
             return text
 
-    def results(self, uid: int) -> List[Dict[str, Any]]:
-        """Return how a node ended, the newest first."""
-        return [_result(*result) for result in reversed(self._results.get(uid, ()))]
+    def offers(self) -> Dict[str, parts.Offer]:
+        """Return how each service and topic is, by name."""
+        state = self.state
+        offers = state.started.offers if state.started is not None else {}
+        names = {**offers, **{change.name: change.kind for change in state.robot.ill}}
+        return {name: _offer(name, kind, state.robot.trouble(name)) for name, kind in names.items()}
+
+    def health(self) -> Dict[str, parts.Offer]:
+        """Return this with what is known for now only: how often each was called, or heard last."""
+        offers = {}
+        for name, offer in self.offers().items():
+            calls, heard = self.calls.get(name), self.state.heard.get(name)
+            if calls is not None:
+                offer = replace(offer, calls=calls.calls, failures=calls.failures,
+                                seconds=round(calls.seconds, 3))
+            if heard is not None:
+                offer = replace(offer, age=round(unix_now() - heard, 1))
+            offers[clean(name)] = offer
+        return offers
+
+    def alive(self) -> parts.Alive:
+        age = None
+        if self.state.alive is not None and not self.ended:
+            age = round(unix_now() - self.state.alive, 1)
+        return parts.Alive(age, age is not None and age >= HANGS, unix_now(),
+                           clock_shift=clock_shift())
+
+    def node(self, uid: int) -> Optional[Dict[str, Any]]:
+        """Return the details of a node: its place, ports with values, last results; None if it does
+        not exist."""
+        tree = self.state.tree
+        if not 1 <= uid <= len(tree.nodes):
+            return None
+        node, results = tree.nodes[uid - 1], reversed(self._results.get(uid, ()))
+        return {"uid": uid, "path": node.path, "type": node.type,
+                "description": tree.summaries.get(node.type, ""), "place": node.place,
+                "ports": list(map(self._port, node.ports)),
+                "results": [_result(*result) for result in results]}
+
+    def _port(self, port: PortText) -> Dict[str, str]:
+        """Return a port of a node: its name and text, and the value of the entry that it refers to.
+        """
+        # without a value nothing has written it
+        value = port.entry and self.state.entries.get(port.entry, "–")
+        return {"name": port.name, "text": clean(port.text, LONGEST_PORT), "value": value}
 
 
 PARTS: Dict[str, Tuple[str, ...]] = {
@@ -175,6 +244,19 @@ MOMENT = ("statuses", "now", "story", "visits", "timeline", "blackboard")
 def clock(at: float) -> str:
     """Return the time of day of an event, as sentences show it."""
     return time.strftime("%H:%M:%S", time.localtime(at + clock_shift()))
+
+
+def _row(uid: int, node: TreeNode) -> parts.NodeRow:
+    return parts.NodeRow(uid, node.parent, node.label, node.kind, clean(node.path),
+                         node.type == "SubTree", node.is_bare)
+
+
+def _offer(name: str, kind: str, trouble: Optional[HealthChanged]) -> parts.Offer:
+    if trouble is None:
+        return parts.Offer(kind, clean(name), True, "", "")
+    text = clean(f"{story.condition(trouble)}; {trouble.consequence}")
+    return parts.Offer(kind, clean(name), False, clean(trouble.status), clean(trouble.consequence),
+                       text, rank(trouble))
 
 
 def _has_changed(before: Any, now: Any) -> bool:

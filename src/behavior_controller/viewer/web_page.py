@@ -5,7 +5,6 @@ every browser connects again by itself. The page needs nothing from elsewhere: H
 lie beside this module.
 """
 import asyncio
-import ipaddress
 import math
 import os
 import socket
@@ -19,12 +18,14 @@ from tornado.httputil import HTTPServerRequest, split_host_and_port
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
+from behavior_controller.run.events import unix_now
+from behavior_controller.viewer.backlog import Batch
 from behavior_controller.viewer.board import Board
-from behavior_controller.viewer.parts import changes
+from behavior_controller.viewer.addresses import ip_of, is_loopback
 from behavior_controller.viewer.server import Connections, LoopThread, opened
 from behavior_controller.viewer.view import PARTS
 
-FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
+PAGE_FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.05
 """Seconds between two pushes: changes in between are sent together, and the tick thread wakes no
 other thread."""
@@ -44,7 +45,7 @@ class Page:
     def __init__(self, address: str, port: int, board: Board, warn: Callable[[str], None]):
         """Start to serve; if the port is taken, ``warn`` gets one line and nothing is served."""
         self.board = board
-        self.streams: Set[_Stream] = set()
+        self.streams: Set[_Pushed] = set()
         self.host_names = _host_names(address.lower())
         self.connections = Connections(MOST_CONNECTIONS)
         self.is_closing = False
@@ -77,8 +78,8 @@ class Page:
     def _begin(self) -> None:
         data = [(path, _Data, {"find": find}) for path, find in DATA.items()]
         application = Application(
-            [(r"/events", _Stream), *data,
-             (r"/(.*)", _File, {"path": FILES, "default_filename": "index.html"})],
+            [(r"/events", _Changes), (r"/lines", _Lines), *data,
+             (r"/(.*)", _File, {"path": PAGE_FILES, "default_filename": "index.html"})],
             log_function=lambda handler: None, compress_response=True, page=self)
         self._server = _Server(application, max_body_size=1024, max_buffer_size=64 * 1024,
                                max_header_size=16 * 1024, idle_connection_timeout=LONGEST_IDLE,
@@ -108,28 +109,13 @@ class _Server(HTTPServer):
 def _host_names(address: str) -> Set[str]:
     """Return the names, besides localhost, under which a browser may ask for the page."""
     own = socket.gethostname().lower()
-    names = {address} if _ip(address) is None else set()
-    return names if _is_loopback(address) else names | {own, own + ".local"}
+    names = {address} if ip_of(address) is None else set()
+    return names if is_loopback(address) else names | {own, own + ".local"}
 
 
 def _stream(request: HTTPServerRequest) -> IOStream:
     """Return the connection that a request came on."""
     return cast(HTTP1Connection, request.connection).stream
-
-
-def _ip(text: str) -> Any:
-    """Return an IP address, or None for a name; an IPv4 address that came to an IPv6 socket is one
-    of IPv4."""
-    try:
-        address = ipaddress.ip_address(text)
-    except ValueError:
-        return None
-    return getattr(address, "ipv4_mapped", None) or address
-
-
-def _is_loopback(host: str) -> bool:
-    address = _ip(host)
-    return host == "localhost" if address is None else address.is_loopback
 
 
 class _Quiet(RequestHandler):
@@ -163,12 +149,12 @@ class _Quiet(RequestHandler):
         this computer."""
         asked = self.request.headers.get("Host", "").lower()
         host = split_host_and_port(asked)[0].strip("[]")
-        if host in self.page.host_names or _is_loopback(host):
+        if host in self.page.host_names or is_loopback(host):
             return True
         stream = _stream(self.request)
-        if stream.closed() or _ip(host) is None:
+        if stream.closed() or ip_of(host) is None:
             return False
-        return _ip(host) == _ip(stream.socket.getsockname()[0].split("%")[0])
+        return ip_of(host) == ip_of(stream.socket.getsockname()[0].split("%")[0])
 
     def set_default_headers(self) -> None:
         """Forbid content from other sites, caching, and frames of other pages around this one."""
@@ -189,6 +175,7 @@ class _Data(_Quiet):
         self._find = find
 
     def get(self, *arguments: str) -> None:
+        self.page.board.refresh()
         data = self._find(self.page.board, *arguments)
         if data is None:
             self.set_status(404)
@@ -196,8 +183,8 @@ class _Data(_Quiet):
         self.write(msgspec.json.encode(data))
 
 
-DATA: Dict[str, Callable[..., Optional[Dict[str, Any]]]] = {
-    r"/state": lambda board: {name: board.part(name) for name in PARTS},  # the whole board at once
+DATA: Dict[str, Callable[..., Any]] = {
+    r"/state": lambda board: board.shown(PARTS),  # the whole board at once
     r"/node/([0-9]{1,6})": lambda board, uid: board.node(int(uid)),
     # what was so at that time of events
     r"/at/(now|[0-9]{1,12}(?:\.[0-9]{1,12})?)": lambda board, moment: board.at(
@@ -205,25 +192,26 @@ DATA: Dict[str, Callable[..., Optional[Dict[str, Any]]]] = {
 """What is answered as JSON, by path."""
 
 
-class _Stream(_Quiet):
-    """``/events``: all parts at first, then what has changed in them. A slow browser gets the
-    newest state, not a backlog."""
+class _Pushed(_Quiet):
+    """A stream of what is new of the run. A slow client gets the newest state, not a backlog."""
+
+    content = ""
+    _board: Optional[Board] = None  # of which something was sent
 
     async def get(self) -> None:
-        """Send until the browser disconnects, or everything was sent at the end."""
+        """Send until the client disconnects, or everything was sent at the end."""
         if len(self.page.streams) >= MOST_BROWSERS:
             self.set_status(503)
             return
-        self.set_header("Content-Type", "text/event-stream; charset=utf-8")
+        self.set_header("Content-Type", self.content)
         self.page.streams.add(self)
-        self._board = self.page.board
-        self._versions: Dict[str, int] = {}
-        self._parts: Dict[str, Any] = {}  # as they were sent
         try:
             while not _stream(self.request).closed():
-                is_last, news = self.page.is_closing, self._news()
+                is_last, board = self.page.is_closing, self.page.board
+                board.refresh()
+                news, self._board = self.news(board, board is not self._board), board
                 if news:
-                    self.write(b"data: " + msgspec.json.encode(news) + b"\n\n")
+                    self.write(news)
                     await asyncio.wait_for(self.flush(), LONGEST_IDLE)
                 if is_last:
                     return
@@ -234,14 +222,36 @@ class _Stream(_Quiet):
         finally:
             self.page.streams.discard(self)
 
-    def _news(self) -> Dict[str, Any]:
-        """Return what has changed since the last message."""
-        board = self.page.board
-        if board is not self._board:
-            self._board, self._versions = board, {}
-        board.refresh()
+    def news(self, board: Board, is_first: bool) -> bytes:
+        """Return what has changed since the last call; ``is_first``: that was of another run."""
+        raise NotImplementedError
+
+
+class _Changes(_Pushed):
+    """``/events``: all parts of the board at first, then those that have changed."""
+
+    content = "text/event-stream; charset=utf-8"
+    _versions: Dict[str, int] = {}
+
+    def news(self, board: Board, is_first: bool) -> bytes:
         seen, self._versions = self._versions, dict(board.versions)
-        parts = {name: board.part(name) for name, version in self._versions.items()
-                 if seen.get(name) != version}
-        before, self._parts = self._parts, {**self._parts, **parts}
-        return changes(before, self._parts)
+        parts = board.shown(name for name, version in board.versions.items()
+                            if is_first or seen.get(name) != version)
+        return b"data: " + msgspec.json.encode(parts) + b"\n\n" if parts else b""
+
+
+class _Lines(_Pushed):
+    """``/lines``: the lines of the run, each some of them after a ``Batch``; a batch comes at least
+    once in ``PULSE``."""
+
+    content = "application/x-ndjson; charset=utf-8"
+    _next = _alive = 0  # the number of the next line; the version of the last sign of life
+
+    def news(self, board: Board, is_first: bool) -> bytes:
+        begins, texts = board.backlog.since(0 if is_first else self._next)
+        alive, self._alive = self._alive, board.versions["alive"]
+        self._next = board.backlog.count
+        if not texts and alive == self._alive and not is_first:
+            return b""
+        batch = Batch(len(texts), begins, unix_now(), board.stopped)
+        return b"\n".join([msgspec.json.encode(batch), b"".join(texts)])

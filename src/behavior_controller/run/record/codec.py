@@ -19,7 +19,7 @@ from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 FORMAT = "behaviorController record"
 VERSION = 11
 
-LATEST = 1e11
+LATEST_TIME = 1e11
 """The latest time, in Unix seconds, that a record may have: a date in the year 5138."""
 
 
@@ -68,10 +68,12 @@ class Decoder:
     have written.
     """
 
-    def __init__(self, file: str, former: "Optional[Decoder]" = None):
-        """``former`` has read the file before it of the same run, if there is one."""
+    def __init__(self, file: str, former: "Optional[Decoder]" = None, is_late: bool = False):
+        """``former`` has read the file before it of the same run, if there is one. ``is_late``:
+        what the files before it have is not missing."""
         self.has_mission: bool = former is not None and former.has_mission
         self._file = file
+        self._is_late = is_late
         self._read = 0  # lines
         self.head = Header(FORMAT, VERSION, 0, 0.0)
         # process and beginning
@@ -135,6 +137,8 @@ class Decoder:
         elif first > last:
             reason = f"visit {first} is no longer kept from its beginning"
         self._lines, self._visits = head.lines, head.visits
+        if self._is_late:
+            return [line]
         return [line, Line(line.time, Lost(missing, reason))]
 
     def _fault(self, text: str, hint: str) -> MissionError:
@@ -167,7 +171,7 @@ class Decoder:
     def _checked(self, line: Line) -> Line:
         """Return the line. Raises ValueError if it cannot stand here."""
         event = line.event
-        if not 0 <= line.time <= LATEST:
+        if not 0 <= line.time <= LATEST_TIME:
             raise ValueError(f"{line.time} is not a time")
         if isinstance(event, TreeShown):
             _check_parents(event.nodes)

@@ -10,10 +10,10 @@ from behavior_controller.run import events
 from behavior_controller.robot.requests import Location, Point
 from behavior_controller.text import clean
 
-LONGEST_VALUE = 120
+LONGEST_ENTRY = 120
 """The most characters of the value of an entry."""
 
-MOST_WAITING = 100_000
+MOST_EVENTS = 100_000
 """The most events that wait for another thread."""
 
 
@@ -35,7 +35,7 @@ def entry_text(value: Any) -> str:
     else:
         is_whole = isinstance(value, float) and value.is_integer()
         text = f"{value:.0f}" if is_whole else str(value)
-    return clean(text, LONGEST_VALUE)
+    return clean(text, LONGEST_ENTRY)
 
 
 def written(*entries: Tuple[str, Any]) -> events.EntriesWritten:
@@ -91,7 +91,7 @@ class Feed:
 
     def __init__(self) -> None:
         self.lost = 0
-        self._most = MOST_WAITING
+        self._most = MOST_EVENTS
         self._waiting: Deque[Tuple[float, Callable[..., events.Event], Tuple[Any, ...]]] = (
             collections.deque())
 

@@ -22,7 +22,7 @@ SUMMED_UP = (events.TreeShown, events.RunStarted, events.EntriesWritten, events.
              events.Message, events.RecognitionPending, events.SignOfLife)
 """The kinds of events of which a head has the outcome; it repeats all others of the visit."""
 
-MOST_LINES = 1000
+MOST_REPEATED = 1000
 """The most lines of the visit under way that are repeated: the newest."""
 
 
@@ -34,7 +34,7 @@ class Outset:
         self._began = events.unix_now()
         self._visits = 0  # that are over
         self._lasting: Dict[Any, List[events.Line]] = {}  # an ``Asked`` with its answer
-        self._visit: Deque[events.Line] = collections.deque(maxlen=MOST_LINES)  # under way
+        self._visit: Deque[events.Line] = collections.deque(maxlen=MOST_REPEATED)  # under way
         self._written = events.EntriesWritten([])  # what the entries of the blackboard are
         self._letters: Dict[int, str] = {}  # of the nodes that were ticked in this pass
         self._nodes = 0  # of the tree
@@ -80,9 +80,9 @@ class Outset:
         self._written = events.EntriesWritten(
             [entry for entry in texts.items() if entry[1] is not None], {**values, **news.values})
 
-    def head(self, lines: int, at: float) -> bytes:
+    def head(self, lines: int, at: float, has_former: bool = True) -> bytes:
         """Return the first lines of the file that begins ``at`` that time; ``lines`` are those in
-        the files before it."""
+        the files before it. Without these it reads like the begin of a run."""
         visit = set(map(id, self._visit))
         known = [line for line in itertools.chain(*self._lasting.values()) if id(line) not in visit]
         known += self._visit
@@ -94,4 +94,5 @@ class Outset:
         texts = [encode(line.time, replace(line.event, read=1)
                         if isinstance(line.event, events.Message) else line.event)
                  for line in known]
-        return b"".join([header(os.getpid(), self._began, lines, self._visits, len(texts)), *texts])
+        repeated = len(texts) if has_former else 0
+        return b"".join([header(os.getpid(), self._began, lines, self._visits, repeated), *texts])

@@ -13,7 +13,7 @@ from behavior_controller.text import Unreadable, read_bytes
 LATEST = "latest"
 """The argument that means the newest run of the default folder."""
 
-MOST_BYTES = 50_000_000
+LARGEST_FILE = 50_000_000
 """The most bytes of a file of a record that are read."""
 
 
@@ -47,7 +47,7 @@ def stream_record(path: str) -> Iterator[events.Line]:
     decoder = None
     for file in parts(path):
         try:
-            data = read_bytes(file, MOST_BYTES)
+            data = read_bytes(file, LARGEST_FILE)
         except Unreadable as error:
             if file != path and not os.path.exists(file):
                 continue  # the run goes on, and has dropped it

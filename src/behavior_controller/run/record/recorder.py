@@ -29,10 +29,10 @@ from behavior_controller.robot.gateway import Sample, Topics
 LONGEST_LINE = 10_000_000
 """The most bytes of a line, such as one with a large message."""
 
-MOST_WAITING = 100_000
+MOST_FOR_DISK = 100_000
 """The most lines that wait for a slow disk."""
 
-AT_ONCE = 2000
+LINES_AT_ONCE = 2000
 """The most lines that are written in a row: after a trouble of the disk many wait."""
 
 OPENING = 0.5
@@ -41,10 +41,10 @@ OPENING = 0.5
 RECORD_INTERVAL = 0.05
 """Seconds between two rounds of formatting lines, and of writing them."""
 
-RETRY = 2.0
+DISK_RETRY = 2.0
 """Seconds between two attempts to write to a disk that is full or gone."""
 
-CLOSING = 1.0
+CLOSING_LIMIT = 1.0
 """The most seconds to write what waits at the end."""
 
 TOO_SLOW = "the disk is too slow"
@@ -105,17 +105,16 @@ class Record(Feed, Topics):
         return self
 
     def finish(self) -> None:
-        """Hand over the waiting lines; none follows. Takes ``CLOSING`` seconds at most."""
+        """Hand over the waiting lines; none follows. Takes ``CLOSING_LIMIT`` seconds at most."""
         self._is_over.set()
         if self._thread.is_alive():
-            self._thread.join(CLOSING)
+            self._thread.join(CLOSING_LIMIT)
         self.stop()
 
     def close(self) -> None:
         """Hand over the waiting lines, and close the outputs."""
-        self.finish()
-        for output in self._outputs:
-            output.close()
+        for close in self.closers():
+            close()
 
     def closers(self) -> List[Callable[[], None]]:
         """Return the functions that close the outputs, to be called on threads of their own."""
@@ -203,7 +202,7 @@ class LineQueue:
     """Keeps the lines of a run until they are taken."""
 
     def __init__(self) -> None:
-        self._waiting: Deque[events.Line] = collections.deque(maxlen=MOST_WAITING)
+        self._waiting: Deque[events.Line] = collections.deque(maxlen=MOST_FOR_DISK)
 
     def put(self, line: EncodedLine) -> None:
         """Keep a line."""
@@ -222,7 +221,8 @@ class RecordFiles:
     """Writes the lines of a run to files in a folder of its own below ``place``.
 
     The files are opened, written and closed on a separate thread: a disk may be slow, or hang. A
-    failure is reported once, and writing is tried again every ``RETRY`` seconds; the run goes on.
+    failure is reported once, and writing is tried again every ``DISK_RETRY`` seconds; the run goes
+    on.
     """
 
     def __init__(self, place: str, complain: Callable[[str], None]):
@@ -245,7 +245,7 @@ class RecordFiles:
 
     def put(self, line: EncodedLine) -> None:
         """Queue a line."""
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MOST_FOR_DISK:
             self._lost += 1
             return
         if self._lost:
@@ -254,11 +254,11 @@ class RecordFiles:
         self._waiting.append(line)
 
     def close(self) -> None:
-        """Write the waiting lines, for ``CLOSING`` seconds at most."""
+        """Write the waiting lines, for ``CLOSING_LIMIT`` seconds at most."""
         if self._lost:
             self._waiting.append(encoded(events.unix_now(), events.Lost(self._lost)))
         self._is_over.set()
-        self._thread.join(CLOSING)
+        self._thread.join(CLOSING_LIMIT)
 
     def _work(self) -> None:
         is_last = False
@@ -270,7 +270,7 @@ class RecordFiles:
             self._is_open.set()
             if is_last:
                 break
-            is_last = self._is_over.wait(RETRY if self._fails else RECORD_INTERVAL)
+            is_last = self._is_over.wait(DISK_RETRY if self._fails else RECORD_INTERVAL)
         self._waiting.clear()
         if self._files is not None:
             self._files.close()
@@ -293,7 +293,7 @@ class RecordFiles:
         if self._files.is_lost:
             self._files.begin_next(self._outset.head(self._files.lines, events.unix_now()))
         self._files.flush()
-        for _ in range(len(self._waiting) if is_last else min(AT_ONCE, len(self._waiting))):
+        for _ in range(len(self._waiting) if is_last else min(LINES_AT_ONCE, len(self._waiting))):
             self._add(self._files, self._waiting[0])
             self._waiting.popleft()
         self._files.flush()

@@ -13,13 +13,14 @@ TAIL_POLL = 0.1
 """Seconds between two looks for further lines."""
 
 
-def follow(path: str) -> Iterator[Line]:
-    """Yield the lines of the run with this first file, and those that are written to it meanwhile.
+def follow(path: str, newest: int = 0) -> Iterator[Optional[Line]]:
+    """Yield the lines of the run with this first file, and those that are written to it meanwhile,
+    and None while it waits for more; with ``newest`` as a ``RunTail``.
 
     Ends when the run has ended. Raises MissionError if it cannot be read, or for a line that is not
     one of a record.
     """
-    tail, goes_on = RunTail(path), True
+    tail, goes_on = RunTail(path, newest), True
     while goes_on:
         try:
             goes_on = is_written(path)  # asked before reading: what was written until then is read
@@ -29,15 +30,18 @@ def follow(path: str) -> Iterator[Line]:
             raise MissionError.of(path, why) from error
         if goes_on:
             tail.use_clock()
+            yield None
             time.sleep(TAIL_POLL)
 
 
 class RunTail:
     """Reads the files of a run while they are written."""
 
-    def __init__(self, path: str):
-        """``path`` is the first file of the run."""
+    def __init__(self, path: str, newest: int = 0):
+        """``path`` is the first file of the run. With ``newest``, reading begins with the last
+        files, of that number, each of which begins with what was so before it."""
         self._path = path
+        self._newest = newest
         self._places: Dict[str, int] = {}  # bytes that were read of each file, in their order
         self._decoder: Optional[Decoder] = None  # of the last one
 
@@ -47,9 +51,16 @@ class RunTail:
         last = list(self._places)[-1:]
         # looked for before reading: then the file before them is complete
         new = [file for file in parts(self._path) if file not in self._places]
+        is_late = 0 < self._newest < len(new)
+        if is_late:
+            self._places.update(dict.fromkeys(new[:-self._newest], 0))
+            new = new[-self._newest:]
+        self._newest = 0
         for file in last + new:
             if file in new:
-                self._places[file], self._decoder = 0, Decoder(file, self._decoder)
+                self._places[file] = 0
+                self._decoder = Decoder(file, self._decoder, is_late)
+                is_late = False
             assert self._decoder is not None
             yield from self._decoder.read_all(self._added(file))
 

@@ -1,7 +1,6 @@
 """Tells from the newest record what the robot may still do if its run was killed."""
 import os
 import time
-from typing import List
 
 from behavior_controller import exit_codes
 from behavior_controller.errors import MissionError
@@ -10,8 +9,7 @@ from behavior_controller.run.fold import fold
 from behavior_controller.run.state import State
 from behavior_controller.run import moment
 from behavior_controller.run.record import files
-from behavior_controller.run.record.codec import Decoder
-from behavior_controller.text import Unreadable, read_bytes
+from behavior_controller.run.record.tail import RunTail
 
 NEWEST_FILES = 2
 """Number of the newest files of the run that are read; each begins with what was so before."""
@@ -31,26 +29,24 @@ def may_be_live(place: str) -> str:
     newest = files.runs(place)[-1:]
     if not newest or files.is_written(newest[0]):
         return ""
-    parts = files.parts(newest[0])
-    with open(parts[-1], "rb") as file:
-        file.seek(max(0, os.path.getsize(parts[-1]) - END_BYTES))
+    last = files.parts(newest[0])[-1]
+    with open(last, "rb") as file:
+        file.seek(max(0, os.path.getsize(last) - END_BYTES))
         if RunFinished.__name__.encode() in file.read():
             return ""
     try:
-        said = moment.left_running(_end(parts[-NEWEST_FILES:]))
-    except (MissionError, Unreadable, TimeoutError):
+        said = moment.left_running(_end(newest[0]))
+    except (MissionError, TimeoutError):
         said = UNKNOWN
     return f"{said} (the record of the run before has no end: {newest[0]})" if said else ""
 
 
-def _end(parts: List[str]) -> State:
-    """Return what was so when the run of these files was killed. Raises TimeoutError after
+def _end(path: str) -> State:
+    """Return what was so when the run with this first file was killed. Raises TimeoutError after
     ``TIME_LIMIT``."""
-    state, decoder, until = State(), None, time.monotonic() + TIME_LIMIT
-    for file in parts:
-        decoder = Decoder(file, decoder)
-        for line in decoder.read_all(read_bytes(file, 2 * files.FILE_BYTES)):
-            state = fold(state, line.time, line.event)
-            if time.monotonic() > until:
-                raise TimeoutError
+    state, until = State(), time.monotonic() + TIME_LIMIT
+    for line in RunTail(path, NEWEST_FILES).news():
+        state = fold(state, line.time, line.event)
+        if time.monotonic() > until:
+            raise TimeoutError
     return fold(state, state.at, RunFinished("killed", exit_codes.BROKEN))

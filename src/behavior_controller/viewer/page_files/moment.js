@@ -8,13 +8,11 @@ const WORDS = {R: "running", S: "success", F: "failure", s: "success earlier in 
 
 // --------------------------------------------------------------------------------------------------------- what is sent
 
-// what ``changes`` of parts.py were made of
-function patched(old, change) {
-  if (change === null || typeof change !== "object" || Array.isArray(change)) return change;
-  if (Array.isArray(old)) return old.slice(change.drop).concat(change.add);
-  const made = Object.assign({}, old);
-  for (const [name, value] of Object.entries(change)) made[name] = patched(made[name], value);
-  return made;
+// what was so at a moment, from a stretch of moments, each with its time and the parts that changed
+async function momentAt(at) {
+  const parts = {};
+  for (const [when, news] of await travels.stretch(at)) if (when <= at || !parts.now) Object.assign(parts, news);
+  return parts;
 }
 
 // text only where it has changed: what is read aloud is read once
@@ -46,7 +44,7 @@ let frozen = null;   // the moment that is shown, as such a time; null: now
 let wanted = null;   // the one to show next
 let isAsking = false;
 let timeOfDay = at => new Date(1000 * (at + shift)).toTimeString().slice(0, 8);
-let travels = null;  // {at: returns what was so, show: shows these parts, live: shows what is so now, end: of a run that has ended}
+let travels = null;  // {stretch: returns moments up to one, show: shows these parts, live: shows what is so now, end: of a run that has ended}
 
 function seconds() { return performance.now() / 1000; }
 
@@ -61,7 +59,7 @@ async function travel(at) {
     while (wanted !== null) {
       const asked = wanted;
       wanted = null;
-      const parts = await travels.at(asked);
+      const parts = await momentAt(asked);
       if (frozen !== null) travels.show(parts);
     }
   } catch (error) {

@@ -1,5 +1,5 @@
 "use strict";
-// Shows what /events tells: first all parts of the board, then what has changed in them.
+// Shows what /events tells: first all parts of the board, then those that have changed.
 
 const OUTCOME_SIGNS = {SUCCESS: "✔", FAILURE: "✘"};
 const NODE = "node-";  // what an id of a node begins with
@@ -248,7 +248,7 @@ function connect() {
   source.onopen = () => { parts = {}; };
   source.onmessage = event => {
     const news = JSON.parse(event.data);
-    parts = patched(parts, news);
+    Object.assign(parts, news);
     heard = seconds();
     hasConnection = true;
     if (frozen === null) show(news, parts);
@@ -264,7 +264,7 @@ function connect() {
 }
 
 travels = {
-  at: async at => (await fetch("at/" + (at + 1e-6).toFixed(6))).json(), show: found => show(found, found),
+  stretch: async at => [[at, await (await fetch("at/" + (at + 1e-6).toFixed(6))).json()]], show: found => show(found, found),
   live: () => show(parts, parts)};
 
 listenToTree();

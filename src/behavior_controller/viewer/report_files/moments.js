@@ -9,12 +9,10 @@ let stretchOfMoments = {number: -1, moments: []};
 
 timeOfDay = at => clock(1000 * at - data.began);
 
-async function momentAt(at) {
-  const since = 1000 * at - data.began, number = Math.max(0, data.moments.filter(([began]) => began <= since).length - 1);
+async function stretchAt(at) {
+  const number = Math.max(0, data.moments.filter(([began]) => began <= at).length - 1);
   if (stretchOfMoments.number !== number) stretchOfMoments = {number, moments: await unpacked(data.moments[number][1])};
-  let parts = {};
-  for (const [when, news] of stretchOfMoments.moments) if (when <= since || !parts.now) parts = patched(parts, news);
-  return parts;
+  return stretchOfMoments.moments;
 }
 
 async function unpacked(text) {
@@ -62,7 +60,7 @@ function drawCursor() {
 }
 
 travels = {
-  end, at: momentAt, live: () => travel(end),
+  end, stretch: stretchAt, live: () => travel(end),
   show: parts => {
     showStatuses(parts.statuses);
     showNow(parts.now);
