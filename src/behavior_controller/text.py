@@ -81,9 +81,9 @@ def read_text(path: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def read_bytes(path: str, most: int = MOST_BYTES) -> bytes:
-    """Return the content of a regular file. Raises Unreadable; a FIFO or a device is refused
-    without being read."""
+def read_bytes(path: str, most: int = MOST_BYTES, begin: int = 0) -> bytes:
+    """Return the content of a regular file from the byte ``begin`` on. Raises Unreadable; a FIFO or
+    a device is refused without being read."""
     try:
         # O_NONBLOCK: else open() blocks on a FIFO without a writer
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
@@ -93,12 +93,13 @@ def read_bytes(path: str, most: int = MOST_BYTES) -> bytes:
                 is_folder = stat.S_ISDIR(status.st_mode)
                 raise Unreadable("it is a folder" if is_folder else "it is not a regular file")
             with open(descriptor, "rb", closefd=False) as file:
-                data = b"" if status.st_size > most else file.read(most + 1)
+                file.seek(begin)
+                data = b"" if status.st_size - begin > most else file.read(most + 1)
         finally:
             os.close(descriptor)
     except (OSError, ValueError) as error:
         raise Unreadable(clean(getattr(error, "strerror", None) or str(error))) from error
-    size = max(status.st_size, len(data))
+    size = max(status.st_size - begin, len(data))
     if size > most:
         raise Unreadable(f"it has {size} bytes; at most {most} are read")
     return data

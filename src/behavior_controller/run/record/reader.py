@@ -6,15 +6,11 @@ from typing import Iterator, List
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
 from behavior_controller.run import events
-from behavior_controller.run.record.codec import Decoder
-from behavior_controller.run.record.files import FILE_NAME, parts, runs
-from behavior_controller.text import Unreadable, read_bytes
+from behavior_controller.run.record.files import FILE_NAME, runs
+from behavior_controller.run.record.tail import RunTail
 
 LATEST = "latest"
 """The argument that means the newest run of the default folder."""
-
-LARGEST_FILE = 50_000_000
-"""The most bytes of a file of a record that are read."""
 
 
 def find_record(name: str) -> str:
@@ -44,15 +40,6 @@ def read_record(path: str) -> List[events.Line]:
 
 def stream_record(path: str) -> Iterator[events.Line]:
     """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
-    decoder = None
-    for file in parts(path):
-        try:
-            data = read_bytes(file, LARGEST_FILE)
-        except Unreadable as error:
-            if file != path and not os.path.exists(file):
-                continue  # the run goes on, and has dropped it
-            raise MissionError.of(file, f"the record cannot be read: {error}") from error
-        decoder = Decoder(file, decoder)
-        yield from decoder.read_all(data)
-    assert decoder is not None  # the first file is there
-    decoder.finish()
+    tail = RunTail(path)
+    yield from tail.news()
+    tail.finish()

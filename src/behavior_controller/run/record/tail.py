@@ -1,5 +1,4 @@
-"""Reads a run line by line while it is written, to its end."""
-import contextlib
+"""Reads the files of a run, also while they are written."""
 import os
 import time
 from typing import Dict, Iterator, Optional
@@ -8,6 +7,10 @@ from behavior_controller.errors import MissionError
 from behavior_controller.run.events import Line, use_clock_of
 from behavior_controller.run.record.codec import Decoder
 from behavior_controller.run.record.files import is_written, parts
+from behavior_controller.text import Unreadable, read_bytes
+
+LARGEST_FILE = 50_000_000
+"""The most bytes of a file of a record that are read at once."""
 
 TAIL_POLL = 0.1
 """Seconds between two looks for further lines."""
@@ -24,10 +27,10 @@ def follow(path: str, newest: int = 0) -> Iterator[Optional[Line]]:
     while goes_on:
         try:
             goes_on = is_written(path)  # asked before reading: what was written until then is read
-            yield from tail.news()
         except OSError as error:
             why = f"the record cannot be read: {error.strerror}"
             raise MissionError.of(path, why) from error
+        yield from tail.news()
         if goes_on:
             tail.use_clock()
             yield None
@@ -35,7 +38,7 @@ def follow(path: str, newest: int = 0) -> Iterator[Optional[Line]]:
 
 
 class RunTail:
-    """Reads the files of a run while they are written."""
+    """Reads the lines of a run as far as they are written."""
 
     def __init__(self, path: str, newest: int = 0):
         """``path`` is the first file of the run. With ``newest``, reading begins with the last
@@ -46,8 +49,8 @@ class RunTail:
         self._decoder: Optional[Decoder] = None  # of the last one
 
     def news(self) -> Iterator[Line]:
-        """Yield the lines that were added since the last call. Raises OSError, and MissionError for
-        a line that is not one of a record."""
+        """Yield the lines that were added since the last call. Raises MissionError if a file cannot
+        be read, or for a line that is not one of a record."""
         last = list(self._places)[-1:]
         # looked for before reading: then the file before them is complete
         new = [file for file in parts(self._path) if file not in self._places]
@@ -64,6 +67,11 @@ class RunTail:
             assert self._decoder is not None
             yield from self._decoder.read_all(self._added(file))
 
+    def finish(self) -> None:
+        """Raise MissionError if there is no mission in what was read."""
+        if self._decoder is not None:
+            self._decoder.finish()
+
     def use_clock(self) -> None:
         """Have ``unix_now`` follow the process that writes, if it is one of this computer."""
         head = self._decoder.head if self._decoder is not None else None
@@ -72,10 +80,12 @@ class RunTail:
 
     def _added(self, file: str) -> bytes:
         """Return the whole lines that were added to a file."""
-        with contextlib.suppress(FileNotFoundError), open(file, "rb") as opened:
-            opened.seek(self._places[file])
-            data = opened.read()
-            whole = data[:data.rfind(b"\n") + 1]
-            self._places[file] += len(whole)
-            return whole
-        return b""  # the run goes on, and has dropped it
+        try:
+            data = read_bytes(file, LARGEST_FILE, self._places[file])
+        except Unreadable as error:
+            if file != self._path and not os.path.exists(file):
+                return b""  # the run goes on, and has dropped it
+            raise MissionError.of(file, f"the record cannot be read: {error}") from error
+        whole = data[:data.rfind(b"\n") + 1]
+        self._places[file] += len(whole)
+        return whole
