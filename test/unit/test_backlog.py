@@ -6,6 +6,7 @@ import pytest
 from behavior_controller.run.history import Run
 from behavior_controller.run.record.codec import Decoder
 from behavior_controller.run.record.reader import read_record
+from behavior_controller.run.state import State
 from behavior_controller.viewer import backlog
 from mission_rig import recorded, visitor_who
 
@@ -15,13 +16,13 @@ def read(texts):
     return Run(line for text in texts for line in decoder.read(text))
 
 
-@pytest.mark.parametrize("kept", [40, 100_000])
+@pytest.mark.parametrize("kept", [300, 100_000])
 def test_who_comes_late_gets_the_newest_lines_and_what_was_so_before(tmp_path, monkeypatch, kept):
     monkeypatch.setattr(backlog, "KEPT_LINES", kept)
     lines = read_record(recorded(tmp_path, visitor_who(says="yes")))
     shown, run = backlog.Backlog(), Run()
     for number, line in enumerate(lines, 1):
-        shown.take(line)
+        shown.take(run.state, line)
         run.take(line)
         if number % 50 and number < len(lines):
             continue
@@ -39,7 +40,7 @@ def test_who_has_read_so_far_gets_what_is_new_or_begins_anew(monkeypatch, tmp_pa
     shown = backlog.Backlog()
     assert shown.since(0) == (False, [])
     for line in lines[:35]:
-        shown.take(line)
+        shown.take(State(), line)
     assert shown.since(35) == (False, [])
     is_first, texts = shown.since(30)
     assert not is_first and [json.loads(text)["time"] for text in texts] == [

@@ -28,6 +28,7 @@ from behavior_controller.robot.requests import Answer, GoTo, Say
 from behavior_controller.leaves import registry
 from behavior_controller.config.settings import KEYS
 from behavior_controller.run.record.codec import encode, header
+from behavior_controller.run.state import State
 from behavior_controller.text import Source
 from behavior_controller.viewer import status_tool
 from behavior_controller.viewer.backlog import Backlog
@@ -339,7 +340,7 @@ def sent(*happened, stopped="", **told):
     """Return what the viewer sends of a run of these events."""
     backlog = Backlog()
     for number, happens in enumerate(happened):
-        backlog.take(Line(unix_now() + number / 1000, happens))
+        backlog.take(State(), Line(unix_now() + number / 1000, happens))
     return batch(backlog.since(0)[1], is_first=True, stopped=stopped, **told)
 
 

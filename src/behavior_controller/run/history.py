@@ -62,6 +62,15 @@ class History:
         return (self._states[first] if last else State(),
                 list(takewhile(lambda line: line.time <= time, lines)))
 
+    def newest(self, count: int) -> List[Line]:
+        """Return the last ``count`` events that are kept."""
+        lines: List[Line] = []
+        for packed in reversed(self._packed):
+            if len(lines) >= count:
+                break
+            lines = _unpacked(packed) + lines
+        return lines[-count:]
+
 
 def with_tree(lines: Iterable[Line]) -> Iterator[Tuple[Line, TreeShown]]:
     """Yield each line with the tree that was shown last."""

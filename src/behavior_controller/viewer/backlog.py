@@ -1,15 +1,17 @@
-"""The newest lines of a run as text: a reader who comes late learns from them what is so."""
+"""The lines of a run that the viewer keeps: for an earlier moment, and for who reads them too."""
 import collections
-from typing import Deque, List, NamedTuple, Tuple
+from typing import Deque, List, Optional, Tuple
 
 from msgspec import Struct
 
 from behavior_controller.run.events import Line
+from behavior_controller.run.history import History
 from behavior_controller.run.record.codec import encode
 from behavior_controller.run.record.outset import Outset
+from behavior_controller.run.state import State
 
 KEPT_LINES = 5000
-"""The least number of the newest lines that are kept; at most twice as many are."""
+"""Who comes late gets at least so many of the newest lines, and at most twice as many."""
 
 
 class Batch(Struct, frozen=True):
@@ -25,30 +27,25 @@ class Batch(Struct, frozen=True):
     stopped: str = ""
 
 
-class _Stretch(NamedTuple):
-    """Lines from a ``number`` of the run on; ``head`` is what was so before them."""
+class Backlog(History):
+    """The history of a run, and its newest lines as text, also for a reader who comes late."""
 
-    number: int
-    head: bytes
-    texts: List[bytes]
-
-
-class Backlog:
-    """Keeps the newest lines of a run."""
-
-    def __init__(self) -> None:
+    def __init__(self, outset: Optional[Outset] = None):
+        """``outset`` is what was so before."""
+        super().__init__()
         self.count = 0
-        """The number of lines of the run so far."""
-        self._outset = Outset()
-        self._stretches: Deque[_Stretch] = collections.deque(maxlen=2)
+        """The number of lines so far."""
+        self.outset = outset or Outset()
+        # of the lines from a number on, what was so before them
+        self._heads: Deque[Tuple[int, bytes]] = collections.deque(maxlen=2)
 
-    def take(self, line: Line) -> None:
-        """Keep the next line."""
-        if not self._stretches or len(self._stretches[-1].texts) == KEPT_LINES:
-            head = self._outset.head(self.count, line.time, has_former=False)
-            self._stretches.append(_Stretch(self.count, head, []))
-        self._outset.take(line.time, line.event)
-        self._stretches[-1].texts.append(encode(line.time, line.event))
+    def take(self, before: State, line: Line) -> None:
+        """Keep the next event, given what was so before it."""
+        if self.count % KEPT_LINES == 0:
+            head = self.outset.head(self.count, line.time, has_former=False)
+            self._heads.append((self.count, head))
+        super().take(before, line)
+        self.outset.take(line.time, line.event)
         self.count += 1
 
     def since(self, number: int) -> Tuple[bool, List[bytes]]:
@@ -56,8 +53,8 @@ class Backlog:
         before, if that number is 0 or not kept any more."""
         if number == self.count:
             return False, []
-        first = self._stretches[0]
-        texts = [text for stretch in self._stretches for text in stretch.texts]
-        if number and number >= first.number:
-            return False, texts[number - first.number:]
-        return True, first.head.splitlines(True) + texts
+        first, head = self._heads[0]
+        is_first = not number or number < first
+        texts = [encode(line.time, line.event)
+                 for line in self.newest(self.count - max(number, first))]
+        return is_first, head.splitlines(True) * is_first + texts

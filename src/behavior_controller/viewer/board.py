@@ -5,7 +5,6 @@ from typing import Any, Callable, Dict, Iterable, Tuple
 from msgspec.structs import replace
 
 from behavior_controller.run.events import PULSE, Event, Line, TreeShown
-from behavior_controller.run.history import History
 from behavior_controller.viewer.backlog import Backlog
 from behavior_controller.viewer.parts import Alive
 from behavior_controller.run.story import Sentence
@@ -29,7 +28,6 @@ class Board(View):
         self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
         self.backlog = Backlog()
         self._lines = lines
-        self._history = History()
         self._pulsed = 0.0
 
     def close(self) -> None:
@@ -52,21 +50,20 @@ class Board(View):
 
     def take(self, at: float, event: Event) -> Tuple[Sentence, ...]:
         """Fold an event, keep it for later, and note which parts have changed."""
-        before, line = self.state, Line(at, event)
+        before = self.state
         if isinstance(event, TreeShown):  # the page shows the nodes of the earlier tree no more
-            self._history = History()
-        self._history.take(before, line)
-        self.backlog.take(line)
+            self.backlog = Backlog(self.backlog.outset)
+        self.backlog.take(before, Line(at, event))
         sentences = super().take(at, event)
         self._touch(*self.changed(before), *(["story"] if sentences else []))
         return sentences
 
     def alive(self) -> Alive:
-        return replace(super().alive(), kept=self._history.began)
+        return replace(super().alive(), kept=self.backlog.began)
 
     def at(self, moment: float) -> Dict[str, Any]:
         """Return the parts that are known of that time of events, as far as it is kept."""
-        state, lines = self._history.until(moment, STRETCHES)
+        state, lines = self.backlog.until(moment, STRETCHES)
         view = View(state)
         view.extend(lines)
         return dict(view.shown(MOMENT), health=view.part("offers"))

@@ -19,7 +19,7 @@ from tornado.iostream import IOStream, StreamClosedError
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
 from behavior_controller.run.events import unix_now
-from behavior_controller.viewer.backlog import Batch
+from behavior_controller.viewer.backlog import Backlog, Batch
 from behavior_controller.viewer.board import Board
 from behavior_controller.viewer.addresses import ip_of, is_loopback
 from behavior_controller.viewer.server import Connections, LoopThread, opened
@@ -245,13 +245,16 @@ class _Lines(_Pushed):
     once in ``PULSE``."""
 
     content = "application/x-ndjson; charset=utf-8"
+    _backlog: Optional[Backlog] = None  # of which something was sent
     _next = _alive = 0  # the number of the next line; the version of the last sign of life
 
     def news(self, board: Board, is_first: bool) -> bytes:
-        begins, texts = board.backlog.since(0 if is_first else self._next)
+        if board.backlog is not self._backlog:
+            self._backlog, self._next = board.backlog, 0
+        begins, texts = board.backlog.since(self._next)
         alive, self._alive = self._alive, board.versions["alive"]
         self._next = board.backlog.count
         if not texts and alive == self._alive and not is_first:
             return b""
-        batch = Batch(len(texts), begins, unix_now(), board.stopped)
+        batch = Batch(len(texts), begins or is_first, unix_now(), board.stopped)
         return b"\n".join([msgspec.json.encode(batch), b"".join(texts)])
