@@ -1,4 +1,4 @@
-"""The lines of a run that the viewer keeps: for an earlier moment, and for who reads them too."""
+"""The lines of a run that the viewer keeps: for an earlier moment, and for other readers."""
 import collections
 from typing import Deque, List, Optional, Tuple
 
@@ -11,7 +11,7 @@ from behavior_controller.run.record.outset import Outset
 from behavior_controller.run.state import State
 
 KEPT_LINES = 5000
-"""Who comes late gets at least so many of the newest lines, and at most twice as many."""
+"""The least number of the newest lines that a late reader gets; it gets at most twice as many."""
 
 
 class Batch(Struct, frozen=True):
@@ -28,7 +28,7 @@ class Batch(Struct, frozen=True):
 
 
 class Backlog(History):
-    """The history of a run, and its newest lines as text, also for a reader who comes late."""
+    """The history of a run, and its newest lines as text for readers, also for a late one."""
 
     def __init__(self, outset: Optional[Outset] = None):
         """``outset`` is what was so before."""
