@@ -429,7 +429,8 @@ STREAM = http(b"", "200 OK", "Content-Type: application/x-ndjson")
     (more(RunFinished("all passes are done; last pass: SUCCESS", 0)),
      "all passes are done; last pass: SUCCESS"),
     (more(stopped="the controller has stopped"), "the controller has stopped"),
-    (sent(SPEECH, ENDED), "stopped")])  # another run
+    (sent(SPEECH, ENDED), "stopped")],
+    ids=["its end", "a controller that stopped", "another run"])
 def test_watching_tells_how_the_mission_ended(capsys, last, words):
     with server(STREAM, sent(*GOOD), last) as port:
         assert status_tool.main(["--watch", "--port", str(port)]) == 0
