@@ -196,8 +196,8 @@ def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
 
 def test_no_policy_skips_a_drive_or_what_says_where_to_drive():
     assert {spec.id for spec in leaves.SPECS if spec.is_indispensable} == {
-        "Navigate", "RetrieveListOfExhibits", "SelectExhibit", "LookUpEntrance", "LookUpHome",
-        "RetrieveInitialLocation"}
+        "Navigate", "NavigateAsync", "RetrieveListOfExhibits", "SelectExhibit", "LookUpEntrance",
+        "LookUpHome", "RetrieveInitialLocation"}
 
 
 def test_a_recovery_needs_no_list_of_exhibits_under_either_spelling():

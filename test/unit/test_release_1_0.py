@@ -408,7 +408,7 @@ def test_an_error_of_the_recognition_is_a_failure_at_once_and_the_policy_goes_on
 def test_a_halted_leaf_listens_no_longer():
     told = []
     rig = one_leaf("<GetVisitorResponse/>", robotInterface=RELEASE)
-    rig.topics.listen = lambda topic, seconds: told.append((topic.name, seconds))
+    rig.topics.listen = lambda topic, seconds, *_: told.append((topic.name, seconds))
     assert rig.tick() is RUNNING
     rig.tree.halt()
     assert told == [("/speechEvent/text", 10.0), ("/speechEvent/text", 0.0)]

@@ -232,8 +232,8 @@ def test_a_record_of_another_interface_is_refused(tmp_path):
     with pytest.raises(MissionError) as raised:
         replay(lines)
     assert str(raised.value) == (
-        "the record: its interface is release 7; this release has D5.4.3, release-1.0 (replay "
-        "it with the release that wrote it)")
+        "the record: its interface is release 7; this release has D5.4.3, release-1.0, "
+        "release-1.1 (replay it with the release that wrote it)")
 
 
 def test_knowledge_files_for_a_robot_with_a_knowledge_base_are_refused(tmp_path):

@@ -462,7 +462,7 @@ SAID += [
                      does_without=True), Interface("bare", (), (), (), {})),
      [
          "Waves does nothing with the robot bare: it has no message about the visitor's gaze "
-         "(set robotInterface D5.4.3 or release-1.0)"
+         "(set robotInterface D5.4.3 or release-1.0 or release-1.1)"
      ]),
     (of_phrase, ("8", ), ["the culture file has no utility phrase 8"]),
     (of_text, (main("a text <Navigate/>"), ), ["this text is dropped: a text"]),

@@ -1,5 +1,5 @@
 """The mission vocabulary in one visible list: D5.4.3 table 4, the documented extensions, and
-release 1.0's nodes.
+the nodes of release 1.0 and 1.1.
 
 The nodes of other packages follow them: see ``extensions``.
 """
@@ -14,14 +14,16 @@ from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.structure import STRUCTURE, is_port_name
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.leaves import (
-    attention, dialogue, gesture, knowledge, lifecycle, navigation, recovery, release_1_0, speech)
+    attention, dialogue, gesture, knowledge, lifecycle, navigation, recovery, release_1_0,
+    release_1_1, speech)
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.phrases import Speech
 
 from py_trees.behaviour import Behaviour  # after ours, which refuse an older one in plain words
 
 SPECS = (lifecycle.SPECS + attention.SPECS + speech.SPECS + gesture.SPECS + navigation.SPECS +
-         knowledge.SPECS + dialogue.SPECS + recovery.SPECS + release_1_0.SPECS)
+         knowledge.SPECS + dialogue.SPECS + recovery.SPECS + release_1_0.SPECS +
+         release_1_1.SPECS)
 
 _NAME = re.compile(r"[^\W\d][\w.-]*")
 

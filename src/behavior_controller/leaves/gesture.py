@@ -14,7 +14,7 @@ class IconicGesture(ServiceLeaf):
 
     def request(self) -> Request:
         settings = self.mission.settings
-        return PerformGesture("iconic", getattr(settings, self.setting), settings.gesture_duration)
+        return self.asks("iconic", getattr(settings, self.setting), settings.gesture_duration)
 
     def words(self, request: Request) -> Words:
         """Name the gesture instead of its number."""
@@ -32,8 +32,8 @@ class PerformDeicticGesture(ServiceLeaf):
         if target == Point(0.0, 0.0, 0.0):
             return None
         settings = self.mission.settings
-        return PerformGesture("deictic", settings.deictic_gesture_id, settings.gesture_duration,
-                              target)
+        return self.asks(
+            "deictic", settings.deictic_gesture_id, settings.gesture_duration, target)
 
 
 SPECS = (

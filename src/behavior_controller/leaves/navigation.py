@@ -12,7 +12,7 @@ class Navigate(ServiceLeaf):
     PORTS = (TARGET_LOCATION.read("target"),)
 
     def request(self) -> Request:
-        return GoTo(self.get_input("target"))
+        return self.asks(self.get_input("target"))
 
 
 SPECS = (leaf_spec("Navigate", Navigate, "Drives to the current target location.",

@@ -9,7 +9,7 @@ from behavior_controller.bt import Result
 from behavior_controller.robot.gateway import Cause, Failure, since
 from behavior_controller.robot.declarations import Sense, Topic
 from behavior_controller.robot.requests import (
-    Request, Say, SetPose, SetRecognition, SetRecognitionLanguage)
+    Request, SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.config.knowledge_files import UTILITY_PHRASES
 from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAttentionMode
 from behavior_controller.leaves.base import (
@@ -89,7 +89,7 @@ class SayText(Question):
         if text is None:
             return Failure(Cause.MISSING_DATA, f"there is no utility phrase {self.number}",
                            self.resource)
-        return Say(text, self.mission.language)
+        return self.asks(text, self.mission.language)
 
 
 class IsVisitorPresent(TopicCondition):
@@ -119,6 +119,7 @@ class GetVisitorResponse(WorkingLeaf):
 
     sense = Sense.UTTERANCE
     PORTS = (VISITOR_RESPONSE.written(),)
+    prefers_action = False  # where the robot offers both, the action is listened to
     topic: Topic
 
     def join(self) -> None:
@@ -130,9 +131,10 @@ class GetVisitorResponse(WorkingLeaf):
     def work(self) -> Waiting[Result]:
         """Listen; the first utterance that ends the listening counts."""
         topics = self.mission.topics
+        self.set_output("visitorResponse", "")  # a halt leaves no earlier answer
         self.begin_wait(self.sense.awaiting, ANSWER_WAIT)
         patience = Patience(self, self.topic, ANSWER_WAIT)
-        topics.listen(self.topic, ANSWER_WAIT)
+        topics.listen(self.topic, ANSWER_WAIT, self.prefers_action)
         self.mission.ignore_answers("")
         try:
             utterance, answer = self._heard()
@@ -167,16 +169,21 @@ class GetVisitorResponse(WorkingLeaf):
 
 
 _QUESTIONS = [speech.utility for speech in SPEECHES if speech.asks]
-_FAREWELLS = tuple(str(speech.utility) for speech in SPEECHES
+FAREWELLS = tuple(str(speech.utility) for speech in SPEECHES
                    if speech.is_farewell and speech.utility)
+
+PHRASES = {str(number): {"number": number, "is_question": number in _QUESTIONS}
+           for number in UTILITY_PHRASES}
+GESTURES = {"welcome": {"setting": "welcome_gesture_id"},
+            "goodbye": {"setting": "goodbye_gesture_id"}}
+"""The phrase or the gesture that the name of an instance chooses."""
 
 SPECS = (
     leaf_spec("StartOfTree", StartOfTreeInLanguage,
               "Shows that a visitor's pass begins, and sets the language of recognition."),
     leaf_spec("SayText", SayText, "Says a utility phrase, by its number.",
-              choices={str(number): {"number": number, "is_question": number in _QUESTIONS}
-                       for number in UTILITY_PHRASES},
-              farewells=_FAREWELLS, says_phrase=True),
+              choices=PHRASES,
+              farewells=FAREWELLS, says_phrase=True),
     leaf_spec("SetOvertAttentionMode", OvertAttentionMode, "Sets the mode of attention.",
               (GESTURE_TARGET.read("target", is_optional=True),),
               choices={state: {"state": state} for _, state, _, _ in MODES}, sets_mode=""),
@@ -186,8 +193,7 @@ SPECS = (
               choices={"true": {"is_enabled": True}, "false": {"is_enabled": False},
                        "enabled": {"is_enabled": True}, "disabled": {"is_enabled": False}}),
     leaf_spec("PerformIconicGesture", IconicGesture, "Makes the welcome gesture or waves goodbye.",
-              choices={"welcome": {"setting": "welcome_gesture_id"},
-                       "goodbye": {"setting": "goodbye_gesture_id"}}, farewells=("goodbye",)),
+              choices=GESTURES, farewells=("goodbye",)),
     leaf_spec("SetRobotPose", SetRobotPose,
               "Tells the localization that the robot is at the first location of the tour."),
     leaf_spec("ResetRobotPose", SetRobotPose, "Another name of SetRobotPose."),

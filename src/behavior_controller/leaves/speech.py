@@ -28,7 +28,7 @@ class SpeechLeaf(ServiceLeaf):
         settings = self.mission.settings
         chosen = settings.wait_for_speech
         is_awaited = chosen == "all" or chosen == DESCRIPTIONS and self.is_description
-        if not is_awaited or not self.mission.interface.service(Say).answers_early(request):
+        if not is_awaited or not self.mission.interface.service(self.asks).answers_early(request):
             return 0.0
         return len(request.text.split()) / settings.speech_pace
 
@@ -45,7 +45,7 @@ class FixedSpeech(SpeechLeaf):
         text = self.mission.phrases.speeches[self.phrase]
         if self.variables:
             text = filled(text, self.get_input)
-        return Say(text, self.mission.language)
+        return self.asks(text, self.mission.language)
 
 
 class Question(FixedSpeech):
@@ -123,7 +123,7 @@ class DescribeExhibitSpeech(SpeechLeaf):
         if part not in self.PARTS:
             return Failure(Cause.MISSING_DATA, f"the part cannot be {part}", self.resource)
         text = " ".join(filter(None, (self.get_input_or(port, "") for port in self.PARTS[part])))
-        return Say(text, self.mission.language) if text else None
+        return self.asks(text, self.mission.language) if text else None
 
 
 def specs(speeches: Iterable[Speech]) -> Tuple[MissionSpec, ...]:

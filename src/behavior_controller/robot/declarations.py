@@ -276,18 +276,30 @@ class Interface:
         """All services and topics."""
         return self.services + self.topics
 
+    def _kind(self, request: type) -> Optional[type]:
+        """Return the kind of request as which a service carries out ``request``: that kind itself,
+        or else the one from which it is derived, as for the goal of an action."""
+        return next((kind for kind in request.__mro__ if kind in self._by_request), None)
+
     def service(self, request: type) -> Service:
         """Return the service for a kind of request. Raises LookupError, which names it, if none is
         declared."""
-        try:
-            return self._by_request[request]
-        except KeyError:
+        kind = self._kind(request)
+        if kind is None:
             raise LookupError(f"no service is declared for the request {request.__name__}: declare "
-                              "it in behavior_controller.robot.declarations") from None
+                              "it in behavior_controller.robot.declarations")
+        return self._by_request[kind]
+
+    def substitute(self, service: Service) -> Optional[Service]:
+        """Return the declaration of the same name, which stands in where no node offers
+        ``service``: the service for an action, the action for a service."""
+        return next((other for other in self.services
+                     if other is not service and other.name == service.name), None)
 
     def serves(self, request: type) -> bool:
         """Return whether a kind of request is answered, by a service of the robot or from files."""
-        return request in self._by_request or self.has_knowledge_files and request is QueryKnowledge
+        return (self._kind(request) is not None
+                or self.has_knowledge_files and request is QueryKnowledge)
 
     def resource(self, request: type) -> str:
         """Return the canonical name of the service for a kind of request, or ``FILES``. Raises
@@ -313,7 +325,8 @@ class Interface:
         their order."""
         topics = [sense if isinstance(sense, Topic) else self.evidence(sense).topic
                   for sense in senses if self.tells(sense)]
-        services = (service for service in self.services if service.request in requests)
+        kinds = set(map(self._kind, requests))
+        services = (service for service in self.services if service.request in kinds)
         return (*services, *(topic for topic in self.topics if topic in topics))
 
     def topic(self, name: str) -> Topic:

@@ -183,11 +183,12 @@ class Topics:
         """
         raise NotImplementedError
 
-    def listen(self, topic: Topic, seconds: float) -> None:
+    def listen(self, topic: Topic, seconds: float, prefers_action: bool = False) -> None:
         """Have the robot listen for ``seconds`` from now; 0: stop. What it hears arrives as
         messages of ``topic``.
 
-        Only a robot that offers an action instead of the topic needs this.
+        Only a robot that offers an action instead of the topic needs this, or if the mission
+        ``prefers_action`` where the robot offers both.
         """
 
     def is_hearing(self, topic: Topic) -> bool:

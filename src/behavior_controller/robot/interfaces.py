@@ -9,7 +9,7 @@ import msgspec
 from behavior_controller import extensions
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Service, Topic)
-from behavior_controller.robot import d543, release_1_0
+from behavior_controller.robot import d543, release_1_0, release_1_1
 from behavior_controller.robot.requests import EFFECTS, Request
 
 
@@ -81,6 +81,7 @@ def _request_fault(request: object) -> str:
 
 
 INTERFACES: Dict[str, Interface] = {
-    robot.name: _extended(robot) for robot in (d543.INTERFACE, release_1_0.INTERFACE)}
+    robot.name: _extended(robot)
+    for robot in (d543.INTERFACE, release_1_0.INTERFACE, release_1_1.INTERFACE)}
 
 DEFAULT = INTERFACES[d543.INTERFACE.name]

@@ -173,8 +173,9 @@ def _refusal(goal: Any) -> Trouble:
 
 
 class SpeechActionClient(GoalThread):
-    """The action in place of a topic: while a mission listens and the topic has no publisher, the
-    action gets one goal after the other, and each result becomes a message of the topic.
+    """The action in place of a topic: while a mission listens and the topic has no publisher, or the
+    mission prefers the action, the action gets one goal after the other, and each result becomes a
+    message of the topic.
 
     ``listen`` is for the tick thread and never waits; results arrive on this thread.
     """
@@ -192,15 +193,18 @@ class SpeechActionClient(GoalThread):
         self._warn = warn
         self._warned = ""  # the last warning
         self._until = -math.inf  # when the listening ends
+        self._is_preferred = False  # a publisher of the topic makes no difference
         self._is_busy = False  # a goal is under way
         super().__init__(action)
         self.start()
 
-    def listen(self, seconds: float) -> None:
-        """Have goals sent for ``seconds`` from now; 0: stop, and cancel the current goal.
+    def listen(self, seconds: float, is_preferred: bool) -> None:
+        """Have goals sent for ``seconds`` from now, even if the topic is published and the action
+        ``is_preferred``; 0: stop, and cancel the current goal.
 
         A goal that is under way when the time is over has its own limit for its result.
         """
+        self._is_preferred = is_preferred
         self._until = time.monotonic() + seconds if seconds > 0 else -math.inf
         self.carry(Listen(seconds), lambda result, at: None, lambda text: None)
         self.news.set()
@@ -226,7 +230,7 @@ class SpeechActionClient(GoalThread):
         """Send one goal after the other while the mission listens."""
         while time.monotonic() < self._until:
             self.idle()
-            if not self.is_there or self._is_published():
+            if not self.is_there or self._is_published() and not self._is_preferred:
                 self.wait(ROUND_WHEN_LISTENING)
                 continue
             has_heard = self._has_heard()

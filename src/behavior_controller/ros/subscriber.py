@@ -363,11 +363,11 @@ class RosTopics(Topics):
             buffer.clear_alarm(key)
         self.buffers[topic].set_alarm(key, wanted)
 
-    def listen(self, topic: Topic, seconds: float) -> None:
+    def listen(self, topic: Topic, seconds: float, prefers_action: bool = False) -> None:
         """See ``Topics``."""
         speech_action = self.buffers[topic].speech_action
         if speech_action is not None:
-            speech_action.listen(seconds)
+            speech_action.listen(seconds, prefers_action)
 
     def is_hearing(self, topic: Topic) -> bool:
         """See ``Topics``."""

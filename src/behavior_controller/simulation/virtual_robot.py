@@ -217,7 +217,7 @@ class VirtualTopics(FakeTopics):
 
         publish_next()
 
-    def listen(self, topic: Topic, seconds: float) -> None:
+    def listen(self, topic: Topic, seconds: float, prefers_action: bool = False) -> None:
         """Have a robot that hears by an action listen for that time."""
         self._robot.node(topic.node).listens_until = self._robot.clock.now() + seconds
 

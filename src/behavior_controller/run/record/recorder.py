@@ -191,8 +191,8 @@ class Record(Feed, Topics):
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
         self._inner.wake_when(key, topic, wanted)
 
-    def listen(self, topic: Topic, seconds: float) -> None:
-        self._inner.listen(topic, seconds)
+    def listen(self, topic: Topic, seconds: float, prefers_action: bool = False) -> None:
+        self._inner.listen(topic, seconds, prefers_action)
 
     def ignore(self, topic: Topic, reason: str, missed: Callable[[Any], bool]) -> None:
         self._inner.ignore(topic, reason, missed)
