@@ -7,7 +7,10 @@ meaning), ``raise``, ``hang`` (until the mode changes), ``exit`` (the process di
 ``absent``, ``wrong`` (another type). Modes of a topic: ``absent``, ``wrong``, ``garbled`` (no
 message can be decoded). The argument ``interface`` is the name of the robot's interface. Modes of
 its action, which is absent unless it has one: ``done`` (a goal ends with what is said, or with its
-time), ``late`` (with what is said, whenever that is), ``abort``, ``hang``, ``exit``.
+time), ``late`` (with what is said, whenever that is), ``abort``, ``hang``, ``exit``. The other
+actions of an interface are there unless they are ``absent``; their modes, under ``action NAME``:
+``done``, ``refuse`` (succeeded, with the result of a refusal), ``abort``, ``hang`` (reports, until
+it is cancelled), ``deaf`` (never looks at a cancel).
 
 Each line on stdin is a JSON object: ``{"name": …, "mode": …}``, or ``{"topic": …, "values":
 [fields], "hertz": 0}``, which publishes once, or from now on so many times per second, without
@@ -23,9 +26,11 @@ import sys
 import threading
 import time
 
+import actionlib
 import genpy
 import rospy
 
+from behavior_controller.robot.declarations import Action, Service
 from behavior_controller.robot.requests import Say, SetAttention
 from behavior_controller.robot.interfaces import DEFAULT
 from behavior_controller.ros.handshakes import bound_handshakes
@@ -91,7 +96,7 @@ class CommandedService:
         self._service, self._world = service, world
         self._changed = threading.Condition()
         if mode == "wrong":
-            rospy.Service(service.name, wrong_type(service, world.settings.interface.services),
+            rospy.Service(service.name, wrong_type(service, plain(world.settings.interface)),
                           lambda request: None)
         elif mode != "absent":
             rospy.Service(service.name, TYPES[service], self._answer)
@@ -112,6 +117,45 @@ class CommandedService:
             self._changed.wait_for(lambda: self.mode != "hang")
         report(answered=self._service.name)
         return reply(self._service, request, FAULTS.get(self.mode), self._world)
+
+
+def plain(interface):
+    """Return the services of a robot, without its actions."""
+    return [service for service in behaviour.services(interface) if type(service) is Service]
+
+
+class CommandedGoals:
+    """An action that carries out requests."""
+
+    def __init__(self, action, mode):
+        self.mode, self._action = mode, action
+        self._server = actionlib.SimpleActionServer(
+            action.name, TYPES[action], self._carry_out, auto_start=False)
+        self._server.start()
+
+    def set_mode(self, mode):
+        """Change the behaviour; a goal that hangs goes on."""
+        self.mode = mode
+
+    def _carry_out(self, goal):
+        server, success = self._server, self._action.success
+        report(service="action " + self._action.name, fields=ros_messages.fields_of(goal))
+        while self.mode == "deaf" or self.mode == "hang" and not server.is_preempt_requested():
+            feedback = TYPES[self._action]().action_feedback.feedback
+            for field, kind in zip(feedback.__slots__, feedback._slot_types):
+                setattr(feedback, field, "playing" if kind == "string" else 2.1)
+            server.publish_feedback(feedback)
+            time.sleep(0.05)
+        result = server.get_default_result()
+        setattr(result, success.field, success.refused if self.mode == "refuse" else success.done)
+        report(answered="action " + self._action.name)
+        if server.is_preempt_requested():
+            report(cancelled=True)
+            server.set_preempted(result)
+        elif self.mode == "abort":
+            server.set_aborted(result, "no pose")
+        else:
+            server.set_succeeded(result)
 
 
 class CommandedAction:
@@ -195,7 +239,11 @@ def main():
     world = visited(modes.get("interface", DEFAULT.name))
     interface = world.settings.interface
     services = {service.name: CommandedService(service, modes.get(service.name, "done"), world)
-                for service in behaviour.services(interface)}
+                for service in plain(interface)}
+    for action in interface.services:
+        name = "action " + action.name
+        if isinstance(action, Action) and modes.get(name) != "absent":
+            services[name] = CommandedGoals(action, modes.get(name, "done"))
     topics = {topic.name: CommandedTopic(topic, modes.get(topic.name), world)
               for topic in behaviour.topics(interface) if modes.get(topic.name) != "absent"}
     actions = [

@@ -471,22 +471,23 @@ class TestStart(unittest.TestCase):
         errors = [line for line in text.splitlines() if line.startswith("ERROR")]
         self.assertEqual(len(errors), 1, text)
         self.assertIn(
-            "the robot speaks release-1.0, and the configuration says robotInterface D5.4.3: set "
-            "robotInterface release-1.0 (found: /animateBehaviour/setActivation as ", errors[0])
+            "this is a robot of release 1.0: set robotInterface release-1.0 (the configuration "
+            "says D5.4.3; found: /animateBehaviour/setActivation as ", errors[0])
         self.assertNotIn("mismatch", text)
         robot.stop()
         self.robot({})
         code, text = self.run_node()
         self.assertEqual(code, 1, text)
         self.assertIn(
-            "the robot speaks D5.4.3, and the configuration says robotInterface release-1.0", text)
+            "this is a robot of D5.4.3: set robotInterface D5.4.3 (the configuration says "
+            "release-1.0;", text)
 
     def test_a_part_that_is_missing_of_the_right_robot_is_told_as_such(self):
         self.robot(dict(RELEASE, **{"/robotNavigation/set_goal": "absent"}))
         code, text = self.run_node()
         self.assertEqual(code, 1, text)
         self.assertIn("1 of the 11 services and topics that the mission needs are missing", text)
-        self.assertNotIn("the robot speaks", text)
+        self.assertNotIn("this is a robot of", text)
 
     def test_another_interface_cannot_follow(self):
         self.robot(RELEASE)

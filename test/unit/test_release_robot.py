@@ -354,7 +354,7 @@ def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch,
         whole.name, whole.services, whole.topics, whole.safe_state, evidence))
     fault, = faults_of(monkeypatch, "Other", leaf)
     assert (fault.file, fault.line, fault.column, fault.code) == ("m.xml", 2, 1, "robot-lacks")
-    assert fault.text.endswith(" " + lacking) and fault.hint.endswith("release-1.0")
+    assert fault.text.endswith(" " + lacking) and fault.hint.endswith("release-1.1")
     assert loaded("\n<Other/>").tree is not None
 
 

@@ -144,7 +144,7 @@ def test_feedback_belongs_to_the_step_that_waits_for_its_call():
                 FeedbackReceived(7, "of another"), FeedbackReceived(1, "1 m to go"))
     assert [run.at(time).step.feedback for time in (103.0, 104.0, 105.0, 106.0)] == [
         "", "3 m to go", "3 m to go", "1 m to go"]
-    assert step_words(run.state.step) == "driving to the arm (1 m to go)"
+    assert step_words(run.state.step) == "driving to the arm, 1 m to go"
 
 
 def test_a_run_is_held_from_one_word_of_the_operator_to_the_next():

@@ -654,9 +654,9 @@ def test_what_is_no_news_has_no_sentence(before, event):
     ([begins(limit=9.0, is_wait=True), failed(NO_FACE, seconds=9.0)], ""),
     ([begins(is_wait=True), leaf()], ""),
     ([begins(is_wait=True), begins(2, "waiting", is_wait=True), leaf(uid=2)], ""),
-    ([begins(), begins(2, "speaking")], "speaking, 59 s"),
+    ([begins(), begins(2, "speaking")], "speaking, 59 s; also driving"),
     ([begins(), begins(2, "speaking"), leaf(uid=2)], "driving, 60 s"),
-    ([begins(), begins(2, "speaking"), begins()], "driving, 58 s"),
+    ([begins(), begins(2, "speaking"), begins()], "driving, 58 s; also speaking"),
     ([begins(), begins(2, "waiting", is_wait=True), leaf(uid=2)], "driving, 60 s"),
     ([recovering()], "retrying Navigate, 1 of 3, 60 s"),
     ([recovering(), begins(5)], "driving (attempt 2 of 4), 59 s"),
@@ -1007,7 +1007,7 @@ def test_why_something_ended(reason, words):
 
 @pytest.mark.parametrize("step, words", [
     (("driving", "to Arm", ""), "driving to Arm"), (("driving", "", ""), "driving"),
-    (("driving", "to Arm", "3 m left"), "driving to Arm (3 m left)")])
+    (("driving", "to Arm", "3 m left"), "driving to Arm, 3 m left")])
 def test_what_a_step_does(step, words):
     doing, what, feedback = step
     assert step_words(Step(doing, 0.0, 0.0, 1, False, what=what, feedback=feedback)) == words

@@ -340,7 +340,7 @@ class KeyReader(LineReader):
         """
         if name in self.unused:
             self.fault(place, f"{name} has no effect",
-                       "it is a key of release 1.0's own controller", True)
+                       "it is a key of the release's own controller", True)
         elif name not in self.keys:
             self.fault(place, f"unknown key {name}", did_you_mean(name, self.keys)
                        or f"the keys: {', '.join(self.keys)}")

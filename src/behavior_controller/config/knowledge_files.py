@@ -23,7 +23,8 @@ UTILITY_PHRASES = range(1, 9)
 """The numbers of the utility phrases that missions say."""
 
 LAST_REQUIRED = 7
-"""The number of the last required phrase; the culture file of release 1.0 has no further ones."""
+"""The number of the last phrase that release 1.0 requires. In release 1.1 the mission says which it
+needs."""
 
 _KINDS = _ENVIRONMENT, _CULTURE = "environment", "culture"
 _CONFIGURATION, _VALUE_TYPES = "configuration", "value types"
@@ -54,6 +55,10 @@ _NEAR = 0.9
 does not."""
 
 _LANGUAGE_READER = one_of(*LANGUAGES)
+_GESTURES: Mapping[str, Tuple[Reader[str], str]] = {
+    "gestureArm": (one_of("EITHER", "LEFT", "RIGHT"), "EITHER"),
+    "deicticShape": (some_text("PALM_UPWARDS, or another word", " "), "PALM_UPWARDS")}
+"""What a robot of release 1.1 is told about pointing, each with its default."""
 _ID = integer(0, 10 ** 9)
 _COUNT = integer(1, 999)
 _COORDINATE = number(-10000, 10000)
@@ -75,7 +80,8 @@ class Knowledge:
     controller of release 1.0 visits the whole list, and the messages of these two places open and
     close the tour. A place may be in it twice. An exhibit's descriptions are the messages before
     and after the gesture. ``phrases``: the utility phrases by number. ``sources``: the environment
-    file and the culture file as read.
+    file and the culture file as read. ``arm`` and ``shape``: those of a deictic gesture, for a
+    robot that takes them.
     """
 
     tour: Tuple[Exhibit, ...]
@@ -83,6 +89,8 @@ class Knowledge:
     phrases: Mapping[int, str]
     sources: Tuple[Source, Source]
     warnings: Tuple[Fault, ...] = ()
+    arm: str = ""
+    shape: str = ""
 
 
 # -------------------------------------------------------------------------------- a file of entries
@@ -140,19 +148,30 @@ class _Culture(_EntryReader):
 
     keys = (_LANGUAGE, *(key for keys in _PHRASES.values() for key in keys.values()))
 
+    def __init__(self, source: Source, takes_arm: bool):
+        self.gestures = _GESTURES if takes_arm else {}
+        self.keys = (*self.keys, *self.gestures)
+        super().__init__(source)
+
     def meant(self, key: str) -> str:
         return "" if _ANY_PHRASE.fullmatch(key) else super().meant(key)
 
     def taken(self, line: TextLine, entry: str) -> Any:
+        if entry in self.gestures:
+            return self.parsed(self.gestures[entry][0], line.rest(1), entry, line.place(1))
         if entry == _LANGUAGE:
             return self.parsed(_LANGUAGE_READER, line.rest(1), _LANGUAGE, line.place(1))
         return line.rest(1)
 
     def finish(self) -> None:
-        """Report the missing phrases of the chosen language."""
+        """Report what is missing, in the chosen language."""
         self.require(_LANGUAGE, f"<{_LANGUAGE_READER.allowed}>")
+        for key, (_, default) in self.gestures.items():
+            if key not in self.lines:
+                self.fault(None, f"there is no {key}: the robot points with {default}",
+                           f"if that is meant, add a line: {key} {default}", is_warning=True)
         for number, key in _PHRASES.get(self.values.get(_LANGUAGE, ""), {}).items():
-            if number <= LAST_REQUIRED:
+            if number <= LAST_REQUIRED and not self.gestures:
                 self.require(key, "<text>")
             if self.values.get(key) == "":
                 place = self.source.file, self.lines[key], 1
@@ -260,21 +279,22 @@ class _Environment(_EntryReader):
 # --------------------------------------------------------------------------------------- both files
 
 
-def load(mission: str = "") -> Knowledge:
+def load(mission: str = "", takes_arm: bool = False) -> Knowledge:
     """Return the knowledge of the files named in ``config``, or of those that the mission has of
-    its own in their place. Raises ConfigurationError with every fault of all four files."""
+    its own in their place. ``takes_arm``: see ``Interface``. Raises ConfigurationError with every
+    fault of all four files."""
     faults: List[Fault] = []
     environment, culture = [
         attempt(lambda: _source(read_source(path, "the configuration"), mission), faults)
         for path in map(folders.config, _CONFIGURATIONS)]
-    return read(environment, culture, faults=faults)
+    return read(environment, culture, takes_arm=takes_arm, faults=faults)
 
 
 def read(environment: Optional[Source], culture: Optional[Source], *,
-         faults: Sequence[Fault] = ()) -> Knowledge:
+         takes_arm: bool = False, faults: Sequence[Fault] = ()) -> Knowledge:
     """Return the knowledge of two files, given their texts. Raises ConfigurationError with every
     fault; ``faults`` are those of the files that could not be read."""
-    chosen = _Culture(culture) if culture else None
+    chosen = _Culture(culture, takes_arm) if culture else None
     language = chosen.values.get(_LANGUAGE) if chosen else None
     places = _Environment(environment, [language] if language else []) if environment else None
     findings = list(faults)
@@ -282,12 +302,15 @@ def read(environment: Optional[Source], culture: Optional[Source], *,
         findings += file.findings() if file else []
     ConfigurationError.raise_any(findings)
     assert chosen and language and places
+    arm, shape = [chosen.values.get(key, chosen.gestures[key][1]) if takes_arm else ""
+                  for key in _GESTURES]
     return Knowledge(places.exhibits(language), language, chosen.phrases(language),
-                     (places.source, chosen.source), tuple(findings))
+                     (places.source, chosen.source), tuple(findings), arm, shape)
 
 
-def check(path: str) -> Optional[List[Fault]]:
+def check(path: str, takes_arm: bool = False) -> Optional[List[Fault]]:
     """Return the faults of a knowledge file, or of a configuration and the file that it names.
+    ``takes_arm``: see ``Interface``.
 
     None if the file is neither: its keys decide.
     """
@@ -305,7 +328,7 @@ def check(path: str) -> Optional[List[Fault]]:
         return None
     if kind == _VALUE_TYPES:
         return []
-    file = _Culture(source) if kind == _CULTURE else _Environment(source)
+    file = _Culture(source, takes_arm) if kind == _CULTURE else _Environment(source)
     return file.findings()
 
 

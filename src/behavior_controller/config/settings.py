@@ -17,8 +17,8 @@ from behavior_controller.text import Source, did_you_mean
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
 
-UNUSED = ("audioDebugMode",)
-"""Keys of release 1.0's own controller that have no meaning here."""
+UNUSED = ("audioDebugMode", "audioMode")
+"""Keys of the releases' own controller that have no meaning here."""
 
 DESCRIPTIONS = "descriptions"
 """The value of ``waitForSpeech`` that means the descriptions of exhibits alone."""

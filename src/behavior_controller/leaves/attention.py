@@ -7,7 +7,7 @@ from behavior_controller.run.events import Noticed
 from behavior_controller.robot.gateway import Failure, Sample
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Answer, Point, Request, SetAnimation, SetAttention
-from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
+from behavior_controller.leaves.base import ServiceLeaf, Waiting, leaf_spec
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET
 
@@ -42,6 +42,18 @@ class OvertAttentionMode(ServiceLeaf):
     asks = SetAttention
     PORTS = (ATTENTION_SET_AT.written(),)
     state: str
+    _is_set = False  # by this attempt
+
+    def try_once(self) -> Waiting[Optional[Failure]]:
+        """Set the mode; release 1.1 switches attention off after a look at a location, whatever
+        comes of it."""
+        self._is_set = False
+        failure = yield from super().try_once()
+        if self._is_set and self.state == "location" and self.mission.interface.ends_location:
+            call = self.mission.gateway.start(SetAttention("disabled"))
+            if call.result is None:
+                yield call
+        return failure
 
     def request(self) -> Optional[Request]:
         """Set the mode; a target of exactly (0, 0, 0) means none."""
@@ -53,6 +65,7 @@ class OvertAttentionMode(ServiceLeaf):
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the mode was set."""
         self.set_output("attentionSetAt", self.mission.clock.now())
+        self._is_set = True
         return None
 
 

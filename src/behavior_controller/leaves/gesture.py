@@ -1,6 +1,8 @@
 """Leaves that gesture (/gestureExecution/perform_gesture)."""
 from typing import Optional
 
+from msgspec.structs import replace
+
 from behavior_controller.robot.requests import PerformGesture, Point, Request, Words
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 from behavior_controller.leaves.data import GESTURE_TARGET
@@ -31,9 +33,10 @@ class PerformDeicticGesture(ServiceLeaf):
         target = self.get_input("target")
         if target == Point(0.0, 0.0, 0.0):
             return None
-        settings = self.mission.settings
-        return self.asks(
+        settings, known = self.mission.settings, self.mission.knowledge
+        wanted = self.asks(
             "deictic", settings.deictic_gesture_id, settings.gesture_duration, target)
+        return wanted if known is None else replace(wanted, arm=known.arm, shape=known.shape)
 
 
 SPECS = (

@@ -89,6 +89,8 @@ class SayText(Question):
         if text is None:
             return Failure(Cause.MISSING_DATA, f"there is no utility phrase {self.number}",
                            self.resource)
+        if not self.mission.interface.numbers_phrases:
+            self.is_question = "?" in text
         return self.asks(text, self.mission.language)
 
 

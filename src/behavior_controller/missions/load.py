@@ -32,6 +32,11 @@ from behavior_controller.text import did_you_mean
 
 POLICY = "recoveryPolicy.ini"
 
+_NOT_PUBLISHED = {
+    "labTourAsync": "the published configuration of release 1.1 names it, but the file was not "
+                    "published: release_1_1_tour is a tour of that kind"}
+"""Missions that are asked for and exist nowhere."""
+
 
 @dataclass(frozen=True)
 class Mission:
@@ -110,7 +115,8 @@ def robot_files(settings: Settings, mission: str, faults: List[Fault]) -> Tuple[
     policy; None for those with faults, which are added to ``faults``."""
     known = None
     if settings.interface.has_knowledge_files:
-        known = attempt(lambda: knowledge_files.load(mission), faults)
+        known = attempt(lambda: knowledge_files.load(
+            mission, settings.interface.takes_arm), faults)
     language = (known or settings).language
     specs = leaves.mission_specs()
     return (known, attempt(lambda: phrases.load(language, mission), faults),
@@ -151,8 +157,9 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
         if (knowledge and isinstance(spec, MissionSpec) and spec.says_phrase
                 and int(number) not in knowledge.phrases):
             text = f"the culture file has no utility phrase {number}"
-            faults.append(node.element.fault(
-                rules.PHRASE_MISSING, text, knowledge.sources[1].file, "name"))
+            fault = node.element.fault(
+                rules.PHRASE_MISSING, text, knowledge.sources[1].file, "name")
+            faults.append(fault._replace(is_warning=settings.interface.numbers_phrases))
     return list(dict.fromkeys(faults)) + foresee(tree, settings)
 
 
@@ -183,7 +190,7 @@ def unsupported(tree: Tree, robot: Interface) -> List[Fault]:
 def _lacking(spec: MissionSpec, robot: Interface) -> str:
     """Return what a node needs and a robot does not offer."""
     services = [f"service for {request.__name__}" for request in spec.calls
-                if not robot.serves(request)]
+                if not robot.serves(request) and request not in robot.never_asked]
     return ", ".join(services + [
         f"topic {sense.name}" if isinstance(sense, Topic) else f"message about {sense.noun}"
         for sense in spec.listens if not robot.tells(sense)])
@@ -219,7 +226,8 @@ def find(name: str) -> str:
     known = {os.path.basename(path)[:-len(".xml")]: path for path in reversed(missions())}
     if name in known:
         return known[name]
-    hint = did_you_mean(name, known) or f"there are: {', '.join(sorted(known))}"
+    hint = (_NOT_PUBLISHED.get(name) or did_you_mean(name, known)
+            or f"there are: {', '.join(sorted(known))}")
     text = "there is no mission " + folders.mission(name)
     raise ConfigurationError.of("scenarioSpecification", text, hint)
 

@@ -71,7 +71,8 @@ def _of_one(node: MissionLeaf, states: Set[PathState], settings: Settings) -> It
                     f"{node.sense.noun} only in the mode {mode}")
             yield node.element.fault(rules.MODE_MISSING, text, hint)
     missed_by = sorted({state.missed_by for state in states} - {""})
-    if missed_by and node.spec.says_goodbye(node.name):
+    is_known = settings.interface.numbers_phrases or not node.spec.says_phrase
+    if missed_by and is_known and node.spec.says_goodbye(node.name):
         text = (f"{node.registration_id} says goodbye to a visitor who has left: the mission goes "
                 f"on to it after {missed_by[0]} failed")
         hint = "end the mission, or the branch, with FAILURE before it"

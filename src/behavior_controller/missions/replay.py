@@ -284,7 +284,9 @@ def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Kn
     if interface.has_knowledge_files != (len(sources) == 2):
         raise ConfigurationError.of(
             "sources.knowledge", f"{len(sources)} files do not fit the robot {interface.name}")
-    return knowledge_files.read(sources[0], sources[1]) if sources else None
+    if not sources:
+        return None
+    return knowledge_files.read(sources[0], sources[1], takes_arm=interface.takes_arm)
 
 
 def _words(change: Optional[Tuple[str, str]]) -> str:

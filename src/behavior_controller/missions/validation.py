@@ -131,7 +131,7 @@ class Validation:
             return Judgement(path, [Fault(path, 0, 0, "the folder has no mission",
                                           f"a mission ends with {' or '.join(ENDINGS)}",
                                           code=rules.UNREADABLE_FILE.code)])
-        knowledge = knowledge_files.check(path)
+        knowledge = knowledge_files.check(path, self._settings.interface.takes_arm)
         if knowledge is not None:
             return Judgement(path, knowledge)
         try:

@@ -242,7 +242,10 @@ class Interface:
     sense. ``gaze_value`` is the value of
     /overtAttention/mode that means mutual gaze; None: the configuration says it.
     ``has_knowledge_files``: files answer ``QueryKnowledge`` and hold the language and the phrases.
-    ``tells_pressed``: the tablet's answer says which button was pressed. Raises ValueError if two
+    ``tells_pressed``: the tablet's answer says which button was pressed. ``takes_arm``: a deictic
+    gesture has an arm and a shape of the hand. ``numbers_phrases``: the number of a utility phrase
+    says what it is about. ``ends_location``: after the mode ``location`` attention is switched off.
+    ``never_asked``: the kinds of requests that are left out for this robot. Raises ValueError if two
     services carry out the same kind of request, or kinds of the same name.
     """
 
@@ -254,6 +257,10 @@ class Interface:
     gaze_value: Optional[int] = None
     has_knowledge_files: bool = False
     tells_pressed: bool = True
+    takes_arm: bool = False
+    numbers_phrases: bool = True
+    ends_location: bool = False
+    never_asked: Tuple[type, ...] = ()
 
     def __post_init__(self) -> None:
         self._by_request: Dict[type, Service] = {
@@ -290,11 +297,13 @@ class Interface:
                               "it in behavior_controller.robot.declarations")
         return self._by_request[kind]
 
-    def substitute(self, service: Service) -> Optional[Service]:
-        """Return the declaration of the same name, which stands in where no node offers
-        ``service``: the service for an action, the action for a service."""
+    def substitute(self, offer: Offer) -> Optional[Service]:
+        """Return what stands in where no node offers ``offer``: for an action the service of the
+        same name, for a service the action, for a topic its action."""
+        if isinstance(offer, Topic):
+            return offer.action
         return next((other for other in self.services
-                     if other is not service and other.name == service.name), None)
+                     if other is not offer and other.name == offer.name), None)
 
     def serves(self, request: type) -> bool:
         """Return whether a kind of request is answered, by a service of the robot or from files."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Callable, Tuple, Type
 
 from behavior_controller.robot.declarations import (
-    Action, Interface, Message, Service, Success)
+    Action, Evidence, Interface, Message, Sense, Service, Success)
 from behavior_controller.robot import release_1_0, requests
 
 SERVICES_OF_1_0 = {service.request: service for service in release_1_0.SERVICES}
@@ -43,10 +43,22 @@ ACTIONS = (
                lambda feedback: feedback.status))
 
 _CHANGED = {service.name: service for service in (GESTURE, SAY)}
+NEVER_ASKED = (requests.SetRecognitionLanguage,)
 SERVICES = (
-    *(_CHANGED.get(service.name, service) for service in release_1_0.SERVICES), *ACTIONS)
+    *(_CHANGED.get(service.name, service) for service in release_1_0.SERVICES
+      if service.request not in NEVER_ASKED), *ACTIONS)
+
+PRESENT = (("scanning", release_1_0.FOUND), ("social", release_1_0.FOUND), ("social", -1))
+"""The messages of attention with which a visitor counts as present.
+
+Release 1.1 asks for the first; its own driver sends the second. Its published node sends nothing
+but the third in the mode social, whoever is there: otherwise each visitor would count as gone.
+"""
 
 INTERFACE = Interface(
     "release-1.1", SERVICES, release_1_0.INTERFACE.topics, release_1_0.INTERFACE.safe_state,
-    release_1_0.INTERFACE.senses,
-    gaze_value=release_1_0.FOUND, has_knowledge_files=True, tells_pressed=False)
+    {**release_1_0.INTERFACE.senses,
+     Sense.PRESENCE: Evidence(release_1_0.ATTENTION, lambda status, _: status in PRESENT,
+                              release_1_0.WAIT)},
+    gaze_value=release_1_0.FOUND, has_knowledge_files=True, tells_pressed=False,
+    takes_arm=True, numbers_phrases=False, ends_location=True, never_asked=NEVER_ASKED)

@@ -78,6 +78,10 @@ class GoalThread(RequestThread):
         topics += [client.feedback_sub] if self.READS_FEEDBACK else []
         return all(topic.get_num_connections() for topic in topics)
 
+    @property
+    def _is_offered(self) -> bool:
+        return DIRECTORY.is_published(f"{self.name}/status")
+
     def cut(self) -> bool:
         """Cancel the goal under way."""
         is_reusable = super().cut()
@@ -86,7 +90,7 @@ class GoalThread(RequestThread):
 
     def idle(self) -> None:
         """Connect when there is a server. Raises ``Trouble``, and what rospy raises."""
-        if self._client is None and DIRECTORY.is_published(f"{self.name}/status"):
+        if self._client is None and self._is_offered:
             for name in map(rospy.resolve_name, PARAMETERS):
                 value = ask_master("getParam", name)
                 if value is not None and type(value) is not int:
@@ -198,7 +202,7 @@ class SpeechActionClient(GoalThread):
         super().__init__(action)
         self.start()
 
-    def listen(self, seconds: float, is_preferred: bool) -> None:
+    def listen(self, seconds: float, is_preferred: bool = False) -> None:
         """Have goals sent for ``seconds`` from now, even if the topic is published and the action
         ``is_preferred``; 0: stop, and cancel the current goal.
 
@@ -230,6 +234,8 @@ class SpeechActionClient(GoalThread):
         """Send one goal after the other while the mission listens."""
         while time.monotonic() < self._until:
             self.idle()
+            if self._is_preferred and self._is_published() and not self._is_offered:
+                self._warn_once("is not there: the topic is used in its place")
             if not self.is_there or self._is_published() and not self._is_preferred:
                 self.wait(ROUND_WHEN_LISTENING)
                 continue
@@ -255,9 +261,10 @@ class SpeechActionClient(GoalThread):
                 self._receive(utterance)
             return bool(utterance)
         except Trouble as trouble:
-            if trouble.cause is not Cause.NO_ANSWER:  # then another goal is sent
+            if not self._is_late():  # otherwise the mission listens no longer
                 self._warn_once(f"failed: {trouble}")
-                if trouble.cause is not Cause.UNUSABLE_ANSWER:
+                # after a lost goal or result another goal is sent
+                if trouble.cause not in (Cause.NO_ANSWER, Cause.UNUSABLE_ANSWER):
                     self._receive(f"Error: {self.name} {trouble}")
             return False
         finally:

@@ -9,7 +9,7 @@ import logging
 import os
 import sys
 import threading
-from typing import Any, Callable, Deque, Dict, List, NoReturn, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, Iterable, List, NoReturn, Optional, Tuple
 
 import rosgraph
 import rospy
@@ -24,6 +24,7 @@ from behavior_controller.run.events import Events, Noticed, RunFinished
 from behavior_controller.foreign_code import described
 from behavior_controller.run.health import Health
 from behavior_controller.missions.load import Mission
+from behavior_controller.robot.declarations import Offer
 from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
 from behavior_controller.ros.console import FILE_ONLY, Console, log_path, open_log
@@ -209,10 +210,11 @@ class _Node:
         with contextlib.suppress(FaultsFound):  # which are reported when all is read
             self._apart(lambda: self._outputs.open_viewer(valid_values()), MISSION_FILES)
         plan = self._prepare()
-        StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped).run()
+        check = StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped)
+        check.run()
         topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn)
         self._run = run = _Run(plan, topics, self._outputs, console, self._events,
-                               self._signals)
+                               self._signals, check.substituted)
         self._apart(run.runner.prepare, "the set-up of the mission's leaves")
         refuse_web_pages(console.warn)
         pause_without_files()
@@ -316,7 +318,8 @@ class _Run:
     """The running mission, and the reloaded one that follows it."""
 
     def __init__(self, plan: Mission, topics: RosTopics, outputs: Outputs, console: Console,
-                 events: Events, signals: Signals):
+                 events: Events, signals: Signals, substituted: Iterable[Offer]):
+        """``substituted`` are the parts of the robot that others stand in for at the start."""
         self._plan = plan
         # filled by the thread that reads
         self._following: Deque[Mission] = collections.deque(maxlen=1)
@@ -329,7 +332,9 @@ class _Run:
         self._events = events
         self._health = Health(self._wake.emit)
         self._robot = RosGateway(plan.settings.interface, plan.settings.deadline, self._clock,
-                                 self._wake.emit, self._health)
+                                 self._wake.emit, self._health,
+                                 lambda text: events.emit(Noticed("warning", text)),
+                                 substituted)
         # what the operator holds the run for; empty: nothing
         self._held = WAITING if plan.settings.start_by == OPERATOR else ""
         self._monitor = Monitor(plan.settings.interface, topics, self._health,

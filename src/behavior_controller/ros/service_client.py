@@ -14,7 +14,7 @@ import time
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, Type, Union
+from typing import Any, Callable, Dict, Iterable, List, Optional, Set, Tuple, Type, Union
 
 import genpy
 import rospy
@@ -29,7 +29,7 @@ from behavior_controller.ros.action_client import GoalThread
 from behavior_controller.ros.tcpros import CONNECT_LIMIT, Connection, STEP_LIMIT, Trouble
 from behavior_controller.ros.master import DIRECTORY, Place
 from behavior_controller.ros.request_thread import Job, RequestThread
-from behavior_controller.ros.types import TYPES, filled, resolved
+from behavior_controller.ros.types import TYPES, filled, in_place_of, resolved
 
 LOOKUP_LIMIT = 0.3
 """Seconds that the lookup of a known service at the master may take; then the last address is used.
@@ -201,12 +201,15 @@ class RosGateway(Gateway):
 
     def __init__(self, interface: Interface, deadline: Callable[[Service], float], clock: Clock,
                  wake: Callable[[], None], health: Optional[Health] = None,
+                 tell: Callable[[str], None] = lambda text: None,
+                 substituted: Iterable[Offer] = (),
                  standby: Optional[Dict[Request, RequestThread]] = None):
         """``deadline`` returns the seconds that a service may take; ``wake`` is called for each
         result.
 
-        ``health`` gets reports about the services. ``standby`` is that of a gateway in whose place
-        this one asks for the safe state. Raises RuntimeError if no thread is left.
+        ``health`` gets reports about the services, and ``tell`` a line about each that another one
+        stands in for, but those that are ``substituted`` already. ``standby`` is that of a gateway
+        in whose place this one asks for the safe state. Raises RuntimeError if no thread is left.
         """
         self.deadline = deadline
         self._interface = interface
@@ -220,25 +223,30 @@ class RosGateway(Gateway):
                        for request in interface.safe_state}
         self.standby = standby
         """The threads of the requests for the safe state when no other can be started."""
+        self._tell = tell
+        self._substituted: Set[Offer] = set(substituted)  # as told
 
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at the deadline of
         its service."""
-        service = self._interface.service(type(request))
-        deadline = self.deadline(service)
         call = Call(request, self._wake, lambda: self._release(call, is_dropped=True))
+        self._send(call, self._interface.service(type(request)))
+        return call
+
+    def _send(self, call: Call, service: Service) -> None:
+        """Have ``service`` carry out the request of ``call``."""
+        request, deadline = call.request, self.deadline(service)
         try:
             thread = self._thread(service, request)
         except RuntimeError as error:
             text = f"no thread to ask with ({error})"
             call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
-            return call
+            return
         timer = self._clock.call_after(
             deadline * SLOW_SHARE, lambda: self._on_slow(call, deadline), is_foreign=True)
         self._under_way[call] = _UnderWay(thread, timer, time.monotonic())
         thread.carry(request, partial(self._hand_over, self._end, call),
                      partial(self._hand_over, self._report, call))
-        return call
 
     def _thread(self, service: Service, request: Request) -> RequestThread:
         """Take a spare thread, start one, or take the one that stands by. Raises RuntimeError if
@@ -288,13 +296,28 @@ class RosGateway(Gateway):
         """Finish ``call``, which ended ``at`` that time, and report it to the health, unless it has
         ended before."""
         held = self._release(call, is_dropped)
-        if held is None:
+        if held is None or self._has_substituted(call, held.thread.service, result):
             return
         thread, is_failure = held.thread, isinstance(result, Failure)
         if not thread.is_short:  # its server was not asked
             self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
                                is_failure, thread.service.kind)
         call.finish(result)
+
+    def _has_substituted(self, call: Call, service: Service,
+                         result: Union[Answer, Failure]) -> bool:
+        """Have the request sent by the substitute of ``service`` if no node offers that, and return
+        whether it is."""
+        other = self._interface.substitute(service)
+        is_offered = not (isinstance(result, Failure) and result.cause is Cause.NOT_ADVERTISED)
+        is_own = service is self._interface.service(type(call.request))
+        if is_offered or other is None or not is_own:
+            return False
+        if service not in self._substituted:
+            self._substituted.add(service)
+            self._tell(in_place_of(service, other))
+        self._send(call, other)
+        return True
 
     def _release(self, call: Call, is_dropped: bool = False) -> Optional[_UnderWay]:
         """Free the resources of ``call`` and return them; None if it has ended already. The thread

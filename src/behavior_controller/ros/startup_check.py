@@ -6,8 +6,9 @@ reported together.
 """
 import time
 from concurrent.futures import TimeoutError as FutureTimeout, wait
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Sequence, Set, Tuple
 
 import rospy
 
@@ -22,7 +23,7 @@ from behavior_controller.ros.tcpros import (
     Connection, RETRY_INTERVAL, STEP_LIMIT, Trouble, ask_master, open_publisher)
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.timeouts import begin, run_apart
-from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
+from behavior_controller.ros.types import TYPES, in_place_of, not_published, resolved, type_mismatch
 
 PROBE_LIMIT = 3.0
 """Seconds after which a service or topic without an answer counts as missing."""
@@ -47,23 +48,20 @@ def _probe_service(service: Service) -> None:
 
 def _probe_publishers(offer: Offer) -> None:
     """Connect to publishers of a topic, or of an action's results, until one is right; else raise
-    what is wrong with the first. An action may replace a topic."""
-    wanted, otherwise = [], NO_ACTION
-    action = offer if isinstance(offer, Action) else None
+    what is wrong with the first."""
     if isinstance(offer, Topic):
-        action, otherwise = offer.action, not_published(offer)
-        wanted.append((resolved(offer), TYPES[offer]))
-    if action is not None:
-        wanted.append((resolved(action) + "/result", type(TYPES[action]().action_result)))
+        topic, kind, otherwise = resolved(offer), TYPES[offer], not_published(offer)
+    else:
+        topic, kind = resolved(offer) + "/result", type(TYPES[offer]().action_result)
+        otherwise = NO_ACTION
     publishers, _, _ = ask_master("getSystemState", seconds=STEP_LIMIT)
     troubles: List[Trouble] = []
-    for topic, kind in wanted:
-        for node in dict(publishers).get(topic, ()):
-            try:
-                _probe_publisher(topic, kind, node)
-                return
-            except Trouble as trouble:
-                troubles.append(trouble)
+    for node in dict(publishers).get(topic, ()):
+        try:
+            _probe_publisher(topic, kind, node)
+            return
+        except Trouble as trouble:
+            troubles.append(trouble)
     raise troubles[0] if troubles else Trouble(Cause.NOT_ADVERTISED, otherwise)
 
 
@@ -130,7 +128,8 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
     return missing
 
 
-class StartUpCheck(NamedTuple):
+@dataclass
+class StartUpCheck:
     """Waits for the robot's nodes as long as the configuration allows."""
 
     plan: Mission
@@ -138,6 +137,8 @@ class StartUpCheck(NamedTuple):
     """Takes a severity and a line for the operator."""
     wake: WakeUp
     is_stopped: Callable[[], bool]
+    substituted: Dict[Offer, Offer] = field(default_factory=dict)
+    """What no node offers, and what is used in its place."""
 
     def run(self) -> None:
         """Return when the mission has all that it needs.
@@ -159,8 +160,26 @@ class StartUpCheck(NamedTuple):
             missing = self._missing(list(missing))
             self._look_for_another_robot(missing)
         self._report(missing)
+        for offer, other in self.substituted.items():
+            self.tell("warning", in_place_of(offer, other))
 
     def _missing(self, offers: Sequence[Offer]) -> Dict[Offer, Trouble]:
+        """Return those of ``offers`` that cannot be used, and whose substitutes cannot either."""
+        missing, substitutes = self._unusable(offers), {}
+        for offer, trouble in missing.items():
+            other = self.plan.settings.interface.substitute(offer)
+            if other is not None and trouble.cause is Cause.NOT_ADVERTISED:
+                substitutes[offer] = other
+        lacking = self._unusable(list(substitutes.values()))
+        for offer, other in substitutes.items():
+            if other not in lacking:
+                self.substituted[offer] = other
+                del missing[offer]
+            elif lacking[other].cause is not Cause.NOT_ADVERTISED:
+                missing[offer] = lacking[other]
+        return missing
+
+    def _unusable(self, offers: Sequence[Offer]) -> Dict[Offer, Trouble]:
         return find_missing(offers, self.wake, self.is_stopped)
 
     def _needed(self, missing: Dict[Offer, Trouble]) -> List[Offer]:
@@ -181,29 +200,29 @@ class StartUpCheck(NamedTuple):
         return "going on: a step that asks for it fails" if asr_enabled else ""
 
     def _look_for_another_robot(self, missing: Dict[Offer, Trouble]) -> None:
-        """Raise ``NodesMissing`` if the robot is not the configured one.
+        """Raise ``NodesMissing`` if more of another robot is there than of the configured one.
 
-        That is so if nothing exists that only the configured robot has, but something that only
-        another robot has. What hangs exists.
+        What hangs is there. Actions do not count: a robot may do without them.
         """
         if not self._needed(missing):
             return
-        ours = _keys(self.plan.settings.interface.offers)
-        there = _keys(self.plan.offers) - _keys(
-            offer for offer, trouble in missing.items()
-            if trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED))
-        for name, interface in INTERFACES.items():
-            if not there <= _keys(interface.offers):
-                continue
-            own = [offer for offer in interface.offers if not _keys([offer]) <= ours]
-            lacking = self._missing(own)
-            names = sorted(f"{resolved(offer)} as {offer.type}" for offer in own
-                           if offer not in lacking)
-            if names:
-                raise NodesMissing(
-                    f"the robot speaks {name}, and the configuration says robotInterface "
-                    f"{self.plan.settings.interface.name}: set robotInterface {name} (found: "
-                    f"{', '.join(names)})")
+        ours = self.plan.settings.interface
+        offers = {key: offer for robot in INTERFACES.values()
+                  for offer in robot.offers for key in _keys([offer])}
+        lacking = self._unusable(list(offers.values()))
+        absent = {offer for offer, trouble in lacking.items()
+                  if trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED)}
+        there = _keys(offer for offer in offers.values()
+                      if not (offer in absent or isinstance(offer, Action)))
+        robot = max(INTERFACES.values(),
+                    key=lambda robot: (len(there & _keys(robot.offers)), robot is ours))
+        names = sorted(f"{resolved(offer)} as {offer.type}" for key, offer in offers.items()
+                       if key in _keys(robot.offers) - _keys(ours.offers)
+                       and offer not in lacking)
+        if robot is not ours and names:
+            raise NodesMissing(
+                f"this is a robot of {robot.name.replace('-', ' ')}: set robotInterface "
+                f"{robot.name} (the configuration says {ours.name}; found: {', '.join(names)})")
 
     def _report(self, missing: Dict[Offer, Trouble]) -> None:
         """Warn of what is missing and not needed, and raise for the rest."""

@@ -91,6 +91,12 @@ def not_published(topic: Topic) -> str:
         f"{text}, and none offers the action {resolved(topic.action)}")
 
 
+def in_place_of(offer: Offer, other: Offer) -> str:
+    """Return the line about ``other``, which stands in for ``offer``."""
+    return (f"no node offers the {offer.kind} {resolved(offer)}: the {other.kind} "
+            f"{resolved(other)} is used in its place")
+
+
 def type_mismatch(header: Mapping[str, str], wanted: Any) -> str:
     """Return the type in a peer's handshake, and ours."""
     return (f"{header.get('type')} (md5 {header.get('md5sum')}), expected is {wanted._type} "

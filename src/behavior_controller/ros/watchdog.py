@@ -17,7 +17,8 @@ from behavior_controller.run.events import HealthChanged
 from behavior_controller.run.health import (
     GONE, Health, NEW, SHORT, SILENT, SLOW, available_again, gone)
 from behavior_controller.robot.declarations import (
-    Action, Interface, Offer, Publication, Sense, Topic)
+    Action, Interface, Offer, Publication, Sense, Service, Topic)
+from behavior_controller.robot.gateway import Cause
 from behavior_controller.ros.tcpros import (
     RECONNECT_PAUSE, READ_SIZE, Connection, RETRY_INTERVAL, STEP_LIMIT, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
@@ -68,6 +69,9 @@ NEW_MASTER = ("the mission goes on with them where they were last, as long as th
 
 SHORT_COMPUTER = "until it does, what is started anew is not found, and steps may fail"
 
+Connect = Callable[[Connection, float], object]
+"""Connects to a server; each step takes at most so many seconds."""
+
 
 class Monitor:
     """Monitors the ``include``d services and topics, and the master, until ``close``."""
@@ -77,6 +81,7 @@ class Monitor:
         """While ``is_asr_enabled()`` is false, speech is not used, and its topic is not monitored.
         """
         self._offers: Tuple[Offer, ...] = ()
+        self._robot = interface
         self._topics = topics
         self._speech = interface.evidence(Sense.UTTERANCE).topic
         self._health = health
@@ -92,14 +97,17 @@ class Monitor:
     def include(self, offers: Iterable[Offer], may_lack: bool = False) -> None:
         """Monitor these services and topics too. ``may_lack``: those that never existed are not
         reported."""
-        added = [offer for offer in offers if offer not in self._offers]
-        self._offers += tuple(added)
         if not may_lack:
             self._needed.update(offers)
-        for offer in added:
+        for offer in offers:
             # a subscriber has no address to connect to
-            if not isinstance(offer, (Topic, Publication)):
+            if offer in self._offers or isinstance(offer, (Topic, Publication)):
+                continue
+            # health is that of a name: its service and its action stand in for each other
+            if self._robot.substitute(offer) not in self._offers:
                 start_thread("monitor " + offer.name, self._watch, offer)
+            self._offers += (offer,)
+        self._offers += tuple(offer for offer in offers if offer not in self._offers)
 
     def start(self) -> None:
         """Start monitoring topics and the master."""
@@ -111,7 +119,7 @@ class Monitor:
 
     # ------------------------------------------------------------------------------------- services
 
-    def _watch(self, offer: Offer) -> None:
+    def _watch(self, offer: Service) -> None:
         """Keep a connection to a server and report its loss and return."""
         while not self._closed.is_set():
             try:
@@ -123,10 +131,10 @@ class Monitor:
                     self._tell_gone(offer, trouble.reason)
                 self._closed.wait(RETRY_INTERVAL)
 
-    def _hold(self, offer: Offer) -> None:
+    def _hold(self, offer: Service) -> None:
         """Stay connected to a server. Raises ``Trouble`` if it cannot be connected to, at first or
         after a break."""
-        connect, limit = _connect_to(offer), STEP_LIMIT
+        connect, limit = self._connect_to(offer), STEP_LIMIT
         while not self._closed.is_set():
             connection = Connection()
             connect(connection, limit)
@@ -144,6 +152,16 @@ class Monitor:
                node: str = "") -> None:
         """Report a ``status``, which is good if it has no ``consequence``."""
         self._report(respect, HealthChanged(kind, name, node, not consequence, status, consequence))
+
+    def _connect_to(self, offer: Service) -> Connect:
+        """As ``_connect_to``; to its substitute if no node offers it."""
+        try:
+            return _connect_to(offer)
+        except Trouble as trouble:
+            substitute = self._robot.substitute(offer)
+            if substitute is None or trouble.cause is not Cause.NOT_ADVERTISED:
+                raise
+        return _connect_to(substitute)
 
     def _report(self, respect: str, change: HealthChanged) -> None:
         """Report a changed state to the health; only changes, since each wakes the tree. Each
@@ -232,7 +250,7 @@ class Monitor:
         self._judge(SILENT, topic.kind, buffer.name, status, consequence, topic.node)
 
 
-def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
+def _connect_to(offer: Service) -> Connect:
     """Return what connects to a server, which is looked up now: of an action, to its status. Raises
     ``Trouble``."""
     name = resolved(offer)

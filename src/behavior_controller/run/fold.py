@@ -442,7 +442,8 @@ def _asked(state: State, event: Asked) -> State:
     state = _change_robot(state, services=services)
     if isinstance(request, GoTo):
         name = what[3:] if what.startswith("to ") else what
-        state = _change_robot(state, goal=request.goal, goal_name=name, is_lost=False)
+        state = _change_robot(state, goal=request.goal, goal_name=name, is_lost=False,
+                              services={**services, GoTo.__name__: event.service})
     if isinstance(request, GoTo) or type(request) in _SWITCHES and request.state != "disabled":
         state = replace(state, safe_state=None)
     said = clean(" ".join(filter(None, (doing, what))))
@@ -522,8 +523,8 @@ def _ended(robot: Robot, call: int) -> Robot:
 
 
 def _others(exchanges: Iterable[Exchange], one: Exchange) -> Tuple[Exchange, ...]:
-    """Return the exchanges of other kinds of requests."""
-    return tuple(other for other in exchanges if type(other.request) is not type(one.request))
+    """Return the exchanges with other services."""
+    return tuple(other for other in exchanges if other.service != one.service)
 
 
 def _health_changed(state: State, event: HealthChanged) -> State:

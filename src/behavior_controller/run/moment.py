@@ -37,6 +37,7 @@ class Card(Struct, frozen=True):
     trouble: str = ""  # with what it waits for
     next: str = ""  # the node that follows if this succeeds; empty: the tree does not say it
     uid: int = 0
+    also: List[str] = []  # what it does at the same time
 
 
 class RobotLine(Struct, frozen=True):
@@ -69,6 +70,7 @@ def card_line(now: Card, at: float) -> str:
         parts.append(f", {max(0.0, at - now.since):.0f} s{limit}")
     if now.trouble:
         parts.append("; " + now.trouble)
+    parts += ["; also " + words for words in now.also]
     waits_for = now.waits_for and "waits for " + now.waits_for
     following = now.next and "next: " + now.next
     return " · ".join(filter(None, (now.where, "".join(parts), waits_for, following)))
@@ -116,8 +118,10 @@ def _of_step(state: State, step: Step, where: str) -> Card:
     if isinstance(step.cause, Paused):
         kind, where, following = "paused", "", "the next visit"
         why = why or "failed last: " + cause(step.cause.failure)
+    also = [step_words(other) for other in state.steps
+            if other is not step and other.cause is None]
     return Card(kind, step_words(step), where, step.began, step.until, step.attempt, step.attempts,
-                waits_for, why, state.due or following, step.uid)
+                waits_for, why, state.due or following, step.uid, also)
 
 
 def _of_tree(state: State, where: str) -> Card:

@@ -285,7 +285,7 @@ def step_words(step: Step) -> str:
     if isinstance(step.cause, events.Paused):
         return waiting(step.cause)
     words = " ".join(filter(None, (step.words, step.what)))
-    return f"{words} ({step.feedback})" if step.feedback else words
+    return f"{words}, {step.feedback}" if step.feedback else words
 
 
 STOP_BUTTON = "keep the stop button at hand"

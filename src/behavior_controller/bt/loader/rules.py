@@ -190,7 +190,8 @@ FAREWELL_TO_NOBODY = warning("The mission says goodbye to a visitor who has left
 NO_STOP = warning("Without speech recognition the mission never comes to its stops.")
 ROBOT_LACKS = error("A node cannot work, because the configured robot lacks what it needs.")
 DOES_WITHOUT = warning("A node does nothing, because the configured robot lacks what it needs.")
-PHRASE_MISSING = warning("A node says a phrase that the robot's culture file does not have.")
+PHRASE_MISSING = warning("A node says a phrase that the robot's culture file does not have. "
+                         "With a robot of release 1.1 this is an error.")
 
 
 def _by_code(names: Mapping[str, Any]) -> Dict[str, LintRule]:

@@ -112,8 +112,10 @@ let sentences = [];
 
 function showNow(part) {
   card = part.card;
-  put(byId("now"), card.what);
-  byId("now").title = card.what;
+  const all = [card.what, ...card.also].join("\n");  // one line for each thing at once
+  put(byId("now"), all);
+  byId("now").classList.toggle("several", card.also.length > 0);
+  byId("now").title = all;
   byId("card").dataset.kind = card.kind;
   put(byId("waits"), [card.attempt > 1 ? "attempt " + card.attempt + " of " + card.attempts : "",
                       card.waits_for ? "waits for " + card.waits_for : "", card.trouble].filter(Boolean).join(" · "));
