@@ -454,10 +454,12 @@ class TestStart(unittest.TestCase):
         self.assertIn("ERROR behaviorController:   service /tabletEvent/prompt_and_get_response",
                       text)
 
-    def test_utterances_by_the_action_alone_are_enough_and_neither_is_told(self):
+    def test_utterances_by_the_action_alone_are_enough_and_neither_is_told_as_missing(self):
         robot = self.robot(BY_ACTION)
         code, text = self.run_node()
         self.assertEqual(code, 0, text)
+        self.assertEqual(text.count("no node offers the topic /speechEvent/text: the action " +
+                                    ACTION + " is used in its place"), 1, text)
         robot.stop()
         self.robot(dict(RELEASE, **{"/speechEvent/text": "absent"}))
         code, text = self.run_node()

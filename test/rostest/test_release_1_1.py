@@ -14,7 +14,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
-from test_release_1_0 import CULTURE, ENVIRONMENT, MISSION  # noqa: E402
+from test_release_1_0 import CULTURE, ENVIRONMENT, MISSION, EndingServer  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
@@ -203,6 +203,25 @@ class TestHearing(unittest.TestCase):
         time.sleep(0.3)
         self.assertEqual(self.warnings, [
             "the action {} is not there: the topic is used in its place".format(ACTION)])
+
+
+    def test_an_action_that_never_handles_its_goals_ends_the_listening_and_the_topic_is_heard(self):
+        server = EndingServer([])  # as the release's own driver
+        self.addCleanup(server.stop)
+        robot = self.robot()
+        latch = self.topics.latches[self.speech]
+        self.until(lambda: latch.speech_action.is_there)
+        began = time.monotonic()
+        self.topics.listen(self.speech, 3.0, True)
+        self.until(lambda: server.goals)
+        robot.publish(TEXT, "yes by topic")
+        self.until(lambda: self.heard() == "yes by topic")
+        self.until(lambda: time.monotonic() > began + 3.0)
+        self.until(lambda: not self.topics.is_hearing(self.speech))
+        self.assertLess(time.monotonic() - began, 3.0 + self.speech.action.deadline + 1.0)
+        self.assertEqual(self.warnings, [
+            "the action {} failed: no answer in time: the goal was not acknowledged in 2 s".format(
+                ACTION)])
 
 
 class TestStart(unittest.TestCase):

@@ -4,6 +4,7 @@ import dataclasses
 import os
 
 import pytest
+from msgspec.structs import replace
 
 from behavior_controller import leaves
 from behavior_controller.config import knowledge_files, settings
@@ -15,11 +16,14 @@ from behavior_controller.robot import release_1_0, release_1_1
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
-    AttentionStatus, GoTo, GoToGoal, Location, PerformGesture, PerformGestureGoal, Point, Say,
-    SayGoal, SetAttention)
-from behavior_controller.run.events import StepStarted
+    Answer, AttentionStatus, GoTo, GoToGoal, Location, PerformGesture, PerformGestureGoal, Point,
+    Say, SayGoal, SetAttention)
+from behavior_controller.run.events import Answered, Asked, LeafFinished, StepStarted
+from behavior_controller.run.fold import fold
+from behavior_controller.run.health import GONE, gone
 from behavior_controller.run.moment import card, card_line, robot_line
-from behavior_controller.run.story import Story
+from behavior_controller.run.state import State
+from behavior_controller.run.story import Story, may_be_under_way
 from behavior_controller.text import Source
 from mission_rig import Rig, one_leaf, write
 from test_interfaces import ROOT, md5, md5_of_service
@@ -220,6 +224,14 @@ def test_the_declared_actions_are_those():
         "/speechEvent/recognise_speech_action": "cssr_system/recogniseSpeech"}
 
 
+def test_the_document_lists_the_types():
+    with open(os.path.join(ROOT, "docs", "release_1_1.md"), encoding="utf-8") as document:
+        text = document.read()
+    whole = [digests[0] for digests in ACTIONS.values()]
+    gesture = SERVICES["/gestureExecution/perform_gesture"]
+    assert [digest for digest in whole + [gesture] if digest not in text] == []
+
+
 # -------------------------------------------------------------------------------------- knowledge
 
 LONG = "x" * 600  # the longest text of this release
@@ -417,3 +429,30 @@ def test_description_and_gesture_run_at_once_and_a_halt_leaves_both_open():
     doing = [exchange.words.split()[0] for exchange in story.state.robot.unfinished]
     assert sorted(doing) == ["pointing", "saying"]
     assert robot_line(story.state)
+
+
+def fold_of(*happened):
+    state = State()
+    for at, event in enumerate(happened):
+        state = fold(state, float(at), event)
+    return state
+
+
+def drive(number, request=GoToGoal):
+    return Asked(number, "/robotNavigation/set_goal", request(Location(1.0, 2.0, 90.0)))
+
+
+HALTED = LeafFinished(1, "NavigateAsync", "go", "IDLE", "/robotNavigation/set_goal", 1.0, None)
+
+
+def test_a_drive_that_was_cancelled_may_go_on_until_a_later_one_is_done():
+    state = fold_of(drive(1), HALTED)
+    assert may_be_under_way(state).startswith("may still be driving")
+    state = fold(fold(state, 5.0, drive(2, GoTo)), 6.0, Answered(2, Answer()))
+    assert may_be_under_way(state) == ""
+
+
+def test_the_node_that_drives_is_known_by_a_goal_too():
+    change = gone("action", "/robotNavigation/set_goal", "robotNavigation", "x", "it cannot drive")
+    state = fold_of(drive(1), replace(change, respect=GONE))
+    assert state.robot.cannot_drive

@@ -47,8 +47,8 @@ class Settings:
         one_of(*INTERFACES), DEFAULT.name,
         "the interface of the robot's nodes: " + " or ".join(map("`{}`".format, INTERFACES)))
     tablet_success_is: str = key(
-        one_of("done", YES), "done", "release-1.0: `yes` counts any press on the tablet as "
-        "yes, `done` as no answer")
+        one_of("done", YES), "done", "release-1.0, release-1.1: `yes` counts any press on the "
+        "tablet as yes, `done` as no answer")
     wait_for_speech: str = key(one_of(DESCRIPTIONS, "all", "none"), DESCRIPTIONS,
                                "release-1.0, in English: which speeches last as long as their "
                                "words do, before the mission goes on")
