@@ -204,7 +204,6 @@ class TestHearing(unittest.TestCase):
         self.assertEqual(self.warnings, [
             "the action {} is not there: the topic is used in its place".format(ACTION)])
 
-
     def test_an_action_that_never_handles_its_goals_ends_the_listening_and_the_topic_is_heard(self):
         server = EndingServer([])  # as the release's own driver
         self.addCleanup(server.stop)
@@ -220,8 +219,7 @@ class TestHearing(unittest.TestCase):
         self.until(lambda: not self.topics.is_hearing(self.speech))
         self.assertLess(time.monotonic() - began, 3.0 + self.speech.action.deadline + 1.0)
         self.assertEqual(self.warnings, [
-            "the action {} failed: no answer in time: the goal was not acknowledged in 2 s".format(
-                ACTION)])
+            "the action {} failed: the goal was not acknowledged in 2 s".format(ACTION)])
 
 
 class TestStart(unittest.TestCase):
@@ -284,6 +282,14 @@ class TestStart(unittest.TestCase):
         # the culture file says nothing of either
         self.assertEqual((pointed["arm"], pointed["deictic_shape"]), ("EITHER", "PALM_UPWARDS"))
         self.assertEqual(text.count("there is no gestureArm"), 1, text)
+
+    def test_on_a_robot_of_release_1_0_the_nodes_use_its_services(self):
+        self.mission("<SayTextAsync name='4'/><SayTextAsync name='1'/>")
+        code, text, requests = self.run_node({"interface": "release-1.0"},
+                                             robotInterface="release-1.0")
+        self.assertEqual(code, 0, text)
+        self.assertEqual([each["service"] for each in requests[:2]], [SAY, SAY])
+        self.assertEqual(text.count("the robot release-1.0 has no action " + SAY), 1, text)
 
 
 if __name__ == "__main__":

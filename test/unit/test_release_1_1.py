@@ -17,7 +17,7 @@ from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, GoTo, GoToGoal, Location, PerformGesture, PerformGestureGoal, Point,
-    Say, SayGoal, SetAttention)
+    Say, SayGoal, SetAttention, SetRecognitionLanguage)
 from behavior_controller.run.events import Answered, Asked, LeafFinished, StepStarted
 from behavior_controller.run.fold import fold
 from behavior_controller.run.health import GONE, gone
@@ -145,6 +145,12 @@ def test_service_and_action_of_one_name_stand_in_for_each_other():
         assert (service.kind, action.kind) == ("service", "action")
         assert (robot.substitute(service), robot.substitute(action)) == (action, service)
     assert robot.substitute(robot.services[0]) is None
+    speech = robot.topic("/speechEvent/text")
+    assert robot.substitute(speech) is speech.action
+    # a package may declare both for requests that have nothing in common
+    other = dataclasses.replace(robot.service(GoTo), request=SetRecognitionLanguage)
+    more = dataclasses.replace(robot, services=(robot.service(GoToGoal), other), safe_state=())
+    assert more.substitute(other) is None
 
 
 # ---------------------------------------------------------------------------------------- the types

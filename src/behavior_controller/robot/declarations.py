@@ -303,7 +303,9 @@ class Interface:
         if isinstance(offer, Topic):
             return offer.action
         return next((other for other in self.services
-                     if other is not offer and other.name == offer.name), None)
+                     if other is not offer and other.name == offer.name
+                     and (issubclass(offer.request, other.request)
+                          or issubclass(other.request, offer.request))), None)
 
     def serves(self, request: type) -> bool:
         """Return whether a kind of request is answered, by a service of the robot or from files."""

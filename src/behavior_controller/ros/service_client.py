@@ -230,8 +230,17 @@ class RosGateway(Gateway):
         """Send ``request``; the call ends with the answer, with a failure, or at the deadline of
         its service."""
         call = Call(request, self._wake, lambda: self._release(call, is_dropped=True))
-        self._send(call, self._interface.service(type(request)))
+        service = self._interface.service(type(request))
+        if type(request) is not service.request:
+            self._tell_once(service, f"the robot {self._interface.name} has no action "
+                                     f"{service.name}: its {service.kind} is used in its place")
+        self._send(call, service)
         return call
+
+    def _tell_once(self, service: Service, text: str) -> None:
+        if service not in self._substituted:
+            self._substituted.add(service)
+            self._tell(text)
 
     def _send(self, call: Call, service: Service) -> None:
         """Have ``service`` carry out the request of ``call``."""
@@ -313,9 +322,7 @@ class RosGateway(Gateway):
         is_own = service is self._interface.service(type(call.request))
         if is_offered or other is None or not is_own:
             return False
-        if service not in self._substituted:
-            self._substituted.add(service)
-            self._tell(in_place_of(service, other))
+        self._tell_once(service, in_place_of(service, other))
         self._send(call, other)
         return True
 
