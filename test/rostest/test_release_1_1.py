@@ -18,6 +18,7 @@ from test_release_1_0 import CULTURE, ENVIRONMENT, MISSION, EndingServer  # noqa
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.robot import release_1_0  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.robot.release_1_1 import INTERFACE, SERVICES  # noqa: E402
 from behavior_controller.robot.requests import (  # noqa: E402
@@ -265,8 +266,16 @@ class TestStart(unittest.TestCase):
                          "this is a robot of release 1.0: set robotInterface release-1.0")
         self.check_other(RELEASE, "release-1.0",
                          "this is a robot of release 1.1: set robotInterface release-1.1")
-        # navigation and speech of 1.1 beside the gestures of 1.0: an action may be missing
         self.check_other({}, "release-1.1", "this is a robot of D5.4.3: set robotInterface D5.4.3")
+
+    def test_the_gestures_decide_between_the_releases(self):
+        others = {each.name: "absent" for each in release_1_0.INTERFACE.offers
+                  if each.name != GESTURE}
+        gestures = Robot(dict(others, **{"interface": "release-1.0", "__name:": "gestures"}))
+        self.addCleanup(gestures.stop)
+        lacking = {GESTURE: "absent", "action " + GESTURE: "absent"}
+        self.check_other(dict(RELEASE, **lacking), "release-1.1",
+                         "this is a robot of release 1.0: set robotInterface release-1.0")
 
     def test_a_mission_on_mixed_parts_says_once_what_stands_in(self):
         self.mission("<SayTextAsync name='4'/><SayTextAsync name='1'/><RetrieveListOfExhibits/>"
