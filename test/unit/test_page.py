@@ -189,6 +189,18 @@ def test_the_page_counts_the_time_of_a_step_by_itself(show, browser):
     assert value == pytest.approx(int(shown_as.split()[0]), abs=1.0)
 
 
+@pytest.mark.parametrize("width", [360, 1280])
+def test_steps_that_run_at_once_have_a_line_each_that_is_seen(show, browser, width):
+    shown = show(one_leaf("<Parallel><WelcomeSpeech/><EnableAnimateBehavior/></Parallel>",
+                          lambda request: None))
+    open_page(browser, shown, width)
+    shown.rig.tick()
+    wait_until(lambda: len(text(browser, "#now").split("\n")) == 2)
+    lines = text(browser, "#now").split("\n")
+    assert [line.split()[0] for line in lines] == ["starting", "saying"]
+    assert browser.execute_script("return byId('now').scrollHeight <= byId('now').clientHeight")
+
+
 ROW_OF_TIP = """
 const tip = document.querySelector(".tip"), sign = tip && tip.querySelector(".sign");
 return tip && [Number(tip.dataset.uid), sign.textContent, sign.getAttribute("aria-label")]"""
