@@ -254,7 +254,7 @@ class SpeechActionClient(GoalThread):
         """
         self._is_busy = True
         try:
-            wish = Listen(max(0.0, self._until - time.monotonic()))
+            wish = Listen(round(max(0.0, self._until - time.monotonic()), 1))
             utterance = self._action.answer(self.achieve(wish, self._is_late)).response
             self._warned = ""
             if utterance:
