@@ -12,6 +12,7 @@ from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, FaultsFound
 from behavior_controller.leaves.release_1_1 import SPECS
 from behavior_controller.missions import load
+from behavior_controller.missions.replay import replay
 from behavior_controller.robot import release_1_0, release_1_1
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.gateway import Cause, Failure
@@ -22,10 +23,11 @@ from behavior_controller.run.events import Answered, Asked, LeafFinished, StepSt
 from behavior_controller.run.fold import fold
 from behavior_controller.run.health import GONE, gone
 from behavior_controller.run.moment import card, card_line, robot_line
+from behavior_controller.run.record.reader import read_record
 from behavior_controller.run.state import State
 from behavior_controller.run.story import Story, may_be_under_way
 from behavior_controller.text import Source
-from mission_rig import Rig, one_leaf, write
+from mission_rig import FileRecord, Rig, one_leaf, write, written
 from test_interfaces import ROOT, md5, md5_of_service
 
 RELEASE = "release-1.1"
@@ -462,3 +464,27 @@ def test_the_node_that_drives_is_known_by_a_goal_too():
     change = gone("action", "/robotNavigation/set_goal", "robotNavigation", "x", "it cannot drive")
     state = fold_of(drive(1), replace(change, respect=GONE))
     assert state.robot.cannot_drive
+
+
+def test_a_run_is_recorded_and_takes_the_same_path_again(tmp_path):
+    path = tmp_path / "m.xml"
+    path.write_text(file(
+        "<Sequence><RetrieveListOfExhibits/><SelectExhibit/><SelectExhibit/><NavigateAsync/>"
+        "<SetOvertAttentionMode name='location'/><Parallel><DescribeExhibitSpeechAsync/>"
+        "<PerformDeicticGestureAsync/></Parallel><GetVisitorResponseAsync/></Sequence>"), "utf-8")
+    rig = Rig(str(path), robotInterface=RELEASE)
+    record = FileRecord(str(tmp_path)).open()
+    rig.mission.events.subscribe(record)
+    record.show(rig.tree)
+    rig.mission.topics = record.topics(rig.topics)
+    rig.mission_file = str(path)
+
+    def visitor(rig):
+        rig.clock.advance(0.5)
+        rig.topics.publish(release_1_1.INTERFACE.topic("/speechEvent/text"), "yes")
+
+    assert rig.run(visitor) == 0
+    assert [type(request) for request in rig.requests] == [
+        GoToGoal, SetAttention, SetAttention, SayGoal, PerformGestureGoal]
+    replayed = replay(read_record(written(record)))
+    assert (replayed.divergence, replayed.passes) == ("", 1)
