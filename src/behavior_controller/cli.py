@@ -35,9 +35,9 @@ from behavior_controller.missions.validation import (
 
 _WATCH_EVERY = 0.3  # seconds
 
-HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
+XML_HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
 MARK = "\n<!-- written by exportNodeModel, which may replace this file -->"
-PROJECT = OutputKind("a project that exportNodeModel has written", re.escape(HEAD + MARK))
+PROJECT = OutputKind("a project that exportNodeModel has written", re.escape(XML_HEAD + MARK))
 
 
 def validate(argv: Optional[List[str]] = None) -> int:
@@ -158,7 +158,7 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
 
 
 def _document(includes: List[str], attributes: str = "", mark: str = "") -> str:
-    lines = [HEAD + mark, f'<root BTCPP_format="4"{attributes}>']
+    lines = [XML_HEAD + mark, f'<root BTCPP_format="4"{attributes}>']
     lines += [f"  <include path={quoteattr(path)}/>" for path in includes]
     return "\n".join(lines + [tree_nodes_model(leaves.specs(), indent="  "), "</root>\n"])
 

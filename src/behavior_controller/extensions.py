@@ -18,13 +18,13 @@ from xml.etree import ElementTree
 
 from behavior_controller import exit_codes
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.foreign_code import described, is_ctrl_c, place
+from behavior_controller.foreign_code import described, place
 from behavior_controller.ros_packages import MANIFEST, package_folders, package_name
 from behavior_controller.text import Unreadable, did_you_mean, read_bytes
 
 TARGET = "cssr_system"
 
-KINDS = {"leaves": ("SPECS",), "interface": ("SERVICES", "TOPICS"), "phrases": ("SPEECHES",)}
+EXPORTS = {"leaves": ("SPECS",), "interface": ("SERVICES", "TOPICS"), "phrases": ("SPEECHES",)}
 """Attribute of the export -> the tuples that the module may have; it needs at least one of them."""
 
 PLAIN: Dict[Any, Tuple[type, ...]] = {
@@ -138,10 +138,8 @@ def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
     try:
         module = _imported(package, export, name)
         values = {
-            wanted: getattr(module, wanted) for wanted in KINDS[kind] if hasattr(module, wanted)}
+            wanted: getattr(module, wanted) for wanted in EXPORTS[kind] if hasattr(module, wanted)}
     except BaseException as error:  # a foreign module may raise anything
-        if is_ctrl_c(error):
-            raise
         hint = ""
         if kind == "interface" and "partially initialized" in str(error):
             hint = "; this module must not import leaves or phrases"
@@ -156,9 +154,9 @@ def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
                 f"{wanted} is not a tuple; with one item it needs a comma: {wanted} = (…,)", wanted)
     if not values:
         near = [other for other in vars(module)
-                if other.isupper() and did_you_mean(other, KINDS[kind], 0.8)]
+                if other.isupper() and did_you_mean(other, EXPORTS[kind], 0.8)]
         raise extension.broken("it has no {}{}".format(
-            " and no ".join(KINDS[kind]), ", but " + near[0] if near else ""), *near)
+            " and no ".join(EXPORTS[kind]), ", but " + near[0] if near else ""), *near)
     return extension
 
 
@@ -228,9 +226,9 @@ def _modules(package: str, path: str, manifest: bytes) -> List[Tuple[str, str]]:
         raise BrokenExtension(package, f"{path}: <{TARGET}> must stand in <export>")
     modules = [export for element in elements for export in element.attrib.items()]
     for attribute, _ in modules:
-        if attribute not in KINDS:
+        if attribute not in EXPORTS:
             raise BrokenExtension(package, f"{path}: {TARGET} has no attribute {attribute}; "
-                                           f"allowed: {', '.join(KINDS)}")
+                                           f"allowed: {', '.join(EXPORTS)}")
     return modules
 
 

@@ -14,9 +14,12 @@ _PYTHONS_OWN = os.path.dirname(os.path.abspath(traceback.__file__)) + os.sep
 
 def described(error: BaseException, owner: object = None) -> str:
     """Return kind, text and place of ``error``: ``KeyError: 'gripper' (greeter/leaves.py:31)``.
+    Raises it again if it is a Ctrl-C, for which no code is to blame.
 
     ``owner`` is the foreign class or function that is to blame if no foreign code raised it.
     """
+    if is_ctrl_c(error):
+        raise error
     try:
         text = " ".join(str(error).split())
     except BaseException as another:  # even its text is foreign code

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from behavior_controller.bt.loader.structure import MOST_FAULTS, MOST_NODES
+from behavior_controller.bt.loader.structure import MOST_FINDINGS, MOST_NODES
 from behavior_controller.bt.loader.checks import check
 from behavior_controller.bt.mission import load_mission, load_text
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
@@ -459,7 +459,7 @@ def test_a_text_where_an_element_is_due_is_told_at_its_place():
 
 def test_texts_without_end_are_no_trouble():
     found = timed(main("<Sequence>{}</Sequence>".format("a <Navigate/>" * 20000)))
-    assert 0 < len(found.faults) <= MOST_FAULTS
+    assert 0 < len(found.faults) <= MOST_FINDINGS
 
 
 # ------------------------------------------------------------------------------------------- limits
@@ -524,7 +524,7 @@ def test_thousands_of_trees_that_call_each_other_are_no_trouble():
                                         for back in range(max(0, number - 20), number)))
         for number in range(1500)) + tree(LEAF, "T1500")
     found = timed(root(trees, 'BTCPP_format="4" main_tree_to_execute="T0"'))
-    assert len(errors(found)) == MOST_FAULTS + 1 and not found.faults[-1].line
+    assert len(errors(found)) == MOST_FINDINGS + 1 and not found.faults[-1].line
 
 
 @pytest.mark.parametrize("bodies", [
@@ -537,8 +537,8 @@ def test_thousands_of_mistakes_are_no_trouble(bodies):
     main_tree = tree("<Sequence>{}</Sequence>".format("".join(
         '<SubTree ID="T{}"/>'.format(number) for number in range(len(bodies)))))
     found = timed(root(main_tree + trees))
-    assert len(errors(found)) == MOST_FAULTS + 1
-    assert found.faults[-1].text.split()[0] == str(len(bodies) - MOST_FAULTS)
+    assert len(errors(found)) == MOST_FINDINGS + 1
+    assert found.faults[-1].text.split()[0] == str(len(bodies) - MOST_FINDINGS)
 
 
 def test_ten_thousand_nodes_are_checked_in_a_moment():

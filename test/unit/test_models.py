@@ -1,7 +1,7 @@
 """A palette in the file that does not fit the node types is told, with its place."""
 from behavior_controller import folders
 from behavior_controller.bt.linter.palette import check_models, stubs
-from behavior_controller.bt.loader.structure import MOST_FAULTS, Findings
+from behavior_controller.bt.loader.structure import MOST_FINDINGS, Findings
 from behavior_controller.bt.loader.document import parse, read
 from behavior_controller.bt.engine.registry import Direction, Kind
 from behavior_controller.leaves import registry
@@ -42,7 +42,7 @@ def test_other_ports():
 
 
 def test_not_all_of_very_many_models_are_told():
-    assert len(warnings("<Action ID='Unknown'/>" * (MOST_FAULTS + 1))) == MOST_FAULTS
+    assert len(warnings("<Action ID='Unknown'/>" * (MOST_FINDINGS + 1))) == MOST_FINDINGS
 
 
 def test_what_fits_and_what_is_none_of_our_business():

@@ -3,7 +3,7 @@ known ends."""
 import pytest
 
 from behavior_controller.bt.linter.facts import outcomes
-from behavior_controller.bt.engine.possible_results import ANY, FAILS, SKIPS, SUCCEEDS
+from behavior_controller.bt.engine.possible_results import ANY_RESULT, FAILS, SKIPS, SUCCEEDS
 from behavior_controller.bt.engine.possible_results import OF_A_LEAF as ANY_END
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.controls import Sequence
@@ -117,8 +117,8 @@ RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
         ("<Parallel><Skip/><Win/></Parallel>", SUCCEEDS),
         ("<Parallel><Skip/><Skip/></Parallel>", SUCCEEDS),
         ("<Parallel><LoseOrSkip/><Win/></Parallel>", ANY_END),
-        ('<Parallel success_count="1"><Win/><Win/></Parallel>', ANY),
-        ('<Parallel failure_count="2"><Win/><Win/></Parallel>', ANY),
+        ('<Parallel success_count="1"><Win/><Win/></Parallel>', ANY_RESULT),
+        ('<Parallel failure_count="2"><Win/><Win/></Parallel>', ANY_RESULT),
         # a condition may end a node before it runs
         ('<Win _failureIf="x"/>', SUCCEEDS | FAILS),
         ('<Lose _successIf="x"/>', SUCCEEDS | FAILS),
@@ -126,8 +126,8 @@ RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
         ('<Win _while="x"/>', SUCCEEDS | SKIPS),
         ('<Win _post="x"/>', SUCCEEDS),
         # of a node type that declares nothing, anything is thought
-        ("<Own><Lose/></Own>", ANY),
-        ("<OwnControl><Lose/></OwnControl>", ANY),
+        ("<Own><Lose/></Own>", ANY_RESULT),
+        ("<OwnControl><Lose/></OwnControl>", ANY_RESULT),
         ("<Sequence><Own><Lose/></Own><Win/></Sequence>", ANY_END),
     ])
 def test_how_a_node_can_end(body, expected):

@@ -326,7 +326,7 @@ def test_each_service_has_its_deadline(tmp_path):
 # ---------------------------------------------------------------- what is said of a key is so, once
 
 
-ALL_KEYS = settings.KEYS + phrases.KEYS
+ALL_KEYS = settings.KEYS + phrases.PHRASE_KEYS
 LIMITS = re.compile(r"from ([0-9.]+) to ([0-9.]+)|^([0-9]+) or ([0-9]+)$")
 
 

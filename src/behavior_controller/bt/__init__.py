@@ -37,8 +37,7 @@ _refuse_older_py_trees()
 
 # after the check, which has the better message
 from behavior_controller.bt.linter.palette import tree_nodes_model
-from behavior_controller.bt.mission import load_mission as load
-from behavior_controller.bt.mission import load_text
+from behavior_controller.bt.mission import load_mission as load, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.controls import Control

@@ -88,14 +88,14 @@ def _text(said: Speech) -> Reader[str]:
                   lambda text: set(_VARIABLE.findall(text)) == set(said.variables))
 
 
-KEYS = _keys_of(SPEECHES) + (
+PHRASE_KEYS = _keys_of(SPEECHES) + (
     Key("tabletYes", _LABEL, REQUIRED, "a button on the tablet"),
     Key("tabletNo", _LABEL, REQUIRED, "a button on the tablet"),
     Key(YES, _PHRASES, REQUIRED, "what means yes"),
     Key(NO, _PHRASES, REQUIRED, "what means no"),
     Key(UNCLEAR, _PHRASES, (), "what is not an answer although it sounds like one"),
 )
-_OF_ANSWERS = frozenset(key.name for key in KEYS[len(SPEECHES):])
+_OF_ANSWERS = frozenset(key.name for key in PHRASE_KEYS[len(SPEECHES):])
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def load(language: str, mission: str = "") -> Phrases:
         raise ConfigurationError.of("language", f"there are no phrases in {language}", hint)
     name = f"phrases_{language}.ini"
     own = read_source(folders.of_mission(folders.data(name), mission), "the file of phrases")
-    found = _phrases(own, KEYS)
+    found = _phrases(own, PHRASE_KEYS)
     for extension in extensions.exported("phrases"):
         source = read_source(os.path.join(extension.folder, "data", name),
                              f"the file of phrases of the package {extension.package}")
@@ -204,7 +204,7 @@ def recorded(source: Source) -> Phrases:
     written = re.findall(r"^\s*(\w+)", source.text, re.MULTILINE)
     names = dict.fromkeys(written + [speech.node for speech in SPEECHES + added()])
     texts = tuple(Key(name, _TEXT, name, "") for name in names if name not in _OF_ANSWERS)
-    return _phrases(source, texts + KEYS[len(SPEECHES):])
+    return _phrases(source, texts + PHRASE_KEYS[len(SPEECHES):])
 
 
 def _phrases(source: Source, keys: Tuple[Key, ...]) -> Phrases:

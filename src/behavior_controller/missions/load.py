@@ -212,7 +212,7 @@ def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None,
 
 def mission_folders() -> List[str]:
     """Return our data folder, and those of packages that export something to us."""
-    exporting = dict.fromkeys(extension.folder for kind in extensions.KINDS
+    exporting = dict.fromkeys(extension.folder for kind in extensions.EXPORTS
                               for extension in extensions.exported(kind))
     return [folders.data("")] + [os.path.join(folder, "data") for folder in exporting]
 

@@ -9,7 +9,7 @@ from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, S
 
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
-from behavior_controller.bt.engine.possible_results import ANY, EACH, FAILS, SKIPS, SUCCEEDS
+from behavior_controller.bt.engine.possible_results import ANY_RESULT, EACH, FAILS, SKIPS, SUCCEEDS
 from behavior_controller.bt.engine.registry import Kind
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import Fault
@@ -122,7 +122,7 @@ class _Follower:
             else:
                 ways = {way for state in states for way in self._leaf(node, state)}
             if is_conditional:
-                ways = ways | _each(ANY, states)
+                ways = ways | _each(ANY_RESULT, states)
             if "_while" in node.attributes:
                 ways = ways | _each(SKIPS, _forgotten(self._during(node)))
             self._known[key] = ways
@@ -145,7 +145,7 @@ class _Follower:
                 for end, state in self._ways(child, frozenset(reached[index])):
                     ends, following = spec.after(node.attributes, count, index, end)
                     ways |= _each(ends, [state])
-                    if ends == ANY:
+                    if ends == ANY_RESULT:
                         state = state._replace(missed_by="")
                     for other in following:
                         reached[other].add(state)

@@ -2,11 +2,9 @@
 ports."""
 from typing import Any, Dict, List, Optional
 
-from behavior_controller.bt.engine import possible_results as possible
-from behavior_controller.bt.engine import controls, decorators
+from behavior_controller.bt.engine import controls, decorators, ports, possible_results as possible
 from behavior_controller.bt.engine.leaf import ConditionLeaf, SyncActionLeaf, TimedAction
 from behavior_controller.bt.engine.node import NodeError, Result
-from behavior_controller.bt.engine import ports
 from behavior_controller.bt.script.parser import to_bool
 from behavior_controller.bt.values.values import BT_ANY, TEXT, convert
 from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Role
@@ -171,7 +169,7 @@ _SPECS = (
     _spec(controls.IfThenElse, **_BRANCHES),
     _spec(controls.WhileDoElse, is_reactive=True, **_BRANCHES),
     _spec(controls.Parallel, possible.in_parallel),
-    _spec(controls.ParallelAll, possible.ANY),
+    _spec(controls.ParallelAll, possible.ANY_RESULT),
     _spec(controls.TryCatch, last_child_is_handler=True, fewest_children=2,
           children="the last is the one that catches", **_IN_SEQUENCE),
     *map(_switch, range(2, 7)),

@@ -8,14 +8,14 @@ from typing import Callable, List, Mapping, Union
 
 SUCCEEDS, FAILS, SKIPS = 1, 2, 4
 OF_A_LEAF = SUCCEEDS | FAILS
-ANY = SUCCEEDS | FAILS | SKIPS
+ANY_RESULT = SUCCEEDS | FAILS | SKIPS
 EACH = (SUCCEEDS, FAILS, SKIPS)
 
 Attributes = Mapping[str, str]
 Outcome = Union[int, Callable[[Attributes, List[int]], int]]
 """How a node can end: always so, or by its attributes and the ends of its children."""
 
-BY_NAME = {"SUCCESS": SUCCEEDS, "FAILURE": FAILS, "SKIPPED": SKIPS}
+ENDS_BY_NAME = {"SUCCESS": SUCCEEDS, "FAILURE": FAILS, "SKIPPED": SKIPS}
 
 
 def of_any_child(_attributes: Attributes, children: List[int]) -> int:
@@ -63,16 +63,16 @@ def of_branches(children: List[int]) -> int:
 def in_parallel(attributes: Attributes, children: List[int]) -> int:
     """Return how a Parallel can end; with counts given, in any way."""
     if {"success_count", "failure_count"} & set(attributes):
-        return ANY
+        return ANY_RESULT
     everyone = all(child & (SUCCEEDS | SKIPS) for child in children)
     return (of_any_child(attributes, children) & FAILS) | (SUCCEEDS if everyone else 0)
 
 
 def with_precondition(attributes: Attributes, children: List[int]) -> int:
     """Return how a Precondition can end."""
-    return children[0] | BY_NAME.get(attributes.get("else", "FAILURE"), 0)
+    return children[0] | ENDS_BY_NAME.get(attributes.get("else", "FAILURE"), 0)
 
 
 def for_each_item(attributes: Attributes, children: List[int]) -> int:
     """Return how a Loop can end."""
-    return children[0] & FAILS | BY_NAME.get(attributes.get("if_empty", "SUCCESS"), OF_A_LEAF)
+    return children[0] & FAILS | ENDS_BY_NAME.get(attributes.get("if_empty", "SUCCESS"), OF_A_LEAF)

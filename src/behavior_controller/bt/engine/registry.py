@@ -10,7 +10,8 @@ from typing import (Any, Callable, Dict, FrozenSet, Iterable, List, Mapping, Nam
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.engine.possible_results import (
-    ANY, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, Attributes, Outcome, in_chain, in_rounds, of_branches)
+    ANY_RESULT, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, Attributes, Outcome, in_chain, in_rounds,
+    of_branches)
 from behavior_controller.bt.values.values import PortType, TYPES
 from behavior_controller.text import did_you_mean
 
@@ -137,7 +138,7 @@ class NodeSpec:
             return of_branches(children)
         if self.repeats_on:
             return in_rounds(children[0], attributes.get(self.rounds, ""), self.repeats_on)
-        return ANY if children else OF_A_LEAF
+        return ANY_RESULT if children else OF_A_LEAF
 
     def first(self, count: int) -> Sequence[int]:
         """Return which of its children a node may tick first."""
@@ -163,7 +164,7 @@ class NodeSpec:
             ends = self.ends(attributes, [end])
             is_repeated = end & self.repeats_on and attributes.get(self.rounds) != "1"
             return ends, [0] if is_repeated or not ends else ()
-        return ANY, range(count)  # it may run any of its children in any order
+        return ANY_RESULT, range(count)  # it may run any of its children in any order
 
     @property
     def summary(self) -> str:
@@ -214,8 +215,7 @@ class Registry:
             for port in spec.ports:
                 _check_fields(f"port {port.name} of {spec.id}", port, _PORT_FIELDS)
                 self._check_type(port, spec)
-            names = [port.name for port in spec.ports]
-            if len(set(names)) < len(names):
+            if len(spec.port_named) < len(spec.ports):
                 raise ValueError(f"two ports of the node type {spec.id} have the same name")
             self._specs[spec.id] = spec
 

@@ -6,7 +6,7 @@ from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.loader.flow import CREATED, SUPPRESSED, READ, WRITTEN, Access, Name
 from behavior_controller.bt.loader.checks import condition_meant, is_cut_short
-from behavior_controller.bt.linter.scripts import WORDS
+from behavior_controller.bt.linter.scripts import FOREIGN_WORDS
 from behavior_controller.bt.loader.structure import given, is_port_name, remaps_all
 from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
@@ -123,7 +123,7 @@ def check_entries(facts: MissionFacts) -> None:
         if facts.is_host_known:
             _check_written(facts, use)
         read, name = use.read, use.name
-        is_odd = name in WORDS or name != name.strip() or "{" in name
+        is_odd = name in FOREIGN_WORDS or name != name.strip() or "{" in name
         # what another tree reads, its callers must give it, if they can
         is_of_callers = use.tree != facts.trees.main and is_port_name(name)
         is_known = not use.entry.uses.isdisjoint((WRITTEN, SUPPRESSED))

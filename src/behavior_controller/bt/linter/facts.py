@@ -4,7 +4,7 @@ from typing import Dict, Iterator, List, Mapping, Set, Tuple
 
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.node import DECISIONS
-from behavior_controller.bt.engine.possible_results import BY_NAME
+from behavior_controller.bt.engine.possible_results import ENDS_BY_NAME
 from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port, Registry
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.loader.flow import SUPPRESSED, TOUCHED, WRITTEN, Flow
@@ -93,7 +93,7 @@ def outcomes(trees: Mapping[str, List[Element]], registry: Registry) -> Dict[int
                 result = registry[element.type_id].ends(element.attributes, children)
             for attribute, status in DECISIONS.items():
                 if attribute in element.attributes:
-                    result |= BY_NAME[NAMES[status]]
+                    result |= ENDS_BY_NAME[NAMES[status]]
             ends[id(element)] = result
         ends_of_tree[tree_id] = ends[id(elements[0])]
     return ends

@@ -137,9 +137,7 @@ def check_models(documents: Sequence[Document], registry: Registry, findings: Fi
 
 def _check_model(model: Element, spec: NodeSpec, findings: Findings) -> None:
     if model.tag != spec.kind.value:
-        kind, ours = (f"an {kind}" if kind[0] == "A" else f"a {kind}"
-                      for kind in (model.tag, spec.kind.value))
-        text = f"the palette has {spec.id} as {kind}; it is {ours}"
+        text = f"the palette has {spec.id} as of kind {model.tag}; it is of kind {spec.kind.value}"
         findings.report(rules.PALETTE_KIND, model, text)
     for element in model.children:
         name = element.attributes.get("name", "")

@@ -11,10 +11,10 @@ from behavior_controller.bt.script.parser import Operand, Operation
 from behavior_controller.bt.values.values import GENERIC
 from behavior_controller.text import did_you_mean
 
-WORDS = {"not": "write !", "and": "write &&", "or": "write ||", "True": "write true",
-         "TRUE": "write true", "False": "write false", "FALSE": "write false",
-         "null": "an entry is never null", "NULL": "an entry is never null",
-         "None": "an entry is never null", "nil": "an entry is never null"}
+FOREIGN_WORDS = {
+    "not": "write !", "and": "write &&", "or": "write ||", "True": "write true",
+    "TRUE": "write true", "False": "write false", "FALSE": "write false",
+    **dict.fromkeys(("null", "NULL", "None", "nil"), "an entry is never null")}
 """What other languages mean by a word, and scripts do not."""
 
 _COMPARISONS = ("==", "!=", "<", ">", "<=", ">=")
@@ -43,8 +43,8 @@ def check_scripts(facts: MissionFacts) -> None:
 def _words(facts: MissionFacts, use: Use) -> Iterator[Finding]:
     for name, at in sorted(use.script.facts.read.items(), key=lambda item: item[1]):
         uses = facts.flow.name(use.tree, name).entry.uses
-        if name in WORDS and uses.isdisjoint((WRITTEN, TOUCHED)):
-            yield rules.SCRIPT_WORD, f"{name} means nothing in a script", WORDS[name], at
+        if name in FOREIGN_WORDS and uses.isdisjoint((WRITTEN, TOUCHED)):
+            yield rules.SCRIPT_WORD, f"{name} means nothing in a script", FOREIGN_WORDS[name], at
             return
 
 

@@ -108,20 +108,16 @@ NUMBER_CUT_SHORT = warning("Only the beginning of the text is read as a number."
 OUTPUT_IS_TEXT = warning("What a node writes needs an entry, and the port has a fixed text.")
 PORT_MISSING = warning("A port that the node needs is not given.")
 NAME_ARGUMENT = late("The name of the node is its argument, and is missing or none that it takes.")
-NAME_CHOOSES_NOTHING = warning(
-    "The name of the node looks as if it chose what the node does, and does not.")
+NAME_CHOOSES_NOTHING = warning("The name looks as if it chose what the node does, and does not.")
 COUNT_TOO_HIGH = warning("There are fewer children than the number says.")
 COUNT_ZERO = warning("A count of 0 decides the node's end whatever its children do.")
 NEVER_RUN = warning("The child is never run, because the number of rounds is 0 or negative.")
-BRACES_ODD = warning(
-    "Braces that do not make the text a reference to an entry, or to another entry than it seems.")
-BRACES_FORGOTTEN = warning(
-    "The text is the name of an entry, but has no braces, so that it is only a text.")
+BRACES_ODD = warning("The braces make no reference to an entry, or one to another than it seems.")
+BRACES_FORGOTTEN = warning("The text is the name of an entry, but is no reference without braces.")
 SWITCH_VARIABLE = warning("A Switch that compares a fixed text always chooses the same child.")
 SWITCH_CASE = warning("A case of a Switch can hardly be equal to anything, or is never reached.")
 STATUS_UNKNOWN = warning("The text is not the name of a status; the node fails when it needs it.")
-CONDITION_MISSPELT = warning(
-    "An attribute that begins with _ is ignored; a condition is spelt nearly so.")
+CONDITION_MISSPELT = warning("An ignored attribute with _ is spelt nearly like a condition.")
 AUTOREMAP_MISPLACED = warning("_autoremap means something only on a <SubTree>.")
 ENTRY_TYPE = error("An entry is used by ports of different types, or its name cannot be.")
 
@@ -134,12 +130,9 @@ MODEL_PORT_UNKNOWN = warning("The model of the tree has no port of this name.")
 MODEL_PORT_NAME = error("The name of a port in a model of a tree is missing or not allowed.")
 SUBTREE_PORT_UNKNOWN = warning("The tree uses no entry of this name.")
 SUBTREE_OLD = warning("The attribute means nothing in version 4.")
-SUBTREE_CONDITION = warning(
-    "The attribute of a SubTree is taken for an entry; a condition and _autoremap begin with _.")
-SUBTREE_PORT_MISSING = warning(
-    "A tree reads an entry that it does not write, and the call does not give it.")
-UNBRACED = warning(
-    "Version 3 took the text for the name of an entry; version 4 takes it for a text.")
+SUBTREE_CONDITION = warning("A condition or _autoremap without its _ is taken for an entry.")
+SUBTREE_PORT_MISSING = warning("A tree reads an entry that it does not write and is not given.")
+UNBRACED = warning("Version 3 took the text for the name of an entry; version 4 keeps it a text.")
 
 # ------------------------------------------------------------------------------------------ scripts
 
@@ -150,27 +143,22 @@ CONDITION_ASSIGNS = warning("A condition assigns a value instead of comparing wi
 NOT_CREATED = warning("An entry is assigned, and nothing creates it; := does.")
 TEXT_AND_NUMBER = warning("A text is compared or calculated with a number.")
 KIND_CHANGES = warning("An entry that holds a text is assigned a number, or the reverse.")
-NUMBER_AS_TRUTH = warning(
-    "A number that is neither 0 nor 1 is taken for a truth value; that fails.")
+NUMBER_AS_TRUTH = warning("A number that is neither 0 nor 1 is taken for a truth value: it fails.")
 TEXT_EMPTIES = warning("A text is set on an entry that a script has made, which makes it empty.")
 NAME_IS_NUMBER = warning("The name of an entry is taken from an entry that holds a number.")
 
 # --------------------------------------------------------------------------------------------- data
 
 NEVER_WRITTEN = warning("An entry is read, and nothing writes it.")
-ENTRY_MISSPELT = warning(
-    "An entry is named once, where it is written or given to a SubTree, and another nearly so.")
+ENTRY_MISSPELT = warning("An entry is named once, and another that is used has nearly its name.")
 
 # ------------------------------------------------------------------------------------------ outcome
 
 NEVER_REACHED = warning("A node is never ticked, because of how the one before it ends.")
 NEVER_REPEATS = warning("A repeat or retry whose child never ends as it would have to.")
 NEVER_WAITS = warning("A node repeats forever, and nothing in it waits.")
-RETRIES_FOR_EVER = warning(
-    "A loop without a limit asks a service that fails at once again and again, and nothing in it "
-    "pauses.")
-DONE_AGAIN = warning(
-    "A reactive control begins anew at every tick, and does again what has succeeded.")
+RETRIES_FOR_EVER = warning("A loop without limit or pause asks a service that may fail at once.")
+DONE_AGAIN = warning("A reactive control does again at every tick what has succeeded.")
 RECOVERY_MISPLACED = warning("A recovery has no failure before it.")
 
 # ------------------------------------------------------------------------------------------ palette
@@ -183,9 +171,7 @@ PALETTE_DIRECTION = warning("The palette has a port with another direction.")
 
 # ------------------------------------------------------------------------------------------- robot
 
-MODE_MISSING = warning(
-    "A node checks a sign of the visitor, and no node before it sets the mode of attention that "
-    "reports it.")
+MODE_MISSING = warning("A node checks a sign that no mode of attention set before it reports.")
 FAREWELL_TO_NOBODY = warning("The mission says goodbye to a visitor who has left.")
 NO_STOP = warning("Without speech recognition the mission never comes to its stops.")
 ROBOT_LACKS = error("A node cannot work, because the configured robot lacks what it needs.")

@@ -24,7 +24,7 @@ _BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
 STRUCTURE = EXPLICIT + _BELOW_ROOT + ("root",)
 """Elements that cannot be node types."""
 
-MOST_FAULTS = 1_000  # errors that are reported, and as many warnings
+MOST_FINDINGS = 1_000  # errors that are reported, and as many warnings
 _COMPARISONS = 40_000  # names compared for suggestions: each takes some 10 microseconds
 
 
@@ -47,7 +47,7 @@ class Findings:
         if not is_warning:
             self.faulty.add(id(element))
         found = self.warnings if is_warning else self.errors
-        if len(found) < MOST_FAULTS:
+        if len(found) < MOST_FINDINGS:
             found.append(element.fault(rule, text, hint, attribute, is_warning, at))
         elif not is_warning:
             self._unrecorded += 1
@@ -127,7 +127,7 @@ class Trees:
             text = f"BTCPP_format is {version}; the file is read as version 4"
             self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
         warnings = self.findings.warnings
-        warnings.extend(document.stray_text(MOST_FAULTS - len(warnings)))
+        warnings.extend(document.stray_text(MOST_FINDINGS - len(warnings)))
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
         for extra in models[1:]:
             self.report(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")

@@ -17,8 +17,8 @@ MAX_ELEMENT_DEPTH = 2_040  # nested elements; libxml2 itself stops at 2,048
 MOST_TAGS = 400_000
 MOST_ATTRIBUTES = 500  # of one element; libxml2 2.9 compares each with each
 LONGEST_NAME = 300
-LONGEST_VALUE = 100_000
-MOST_FAULTS = 100
+LONGEST_ATTRIBUTE = 100_000
+MOST_MARKUP_FAULTS = 100
 BEGINS = 'a mission begins with <root BTCPP_format="4">'
 
 BLANKS = " \t\r\n"
@@ -27,10 +27,10 @@ _TAG = r"""[^ \t\r\n/>!?"'=<:]+"""
 _NAME = r"""[^ \t\r\n=/>"'<]+"""
 # repetitions are bounded: that keeps the memory of Python's pattern engine bounded too
 _ATTRIBUTE = r"""{0}{{1,{2}}}{1}*={1}*(?:"[^"]{{0,{3}}}"|'[^']{{0,{3}}}')""".format(
-    _NAME[:-1], _BLANK, LONGEST_NAME, LONGEST_VALUE)
+    _NAME[:-1], _BLANK, LONGEST_NAME, LONGEST_ATTRIBUTE)
 # pieces that lxml may read unchanged
 _PLAIN_ATTRIBUTE = r"""(?!xmlns)[^ \t\r\n=/>"'<:]{{1,{0}}}="[^"&<\n\t\r]{{0,{1}}}\"""".format(
-    LONGEST_NAME, LONGEST_VALUE)
+    LONGEST_NAME, LONGEST_ATTRIBUTE)
 ATTRIBUTE = re.compile(rf"""({_NAME}){_BLANK}*={_BLANK}*("[^"]*"|'[^']*')""")
 TOKEN = re.compile(
     r"""
@@ -222,8 +222,8 @@ def _unfinished_tag(text: str, offset: int, tag: str, at: int) -> MarkupFault:
         if "<" in value and "\n" in value:
             wrong = f"the value of {name} has no closing quote"
             return MarkupFault(rules.QUOTE_NOT_CLOSED, wrong, attribute.start(2))
-        if len(name) > LONGEST_NAME or len(value) > LONGEST_VALUE + 2:
-            allowed = f"names may have {LONGEST_NAME} characters, values {LONGEST_VALUE}"
+        if len(name) > LONGEST_NAME or len(value) > LONGEST_ATTRIBUTE + 2:
+            allowed = f"names may have {LONGEST_NAME} characters, values {LONGEST_ATTRIBUTE}"
             wrong = f"this attribute is too long: {allowed}"
             return MarkupFault(rules.TOO_LARGE, wrong, attribute.start(2))
         at = attribute.end()
@@ -271,7 +271,7 @@ def diagnosis(text: str) -> List[MarkupFault]:
             name = match.group()[2:-1].rstrip(BLANKS)
             if not opened or opened[-1][0] != name:
                 # later faults may be consequences of it
-                return faults[:MOST_FAULTS] + [_mismatch(name, match.start(), opened)]
+                return faults[:MOST_MARKUP_FAULTS] + [_mismatch(name, match.start(), opened)]
             opened.pop()
     if opened:
         tag, offset = opened[-1]
@@ -280,7 +280,7 @@ def diagnosis(text: str) -> List[MarkupFault]:
         wrong = "a character that XML does not allow"
         faults = [MarkupFault(rules.FORBIDDEN_CHARACTER, wrong, match.start())
                   for match in _NOT_IN_XML.finditer(text)]
-    return faults[:MOST_FAULTS]
+    return faults[:MOST_MARKUP_FAULTS]
 
 
 def _tag_name(match: "re.Match[str]") -> str:
