@@ -8,10 +8,9 @@ from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.engine.registry import Direction, Kind, Port, Registry, Role
-from behavior_controller.bt.script.operators import ScriptError, leading_number
 from behavior_controller.bt.script.parser import (
-    Assignment, Operand, Script, ScriptSyntaxError, compile_script)
-from behavior_controller.bt.values.values import GENERIC, TEXT, TYPES
+    Assignment, Operand, Script, compile_script)
+from behavior_controller.bt.values.values import GENERIC, TEXT, TYPES, ValueFault, real_from_text
 
 NUMERAL = "numeral"
 """The kind of a text that is a number to a comparison, though not to a calculation."""
@@ -221,10 +220,9 @@ class Flow:
 
     def _script(self, tree: str, element: Element, attribute: str, text: str,
                 is_condition: bool) -> None:
-        try:
-            script = compile_script(text)
-        except ScriptSyntaxError:
-            return  # an empty one
+        if not text:
+            return
+        script = compile_script(text)
         self.scripts.append(Use(tree, element, attribute, script, is_condition))
         for name, at in script.facts.read.items():
             self._read(tree, name, Access(element, attribute, at, script))
@@ -274,7 +272,7 @@ def _kind_of_text(text: str) -> str:
     if text in ("true", "false"):
         return NUMERAL
     try:
-        leading_number(text)
-    except ScriptError:
+        real_from_text(text)
+    except ValueFault:
         return "text"
     return NUMERAL

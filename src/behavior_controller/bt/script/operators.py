@@ -130,20 +130,12 @@ def folded(first: Evaluate, rest: Rest) -> Evaluate:
 
 def text_to_number(text: str, enums: Enums) -> float:
     """Return the number that a text means beside a number: a truth, an enumerator, or its start.
-    Raises ScriptError."""
+    Raises ValueFault."""
     if text in ("true", "false"):
         return float(text == "true")
     if text in enums:
         return float(enums[text])
-    return leading_number(text)
-
-
-def leading_number(text: str) -> float:
-    """Return the number at the start of ``text``. Raises ScriptError if there is none."""
-    try:
-        return values.real_from_text(text)
-    except ValueFault as fault:
-        raise ScriptError(f"Any failed string to number conversion: {fault}") from fault
+    return values.real_from_text(text)
 
 
 # for texts too: Python orders them by code point, which is the order of their UTF-8 bytes
@@ -219,7 +211,7 @@ def prefixed(signs: List[str], operand: Evaluate) -> Evaluate:
 def _is_chosen(value: Any) -> bool:
     _not_empty(value, "left", "?")
     if isinstance(value, str):
-        return leading_number(value) != 0.0
+        return values.real_from_text(value) != 0.0
     if not is_number(value):
         raise ScriptError(f"The condition of ?: must be a number, not {_kind(value)}")
     return to_real(value) != 0.0

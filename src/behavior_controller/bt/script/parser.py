@@ -7,7 +7,7 @@ running one too.
 import functools
 import re
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, NamedTuple, Set, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
 from behavior_controller.bt.script import operators
 from behavior_controller.bt.values.blackboard import Blackboard
@@ -77,11 +77,6 @@ class ScriptFacts(NamedTuple):
     operations: List[Operation]
     prefixed: List[Tuple[str, Operand]]  # the signs before an operand, and that
     read: Dict[str, int]  # the names that are read, and where first
-
-    @property
-    def written(self) -> Set[str]:
-        """The names of the entries that it assigns to."""
-        return {assignment.name for assignment in self.assignments if assignment.name}
 
 
 # what it is ("name", "integer", "real", "text", "end", or the operator itself), its text, its

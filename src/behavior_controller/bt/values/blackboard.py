@@ -23,11 +23,6 @@ class Entry:
         self.is_read = True  # a node may have looked for it in vain
         self._root = root
 
-    @property
-    def is_generic(self) -> bool:
-        """Return whether the entry accepts values of any type."""
-        return self.type in GENERIC
-
     def replace(self, value: Any, origin: str = "") -> None:
         """Store ``value`` unchanged; ``origin`` is its type if that differs from the value's own.
         """
@@ -129,7 +124,7 @@ class Blackboard:
         entry = board.local.get(key)
         if entry is None:
             entry = board.local[key] = Entry(entry_type, self.root)
-        elif entry.type != entry_type and not entry.is_generic and entry_type not in GENERIC:
+        elif entry.type != entry_type and {entry.type, entry_type}.isdisjoint(GENERIC):
             raise _changed_type(f"Blackboard entry [{key}]", entry, entry_type)
         return entry
 
@@ -152,7 +147,7 @@ class Blackboard:
         entry = self.local.get(key)
         if entry is None:
             self.create(key, ANY if value_type == TEXT else value_type).replace(value, value_type)
-        elif entry.is_generic:
+        elif entry.type in GENERIC:
             entry.type = value_type
             entry.replace(value, value_type)
         else:
@@ -168,7 +163,7 @@ class Blackboard:
         if entry is None:
             self.create(key, origin).replace(value, origin)
         else:
-            if entry.is_generic:
+            if entry.type in GENERIC:
                 entry.type = BT_ANY
             elif entry.type != origin:
                 raise _changed_type(f"Blackboard::set({key})", entry, BT_ANY)

@@ -6,16 +6,18 @@ other silently. A boolean or status that is stored becomes an int, as an entry h
 that type reads it back as what it was. Digits are 0 to 9 alone. Rules: BT.CPP's
 ``convertFromString`` and ``Any`` (sections 9.1, 9.4 and 9.5).
 """
-import json
 import math
 import re
 from functools import lru_cache, partial
 from itertools import starmap
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
+
+import msgspec
 
 from behavior_controller.bt.values.status import BY_NAME, NAMES, NUMBERS
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.foreign_code import described, is_ctrl_c
+from behavior_controller.foreign_code import described
+from behavior_controller.text import clean
 
 EPSILON = 1.1920929e-07  # of a C++ float: the tolerance of BT.CPP's equality
 INT = (-2 ** 31, 2 ** 31 - 1)
@@ -61,21 +63,14 @@ _MOST_DIGITS = 20
 _TRUE, _FALSE = ("1", "true", "TRUE", "True"), ("0", "false", "FALSE", "False")
 
 
-def shown(text: str, longest: int = 80) -> str:
+def shown(text: str) -> str:
     """Return ``text`` as a message quotes it: on one line, not too long, and what cannot be seen as
     its escape."""
-    line = _BLANKS.sub(" ", text[:longest])
-    if not line.isprintable():
-        line = ascii(line)[1:-1]
-    return line if len(text) <= longest else line[:longest] + "…"
-
-
-def _integer(text: str, _enums: Enums, low: int, high: int) -> int:
-    return _whole(text, low, high)
+    return clean(_BLANKS.sub(" ", text), 80)
 
 
 @lru_cache(maxsize=1000)  # a literal at a port is read at each tick
-def _whole(text: str, low: int, high: int) -> int:
+def _integer(text: str, low: int, high: int) -> int:
     match = _INTEGER.match(text)
     if match is None or (low == 0 and match.group(1)):
         raise ValueFault(f"Can't convert string [{shown(text)}] to integer")
@@ -149,7 +144,7 @@ def _enumerator(text: str, enums: Enums) -> int:
 def _vector_type(name: str, item: str) -> ValueType:
     def read(text: str, enums: Enums) -> Any:
         if text.startswith("json:"):
-            return [_json_item(value, _CLASSES[item]) for value in _json_array(text[5:])]
+            return _from_json(text[5:], item)
         from_text: Any = TYPES[item].from_text
         return [from_text(part, enums) for part in items_of(text)]
     return ValueType(name, read, cpp_name=f"std::vector<{'std::string' if item == TEXT else item}>")
@@ -161,34 +156,24 @@ def items_of(text: str) -> List[str]:
     return items if items[-1] else items[:-1]
 
 
-def _json_array(text: str) -> List[Any]:
+def _from_json(text: str, item: str) -> List[Any]:
+    """Return the items of a JSON array; a JSON number may lack the point that a real has here."""
     try:
-        value = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ValueFault(f"not valid JSON: {error}") from error
-    if not isinstance(value, list):
-        raise ValueFault("a JSON array is expected")
-    return value
-
-
-def _json_item(value: Any, kind: type) -> Any:
-    """Check an item; a JSON number may lack the point that a real has here."""
-    if kind is float and type(value) is int:
-        return to_real(value)
-    if type(value) is not kind:
-        item = shown(json.dumps(value))
-        raise ValueFault(f"the JSON item {item} is not of type {_JSON_NAMES[kind]}")
-    return to_int(value, *INT) if kind is int else value
+        values = msgspec.json.decode(text, type=_JSON_TYPES[item])
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise ValueFault(f"not a JSON array of items of type {item}: {error}") from error
+    return [declared(value, item) for value in values]
 
 
 VECTORS = {"vec_int": "int", "vec_double": "double", "vec_string": TEXT, "vec_bool": "bool"}
 _CLASSES = {"int": int, "double": float, TEXT: str, "bool": bool}
-_JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
+_JSON_TYPES = {"int": List[int], "double": List[Union[int, float]], TEXT: List[str],
+               "bool": List[bool]}
 
 
 def _integer_type(name: str, low: int, high: int, cpp_name: str = "") -> ValueType:
-    from_text = partial(_integer, low=low, high=high)
-    return ValueType(name, from_text, (low, high), number=_INTEGER, cpp_name=cpp_name)
+    return ValueType(name, lambda text, _enums: _integer(text, low, high), (low, high),
+                     number=_INTEGER, cpp_name=cpp_name)
 
 
 class _Types(Dict[str, ValueType]):
@@ -232,8 +217,6 @@ def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], tex
         raise
     # a wrong text or a mistake in the converter: both are reported at the place of the text
     except BaseException as error:
-        if is_ctrl_c(error):
-            raise
         raise ValueFault(
             f"Can't convert string [{shown(text)}] to {name}: {described(error)}") from error
     if not isinstance(value, python):
