@@ -60,8 +60,8 @@ class BehaviorControllerError(Exception):
     """The base of all errors that this package raises; its text is one line for an operator, or one
     line per fault."""
 
-    origin: Optional[Tuple[Any, str]] = None
-    """The element and the attribute of a mission with the script that failed, where that is known.
+    origin: Tuple[Any, Optional[str]] = (None, None)
+    """The element of a mission that failed, and the attribute with its script, if they are known.
     """
 
 

@@ -23,8 +23,12 @@ class TickError(BehaviorControllerError):
         if node is not None:
             owner = f"node '{node.full_path}' [{node.registration_id}]"
             place = node.place_in_file()
-        is_ours = isinstance(cause, BehaviorControllerError)
-        text = cause if is_ours else described(cause, type(node))
+        self.origin = getattr(node, "element", None), None
+        if isinstance(cause, BehaviorControllerError):
+            text = str(cause)
+            self.origin = cause.origin if cause.origin[0] else self.origin
+        else:
+            text = described(cause, type(node))
         super().__init__(f"Exception in {where}{owner}: {place}{text}")
         self.node = node
         self.cause = cause

@@ -91,7 +91,7 @@ class Interception:
 
     def __init__(self) -> None:
         self.conditions: Sequence[Tuple[str, Script]] = ()  # in the order of PRE_CONDITIONS
-        self.scripts: Dict[str, Script] = {}  # the post-conditions
+        self.scripts: Dict[str, Script] = {}  # of all conditions
         # takes the result of each tick, if py_trees' tools ask for it
         self.ticked: Optional[Dict["Node", Result]] = None
         self.hook: Optional[NodeHook] = None
@@ -150,12 +150,7 @@ def run_script(script: Script, node: "Node", attribute: str) -> Any:
 def place_of(error: BehaviorControllerError) -> str:
     """Return ``file:line:column`` of the node at which a tick failed, or of its script; "" if the
     tree is not from a file."""
-    cause: Any = error
-    element, attribute = None, None
-    if isinstance(error, TickError):
-        cause, element = error.cause, getattr(error.node, "element", None)
-    if isinstance(cause, BehaviorControllerError) and cause.origin:
-        element, attribute = cause.origin
+    element, attribute = error.origin
     return "" if element is None else element.where(attribute)
 
 
@@ -179,6 +174,7 @@ class Node(Behaviour):
     """The status before the node went back to IDLE."""
     parent: Optional["Node"] = None
     feedback_message = ""
+    logger: Any = logging.getLogger(__name__)  # that py_trees' methods use
     blackbox_level = BlackBoxLevel.NOT_A_BLACKBOX
     uid = 0
     registration_id = ""
@@ -188,7 +184,7 @@ class Node(Behaviour):
     observer: Optional[Observer] = None
 
     # py_trees' constructor makes a UUID and a logger for each node, which costs more than all the
-    # rest of a load; here both are made on first use
+    # rest of a load; here the UUID is made on first use
     def __init__(self, name: str):
         self.name = self.full_path = name
         self.status = IDLE
@@ -199,11 +195,6 @@ class Node(Behaviour):
     def id(self) -> uuid.UUID:
         """The unique identifier that py_trees' tools ask for."""
         return self.__dict__.setdefault("_id", uuid.uuid4())
-
-    @property
-    def logger(self) -> logging.Logger:
-        """The logger that py_trees' methods use."""
-        return logging.getLogger(__name__)
 
     @property
     def qualified_name(self) -> str:

@@ -40,189 +40,192 @@ _SUBTREE_ELSEWHERE = {"__shared_blackboard": "version 4 ignores it: write _autor
                       "__autoremap": "version 4 ignores it: write _autoremap"}
 
 
-class Nodes:
-    """Checks the nodes of trees."""
+def _check_node(trees: Trees, element: Element) -> None:
+    """Check a node."""
+    spec = trees.registry.find(element.type_id)
+    if element.tag == "SubTree":
+        _check_subtree(trees, element)
+    elif not element.type_id:
+        trees.report_no_id(element, "", "the ID is the node type")
+    elif spec is None or spec.kind is Kind.SUBTREE:
+        _report_unknown(trees, element, element.type_id)
+    else:
+        _check_known(trees, element, spec)
 
-    def __init__(self, trees: Trees):
-        self.trees = trees
-        self.report, self.nearest = trees.report, trees.nearest
 
-    def check(self, element: Element) -> None:
-        """Check a node."""
-        spec = self.trees.registry.find(element.type_id)
-        if element.tag == "SubTree":
-            self._subtree(element)
-        elif not element.type_id:
-            self.trees.report_no_id(element, "", "the ID is the node type")
-        elif spec is None or spec.kind is Kind.SUBTREE:
-            self._unknown(element, element.type_id)
-        else:
-            self._identified(element, spec)
+def _check_known(trees: Trees, element: Element, spec: NodeSpec) -> None:
+    """Check a node whose type is known."""
+    if spec.warning:
+        trees.report(rules.NODE_TYPE_WARNING, element, spec.warning)
+    if spec.names:
+        _check_name(trees, element, spec)
+    for child in element.children if spec.refuses_explicit else ():
+        if child.tag in EXPLICIT and child.type_id:
+            text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
+            trees.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
+    tags = [child.tag for child in element.children] if spec.at_most_one else []
+    if tags.count(spec.at_most_one) > 1:
+        text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
+        trees.report(rules.TWO_ASYNC, element, text)
+    _check_children(trees, element, spec)
+    for name, text in element.attributes.items():
+        if name != "name":
+            _check_attribute(trees, element, spec, name, text)
 
-    def _identified(self, element: Element, spec: NodeSpec) -> None:
-        """Check a node whose type is known."""
-        if spec.warning:
-            self.report(rules.NODE_TYPE_WARNING, element, spec.warning)
-        if spec.names:
-            self._name(element, spec)
-        for child in element.children if spec.refuses_explicit else ():
-            if child.tag in EXPLICIT and child.type_id:
-                text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
-                self.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
-        tags = [child.tag for child in element.children] if spec.at_most_one else []
-        if tags.count(spec.at_most_one) > 1:
-            text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
-            self.report(rules.TWO_ASYNC, element, text)
-        self._children(element, spec)
-        for name, text in element.attributes.items():
-            if name != "name":
-                self._attribute(element, spec, name, text)
 
-    def _name(self, element: Element, spec: NodeSpec) -> None:
-        """Check the name of a node whose name is its argument."""
-        name = element.attributes.get("name", "")
-        text = f"{spec.id} takes an argument in its name, which is not given"
-        if argument(name):
-            text = f"the name of {spec.id} cannot be {name}"
-        if argument(name) not in spec.names:
-            hint = f"allowed: name=\"…\" with {', '.join(spec.names)}"
-            attribute = "name" if argument(name) else None
-            self.report(rules.NAME_ARGUMENT, element, text, hint, attribute)
+def _check_name(trees: Trees, element: Element, spec: NodeSpec) -> None:
+    """Check the name of a node whose name is its argument."""
+    name = element.attributes.get("name", "")
+    text = f"{spec.id} takes an argument in its name, which is not given"
+    if argument(name):
+        text = f"the name of {spec.id} cannot be {name}"
+    if argument(name) not in spec.names:
+        hint = f"allowed: name=\"…\" with {', '.join(spec.names)}"
+        attribute = "name" if argument(name) else None
+        trees.report(rules.NAME_ARGUMENT, element, text, hint, attribute)
 
-    def _unknown(self, element: Element, node_id: str) -> None:
-        attribute = "ID" if element.tag in EXPLICIT else None
-        if node_id == "BehaviorTree":
-            text = "a <BehaviorTree> cannot stand inside another"
-            hint = "call it with <SubTree ID=\"…\"/>"
-            self.report(rules.TREE_IN_TREE, element, text, hint)
-        elif node_id in self.trees.trees:
-            text = f"{node_id} is a tree, not a node"
-            hint = f"it is called with <SubTree ID=\"{node_id}\"/>"
-            self.report(rules.TREE_AS_NODE, element, text, hint, attribute)
-        else:
-            hint = (ELSEWHERE.get(node_id)
-                    or self.nearest(node_id, [spec.id for spec in self.trees.registry.all()])
-                    or "exportNodeModel prints every node type with its ports")
-            self.report(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
 
-    def _children(self, element: Element, spec: NodeSpec) -> None:
-        count = len(element.children)
-        fewest, most = spec.child_range
-        if fewest <= count <= most:
-            return
-        if most == 0:
-            rule, text = rules.LEAF_CHILDREN, f"{spec.id} is a leaf and cannot have children"
-        elif most == 1:
-            text = f"{spec.id} has {count} children; a decorator must have exactly 1"
-            rule = rules.DECORATOR_CHILDREN
-        elif fewest > 1:
-            text = f"{spec.id} must have at least {fewest} children: {spec.children}"
-            rule = rules.FEW_CHILDREN
-        else:
-            rule, text = rules.NO_CHILD, f"{spec.id} has no child; it must have 1 or more"
-        self.report(rule, element, text, AROUND_THEM if most == 1 and count else "")
+def _report_unknown(trees: Trees, element: Element, node_id: str) -> None:
+    attribute = "ID" if element.tag in EXPLICIT else None
+    if node_id == "BehaviorTree":
+        text = "a <BehaviorTree> cannot stand inside another"
+        hint = "call it with <SubTree ID=\"…\"/>"
+        trees.report(rules.TREE_IN_TREE, element, text, hint)
+    elif node_id in trees.trees:
+        text = f"{node_id} is a tree, not a node"
+        hint = f"it is called with <SubTree ID=\"{node_id}\"/>"
+        trees.report(rules.TREE_AS_NODE, element, text, hint, attribute)
+    else:
+        hint = (ELSEWHERE.get(node_id)
+                or trees.nearest(node_id, [spec.id for spec in trees.registry.all()])
+                or "exportNodeModel prints every node type with its ports")
+        trees.report(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
 
-    def _attribute(self, element: Element, spec: NodeSpec, name: str, text: str) -> None:
-        port = spec.port_named.get(name)
+
+def _check_children(trees: Trees, element: Element, spec: NodeSpec) -> None:
+    count = len(element.children)
+    fewest, most = spec.child_range
+    if fewest <= count <= most:
+        return
+    if most == 0:
+        rule, text = rules.LEAF_CHILDREN, f"{spec.id} is a leaf and cannot have children"
+    elif most == 1:
+        text = f"{spec.id} has {count} children; a decorator must have exactly 1"
+        rule = rules.DECORATOR_CHILDREN
+    elif fewest > 1:
+        text = f"{spec.id} must have at least {fewest} children: {spec.children}"
+        rule = rules.FEW_CHILDREN
+    else:
+        rule, text = rules.NO_CHILD, f"{spec.id} has no child; it must have 1 or more"
+    trees.report(rule, element, text, AROUND_THEM if most == 1 and count else "")
+
+
+def _check_attribute(trees: Trees, element: Element, spec: NodeSpec, name: str, text: str) -> None:
+    port = spec.port_named.get(name)
+    if name in CONDITIONS:
+        _check_script(trees, element, name, text)
+    elif port is not None:
+        _check_port(trees, element, port, text)
+    elif name == "ID":
+        if element.tag not in EXPLICIT:
+            text = f"the attribute ID is not allowed in <{element.tag}>"
+            hint = "write name=\"…\" for the name of the node"
+            trees.report(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
+    elif is_port_name(name):
+        hint = f"its argument is its name: {', '.join(spec.names)}"
+        if not spec.names:
+            hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
+                    or trees.nearest(name, spec.port_named, "its ports"))
+        text = f"{spec.id} has no port {name}"
+        trees.report(rules.UNKNOWN_PORT, element, text, hint, name)
+
+
+def _check_port(trees: Trees, element: Element, port: Port, text: str) -> None:
+    wrong = ports.literal_fault(text, port, {})
+    if wrong is not None:
+        inner = text.strip("${} \t")
+        if inner.isidentifier() and (inner != text or port.type != "bool"):
+            wrong = f"{wrong}; an entry is written {{{inner}}}"
+        text = f"port {port.name} of type {port.type} cannot be \"{text}\""
+        trees.report(rules.WRONG_LITERAL, element, text, wrong, port.name)
+    elif ports.reference(text, port.name) is not None:
+        return
+    elif port.direction is Direction.OUT:
+        text = f"{element.type_id} cannot write its port {port.name} to the text \"{text}\""
+        hint = f"an entry is written {{{port.name}}}"
+        trees.report(rules.OUTPUT_IS_TEXT, element, text, hint, port.name)
+    elif port.role is Role.SCRIPT and text:
+        _check_script(trees, element, port.name, text)
+    else:
+        is_cut_short(trees.report, element, port.name, port, port.literal or port.type)
+
+
+def _check_script(trees: Trees, element: Element, name: str, text: str) -> None:
+    try:
+        if len(text) > LONGEST_SCRIPT:
+            raise ScriptSyntaxError(
+                f"it has {len(text)} characters; at most {LONGEST_SCRIPT} are allowed")
+        compile_script(text)
+    except ScriptSyntaxError as wrong:
+        said = f"the script of {name} cannot be read: {wrong}"
+        hint = wrong.hint or text
+        trees.report(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
+
+
+def _check_subtree(trees: Trees, element: Element) -> None:
+    tree_id = element.attributes.get("ID", "")
+    for name, text in element.attributes.items():
         if name in CONDITIONS:
-            self._script(element, name, text)
-        elif port is not None:
-            self._port(element, port, text)
-        elif name == "ID":
-            if element.tag not in EXPLICIT:
-                text = f"the attribute ID is not allowed in <{element.tag}>"
-                hint = "write name=\"…\" for the name of the node"
-                self.report(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
-        elif is_port_name(name):
-            hint = f"its argument is its name: {', '.join(spec.names)}"
-            if not spec.names:
-                hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
-                        or self.nearest(name, spec.port_named, "its ports"))
-            text = f"{spec.id} has no port {name}"
-            self.report(rules.UNKNOWN_PORT, element, text, hint, name)
+            _check_script(trees, element, name, text)
+        elif name in _SUBTREE_ELSEWHERE:
+            said = f"{name} means nothing in version 4"
+            trees.report(rules.SUBTREE_OLD, element, said, _SUBTREE_ELSEWHERE[name], name)
+    if not tree_id:
+        trees.report_no_id(element, "", "the ID is that of a <BehaviorTree>")
+    else:
+        trees.check_id(element, tree_id)
+    if element.children:
+        said = f"<SubTree ID=\"{tree_id}\"> cannot have children"
+        trees.report(rules.LEAF_CHILDREN, element, said)
+    if id(element) not in trees.findings.faulty:
+        _check_call(trees, element, tree_id)
 
-    def _port(self, element: Element, port: Port, text: str) -> None:
-        wrong = ports.literal_fault(text, port, {})
-        if wrong is not None:
-            inner = text.strip("${} \t")
-            if inner.isidentifier() and (inner != text or port.type != "bool"):
-                wrong = f"{wrong}; an entry is written {{{inner}}}"
-            text = f"port {port.name} of type {port.type} cannot be \"{text}\""
-            self.report(rules.WRONG_LITERAL, element, text, wrong, port.name)
-        elif ports.reference(text, port.name) is not None:
-            return
-        elif port.direction is Direction.OUT:
-            text = f"{element.type_id} cannot write its port {port.name} to the text \"{text}\""
-            hint = f"an entry is written {{{port.name}}}"
-            self.report(rules.OUTPUT_IS_TEXT, element, text, hint, port.name)
-        elif port.role is Role.SCRIPT and text:
-            self._script(element, port.name, text)
-        else:
-            is_cut_short(self.report, element, port.name, port, port.literal or port.type)
 
-    def _script(self, element: Element, name: str, text: str) -> None:
-        try:
-            if len(text) > LONGEST_SCRIPT:
-                raise ScriptSyntaxError(
-                    f"it has {len(text)} characters; at most {LONGEST_SCRIPT} are allowed")
-            compile_script(text)
-        except ScriptSyntaxError as wrong:
-            said = f"the script of {name} cannot be read: {wrong}"
-            hint = wrong.hint or text
-            self.report(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
+def _check_call(trees: Trees, element: Element, tree_id: str) -> None:
+    if tree_id not in trees.trees:
+        trees.findings.faulty.add(id(element))
+        if trees.is_complete:
+            hint = trees.nearest(tree_id, trees.trees, "the trees")
+            text = f"there is no tree {tree_id}"
+            trees.report(rules.UNKNOWN_TREE, element, text, hint, "ID")
+    try:
+        gets_all = remaps_all(element)
+    except ValueFault as fault:
+        trees.report(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
+        return
+    for port in trees.models.get(tree_id, ()):
+        if not gets_all and port.default is None and port.name not in element.attributes:
+            _report_missing(trees, element, tree_id, port)
+    is_old = element.document.root.attributes.get("BTCPP_format") != "4"
+    for name, text in element.attributes.items() if is_old else ():
+        if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
+            said = f"{name}=\"{text}\" is the text {text} in version 4"
+            hint = f"the entry of that name is written {{{text}}}"
+            trees.report(rules.UNBRACED, element, said, hint, name)
 
-    def _subtree(self, element: Element) -> None:
-        tree_id = element.attributes.get("ID", "")
-        for name, text in element.attributes.items():
-            if name in CONDITIONS:
-                self._script(element, name, text)
-            elif name in _SUBTREE_ELSEWHERE:
-                said = f"{name} means nothing in version 4"
-                self.report(rules.SUBTREE_OLD, element, said, _SUBTREE_ELSEWHERE[name], name)
-        if not tree_id:
-            self.trees.report_no_id(element, "", "the ID is that of a <BehaviorTree>")
-        else:
-            self.trees.check_id(element, tree_id)
-        if element.children:
-            said = f"<SubTree ID=\"{tree_id}\"> cannot have children"
-            self.report(rules.LEAF_CHILDREN, element, said)
-        if id(element) not in self.trees.findings.faulty:
-            self._call(element, tree_id)
 
-    def _call(self, element: Element, tree_id: str) -> None:
-        if tree_id not in self.trees.trees:
-            self.trees.findings.faulty.add(id(element))
-            if self.trees.is_complete:
-                hint = self.nearest(tree_id, self.trees.trees, "the trees")
-                text = f"there is no tree {tree_id}"
-                self.report(rules.UNKNOWN_TREE, element, text, hint, "ID")
-        try:
-            gets_all = remaps_all(element)
-        except ValueFault as fault:
-            self.report(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
-            return
-        for port in self.trees.models.get(tree_id, ()):
-            if not gets_all and port.default is None and port.name not in element.attributes:
-                self._missing(element, tree_id, port)
-        is_old = element.document.root.attributes.get("BTCPP_format") != "4"
-        for name, text in element.attributes.items() if is_old else ():
-            if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
-                said = f"{name}=\"{text}\" is the text {text} in version 4"
-                hint = f"the entry of that name is written {{{text}}}"
-                self.report(rules.UNBRACED, element, said, hint, name)
-
-    def _missing(self, element: Element, tree_id: str, port: Port) -> None:
-        """Record that a port of a tree's model is not given; at the attribute that is meant for it,
-        if there is one."""
-        known = [known.name for known in self.trees.models[tree_id]]
-        meant = f"did you mean {port.name}?"
-        other = next((name for name in element.attributes if is_port_name(name)
-                      and name not in known and did_you_mean(name, known) == meant), None)
-        text = f"the model of {tree_id} asks for the port {port.name}, which is not given"
-        hint = f"write {port.name}=\"{{{port.name}}}\""
-        if other:
-            text, hint = f"{text}; it has no port {other}", meant
-        self.report(rules.MODEL_PORT_MISSING, element, text, hint, other)
+def _report_missing(trees: Trees, element: Element, tree_id: str, port: Port) -> None:
+    """Record that a port of a tree's model is not given; at the attribute that is meant for it,
+    if there is one."""
+    known = [known.name for known in trees.models[tree_id]]
+    meant = f"did you mean {port.name}?"
+    other = next((name for name in element.attributes if is_port_name(name)
+                  and name not in known and did_you_mean(name, known) == meant), None)
+    text = f"the model of {tree_id} asks for the port {port.name}, which is not given"
+    hint = f"write {port.name}=\"{{{port.name}}}\""
+    if other:
+        text, hint = f"{text}; it has no port {other}", meant
+    trees.report(rules.MODEL_PORT_MISSING, element, text, hint, other)
 
 
 def is_cut_short(report: Callable[..., None], element: Element, attribute: str, port: Port,
@@ -284,10 +287,9 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
         trees.add(document)
     trees.choose_main(main_tree, not strict)
     trees.check_calls()
-    nodes = Nodes(trees)
     for tree_id, tree in trees.bodies:
         trees.findings.refuses_late = tree_id in trees.used and trees.trees[tree_id] is tree
         for element in tree.below:
-            nodes.check(element)
+            _check_node(trees, element)
     trees.findings.refuses_late = False
     return trees

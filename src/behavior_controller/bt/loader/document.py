@@ -17,7 +17,7 @@ from behavior_controller.bt.loader.xml_repair import (
     stray_text)
 from behavior_controller.ros_packages import package_folder
 from behavior_controller.errors import Fault, MissionError, attempt
-from behavior_controller.foreign_code import described, is_ctrl_c
+from behavior_controller.foreign_code import described
 from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes
 
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
@@ -71,8 +71,6 @@ class Element:
     def broken(self, type_id: str, step: str, error: BaseException, owner: object) -> Fault:
         """Return the fault of a node whose code failed before any tick; ``step`` is what cannot be
         done with the node, ``owner`` its class or factory. Raises a Ctrl-C."""
-        if is_ctrl_c(error):
-            raise error
         text = f"{type_id} cannot be {step}: {described(error, owner)}"
         hint = "a mistake in the code of the node type, not in this file"
         return self.fault(rules.NODE_BROKEN, text, hint)

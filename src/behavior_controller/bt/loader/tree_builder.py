@@ -7,13 +7,13 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Se
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.loader import rules
-from behavior_controller.bt.loader.structure import CONDITIONS, Trees, by_place, given, remaps_all
+from behavior_controller.bt.loader.structure import CONDITIONS, Trees, given, remaps_all
 from behavior_controller.bt.loader.checks import check
 from behavior_controller.bt.loader.blackboard_clients import Clients
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.leaf import BehaviourLeaf
 from behavior_controller.bt.engine.node import (
-    POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services)
+    PRE_CONDITIONS, ConfigureError, Node, Services)
 from behavior_controller.bt.engine.substitution import Substitutions, TestNode
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -53,8 +53,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     services.clients = Clients(trees.main, registry)
     if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
         compiler.unfold(blackboard if blackboard is not None else Blackboard())
-    checked_faults = trees.faults if compiler.faults else lint(trees)
-    faults = sorted(dict.fromkeys(compiler.faults + checked_faults), key=by_place)
+    faults = lint(trees)
     MissionError.raise_any(faults)
     sources = tuple(Source(document.file, document.text) for document in documents)
     return Tree(trees.main, compiler.nodes, compiler.blackboards, services, faults, sources)
@@ -72,7 +71,7 @@ class _Use(NamedTuple):
 
 
 class _Compiler:
-    """Makes the nodes of one mission and collects the faults that only their making shows."""
+    """Makes the nodes of one mission and adds the faults that only their making shows."""
 
     def __init__(self, trees: Trees, services: Services, substitutes: Substitutions):
         self.trees = trees
@@ -81,10 +80,9 @@ class _Compiler:
         self.substitutes = substitutes
         self.nodes: List[Node] = []
         self.blackboards: Dict[str, Blackboard] = {}
-        self.faults: List[Fault] = []
+        self.faults = trees.findings.errors
         self._defaults: Dict[str, Dict[str, str]] = {}  # node type -> its entries by default
         self._classes: Set[type] = set()  # of nodes
-        self._deepest = 0
         self._clashes: List[Tuple[ports.TypeClash, _Use]] = []
         # the entries that calls give a number, with the call and the attribute
         self._numbers: Dict[int, Tuple[Element, str]] = {}
@@ -92,17 +90,16 @@ class _Compiler:
     def unfold(self, blackboard: Blackboard) -> None:
         """Make every node, parents before children, in document order."""
         self.blackboards[""] = blackboard
-        faulty = self.trees.findings.faulty
+        faulty, deepest = self.trees.findings.faulty, 0
         stack: List[Tuple[Element, Optional[Node], Blackboard, int]] = [
             (child, None, blackboard, 1) for child in self.trees.trees[self.trees.main].children]
         while stack:
             element, parent, blackboard, depth = stack.pop()
-            if depth > self._deepest:
-                self._deepest = depth
-                if depth > MAX_TREE_DEPTH:
-                    text = f"the mission unfolds to more than {MAX_TREE_DEPTH} levels"
-                    self.faults.append(element.fault(rules.TOO_LARGE, text))
-                    break
+            deepest = max(deepest, depth)
+            if depth > MAX_TREE_DEPTH:
+                text = f"the mission unfolds to more than {MAX_TREE_DEPTH} levels"
+                self.faults.append(element.fault(rules.TOO_LARGE, text))
+                break
             node = None if id(element) in faulty else self._node(element, parent, blackboard)
             children = element.children
             if node is None:
@@ -118,9 +115,8 @@ class _Compiler:
             for child in reversed(children):
                 stack.append((child, parent, blackboard, depth))
         self.faults += dict.fromkeys(self._blamed(*clash) for clash in self._clashes)
-        needed = 1000 + _FRAMES_PER_LEVEL * self._deepest
-        if sys.getrecursionlimit() < needed:
-            sys.setrecursionlimit(needed)
+        needed = 1000 + _FRAMES_PER_LEVEL * deepest
+        sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
 
     def _node(self, element: Element, parent: Optional[Node],
               blackboard: Blackboard) -> Optional[Node]:
@@ -198,8 +194,7 @@ class _Compiler:
                 interception = node.intercepted()
                 interception.conditions = [
                     (name, scripts[name]) for name in PRE_CONDITIONS if name in scripts]
-                interception.scripts = {
-                    name: scripts[name] for name in POST_CONDITIONS if name in scripts}
+                interception.scripts = scripts
             node.configure()
         except ports.TypeClash as clash:
             self._clashes.append((clash, _Use(node, clash.port)))
