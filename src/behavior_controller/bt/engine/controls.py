@@ -40,6 +40,8 @@ class _InOrder(Control):
     ends_at = FAILURE
     goes_on_at = SUCCESS
     memory = True
+    handlers = 0
+    """How many children at the end are not ticked in order."""
     yields = False
     """Whether to yield (RUNNING and a wake-up) after a child that completed at once."""
     ROUND: Tuple[str, ...] = ("index", "skipped")
@@ -52,7 +54,7 @@ class _InOrder(Control):
                 self.skipped = 0
             self.store(RUNNING)
         children = self.children
-        count = len(children)
+        count = len(children) - self.handlers
         while self.index < count:
             child = children[self.index]
             was_idle = child.status is IDLE
@@ -340,41 +342,33 @@ class Switch(Control):
         return default
 
 
-class TryCatch(Control):
+class TryCatch(_InOrder):
     """All children but the last in order; if one fails, the last one runs and the node fails."""
 
     PORTS = (Port("catch_on_halt", "bool", default="false",
                   description="tick the last child on a halt too"),)
     ROUND = ("index", "skipped", "catching")
-    index = skipped = 0
+    handlers = 1
     catching = False
 
     def update(self) -> Result:
         """Tick the try block, or the catch child once the block has failed."""
         if self.status is IDLE:
-            self.skipped = 0
             self.catching = False
-        self.begin()
-        *tries, catch = self.children
-        while self.index < len(tries) and not self.catching:
-            result = tries[self.index].execute()
-            if result is RUNNING:
-                return RUNNING
-            if result is FAILURE:
-                self.halt_children()
-                self.catching = True
-            elif result is SKIPPED:
-                self.skipped += 1
-            self.index += 1
-        result = SKIPPED if self.skipped == len(tries) else SUCCESS
-        if self.catching:
-            if catch.execute() is RUNNING:
-                return RUNNING
-            result = FAILURE
+        return self._catch() if self.catching else super().update()
+
+    def ended(self) -> Result:
+        """Go on with the catch child."""
         self.halt_children()
-        self.index = self.skipped = 0
+        self.catching = True
+        return self._catch()
+
+    def _catch(self) -> Result:
+        if self.children[-1].execute() is RUNNING:
+            return RUNNING
         self.catching = False
-        return result
+        self.skipped = 0
+        return super().ended()
 
     def halt(self) -> None:
         """With ``catch_on_halt``, give the catch child one tick first."""

@@ -113,28 +113,24 @@ class Repeat(Decorator):
         longer round."""
         port = self.PORTS[0].name
         limit = self.get_input(port)
-        go = self.count < limit or limit == -1
         self.begin()
-        while go:
+        was_idle = False
+        while self.count < limit or limit == -1:
+            if was_idle:
+                self.wake()
+                return RUNNING
             was_idle = self.decorated.status is IDLE
             result = self.decorated.execute()
-            if result is self.goes_on_at:
-                self.count += 1
-                if self.reads_again:
-                    limit = self.get_input(port)
-                go = self.count < limit or limit == -1
-                halt_child(self.decorated)
-                if was_idle and go:
-                    self.wake()
-                    return RUNNING
-            elif result is self.ends_at:
-                self.count = 0
-                halt_child(self.decorated)
-                return result
-            else:
-                if result is SKIPPED:
+            if result is not self.goes_on_at:
+                if result is self.ends_at:
+                    self.count = 0
+                if result is not RUNNING:
                     halt_child(self.decorated)
                 return result
+            self.count += 1
+            if self.reads_again:
+                limit = self.get_input(port)
+            halt_child(self.decorated)
         self.count = 0
         return self.goes_on_at
 

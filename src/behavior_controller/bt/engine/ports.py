@@ -156,16 +156,9 @@ def same_text_or_number(left: str, right: str, enums: Enums) -> bool:
     of an enum is its number."""
     if left == right:
         return True
-    for whole in (_as_int, _as_real):
-        a, b = whole(left, enums), whole(right, enums)
-        if a is not None and b is not None:
-            return abs(a - b) <= (0 if whole is _as_int else values.EPSILON)
-    return False
-
-
-def _as_int(text: str, enums: Enums) -> Optional[int]:
-    return int(enums[text]) if text in enums else values.whole_integer(text, *values.INT)
-
-
-def _as_real(text: str, enums: Enums) -> Optional[float]:
-    return float(enums[text]) if text in enums else values.whole_real(text)
+    left, right = (str(int(enums[text])) if text in enums else text for text in (left, right))
+    a, b = (values.whole_integer(text, *values.INT) for text in (left, right))
+    if a is not None and b is not None:
+        return a == b
+    x, y = (values.whole_real(text) for text in (left, right))
+    return x is not None and y is not None and abs(x - y) <= values.EPSILON
