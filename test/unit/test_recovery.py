@@ -548,9 +548,10 @@ def test_the_delivered_pauses_are_those_of_a_policy_that_names_none():
     ("Navigate refused 1 0 skip", "2:1: Navigate cannot be skipped (write giveUp)"),
     ("Navigat refused 1 0 giveUp", "2:1: unknown node Navigat (did you mean Navigate?)"),
     ("Navigate refusd 1 0 giveUp", "2:1: unknown cause refusd (did you mean refused?)"),
-    ("Navigate refused -1 0 giveUp", "2:1: retries cannot be -1 (allowed: 0 to 99)"),
+    ("Navigate refused -1 0 giveUp",
+     "2:1: retries cannot be \"-1\" (allowed: a whole number from 0 to 99)"),
     ("Navigate refused 1 soon giveUp",
-     "2:1: back-off cannot be soon (allowed: seconds, 0 to 3600)"),
+     "2:1: back-off cannot be \"soon\" (allowed: a number of seconds from 0 to 3600)"),
     ("Navigate refused 1 0 ignore",
      "2:1: the last word cannot be ignore (allowed: skip, giveUp, or a node that "
      "calls a service)"),

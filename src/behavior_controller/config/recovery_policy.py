@@ -7,11 +7,12 @@ from typing import Iterable, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.robot.gateway import Cause
-from behavior_controller.config.config_file import LineReader, Place, TextLine, read_source
+from behavior_controller.config.config_file import (
+    LineReader, Place, TextLine, integer, number, read_source)
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.text import Source, did_you_mean
 
-CAUSES = [cause.value for cause in Cause]
+CAUSE_NAMES = [cause.value for cause in Cause]
 SKIP, GIVE_UP = "skip", "giveUp"
 
 MOST_RECOVERIES = 99
@@ -19,6 +20,9 @@ MOST_RECOVERIES = 99
 
 MOST_DOUBLINGS = 12
 """From 1 s to more than the longest pause that a policy may name."""
+
+_COUNT = integer(0, MOST_RECOVERIES)
+_PAUSE = number(0, 3600, of="seconds")
 
 
 class Rule(NamedTuple):
@@ -116,8 +120,8 @@ class _PolicyReader(LineReader):
             self.fault(None, "the line \"budget <recoveries> <seconds>\" is missing")
 
     def _pair(self, place: Place, name: str, words: List[str]) -> None:
-        is_pair = len(words) == 2 and all(map(_is_seconds, words)) and name not in self.values
-        if name == "budget" and not (is_pair and _is_count(words[0])):
+        is_pair = len(words) == 2 and all(map(_PAUSE.is_allowed, words)) and name not in self.values
+        if name == "budget" and not (is_pair and _COUNT.is_allowed(words[0])):
             self.fault(place, "a budget is one line: budget <recoveries> <seconds>")
         elif name == "pause" and not (is_pair and 1.0 <= float(words[0]) <= float(words[1])):
             self.fault(place, "pauses are one line: pause <first> <longest>",
@@ -130,13 +134,11 @@ class _PolicyReader(LineReader):
         before = len(self.faults)
         if node != "*" and node not in self.nodes:
             self.fault(place, f"unknown node {node}", did_you_mean(node, self.nodes))
-        if cause != "*" and cause not in CAUSES:
-            self.fault(place, f"unknown cause {cause}", did_you_mean(cause, CAUSES)
-                       or f"the causes: {', '.join(CAUSES)}")
-        if not _is_count(retries):
-            self.fault(place, f"retries cannot be {retries}", "allowed: 0 to 99")
-        if not _is_seconds(back_off):
-            self.fault(place, f"back-off cannot be {back_off}", "allowed: seconds, 0 to 3600")
+        if cause != "*" and cause not in CAUSE_NAMES:
+            self.fault(place, f"unknown cause {cause}", did_you_mean(cause, CAUSE_NAMES)
+                       or f"the causes: {', '.join(CAUSE_NAMES)}")
+        self.parsed(_COUNT, retries, "retries", place)
+        self.parsed(_PAUSE, back_off, "back-off", place)
         if then not in (SKIP, GIVE_UP) and not self._is_request(then):
             self.fault(place, f"the last word cannot be {then}",
                        did_you_mean(then, filter(self._is_request, self.nodes))
@@ -163,11 +165,3 @@ class _PolicyReader(LineReader):
                 return
         self.lines[f"{rule.node} {rule.cause}"] = place[1]
         self.rules.append(rule)
-
-
-def _is_count(text: str) -> bool:
-    return re.fullmatch(r"\d{1,2}", text) is not None
-
-
-def _is_seconds(text: str) -> bool:
-    return re.fullmatch(r"\d{1,4}(\.\d{1,3})?", text) is not None and float(text) <= 3600.0
