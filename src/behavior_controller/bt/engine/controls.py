@@ -4,7 +4,7 @@ A control node stores RUNNING at the start of its tick. When it returns SKIPPED 
 therefore stays RUNNING, and its parent will halt it: that is the library's behaviour, recorded in
 its traces.
 """
-from typing import Any, Optional, Tuple
+from typing import Any, Iterator, Optional, Tuple
 
 from py_trees import composites
 from py_trees.common import ParallelPolicy
@@ -176,6 +176,19 @@ class ParallelBase(Control, composites.Parallel):
             raise NodeError(f"Number of children is less than threshold. Can never {verb}.")
         return value if value >= 0 else max(count + value + 1, 0)
 
+    def tick_children(self) -> Iterator[Tuple[int, int, int]]:
+        """Tick every child that has not completed, and yield after each child how many have
+        succeeded, have failed and were skipped."""
+        statuses = [child.status for child in self.children]
+        successes, failures, skipped = statuses.count(SUCCESS), statuses.count(FAILURE), 0
+        for child, status in zip(self.children, statuses):
+            if status is not SUCCESS and status is not FAILURE:
+                result = child.execute()
+                successes += result is SUCCESS
+                failures += result is FAILURE
+                skipped += result is SKIPPED
+            yield successes, failures, skipped
+
     def complete(self, result: Result) -> Result:
         """Complete with ``result``."""
         self.halt_children()
@@ -200,20 +213,10 @@ class Parallel(ParallelBase):
         """Tick every child that has not completed, until the thresholds decide."""
         needed = self.threshold("success_count", "succeed")
         allowed = self.threshold("failure_count", "fail")
-        count = len(self.children)
+        count, skipped = len(self.children), 0
         skips_count = self.get_input("success_count") < 0
         self.begin()
-        statuses = [child.status for child in self.children]
-        successes, failures, skipped = statuses.count(SUCCESS), statuses.count(FAILURE), 0
-        for child, status in zip(self.children, statuses):
-            if status is not SUCCESS and status is not FAILURE:
-                result = child.execute()
-                if result is SUCCESS:
-                    successes += 1
-                elif result is FAILURE:
-                    failures += 1
-                elif result is SKIPPED:
-                    skipped += 1
+        for successes, failures, skipped in self.tick_children():
             if successes >= needed or (skips_count and successes + skipped >= needed):
                 return self.complete(SUCCESS)
             if count - failures < needed or failures == allowed:
@@ -232,19 +235,10 @@ class ParallelAll(ParallelBase):
         allowed = self.threshold("max_failures", "fail")
         count = len(self.children)
         self.begin()
-        skipped = completed = failures = 0
-        for child in self.children:
-            result = child.status
-            if result is not SUCCESS and result is not FAILURE:
-                result = child.execute()
-            if result is SKIPPED:
-                skipped += 1
-            elif result is not RUNNING:
-                completed += 1
-                failures += 1 if result is FAILURE else 0
+        *_, (successes, failures, skipped) = self.tick_children()
         if skipped == count:
             return SKIPPED
-        if skipped + completed == count:
+        if successes + failures + skipped == count:
             return self.complete(FAILURE if failures >= allowed else SUCCESS)
         return RUNNING
 
