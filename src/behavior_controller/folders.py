@@ -1,6 +1,7 @@
 """Where the configuration and the missions are, in the source tree and when installed, without
 asking ROS."""
 import os
+import pathlib
 
 _HERE = os.path.dirname(os.path.abspath(__file__))
 
@@ -8,15 +9,12 @@ _HERE = os.path.dirname(os.path.abspath(__file__))
 def share(module_folder: str = _HERE, package: str = "cssr_system") -> str:
     """Return the folder that holds ``config`` and ``data`` of a package with this folder of
     modules: the package's root, or its share folder when installed."""
-    folder = os.path.realpath(module_folder)
-    while True:
-        for candidate in (folder, os.path.join(folder, "share", package)):
-            if all(os.path.isdir(os.path.join(candidate, part)) for part in ("config", "data")):
-                return candidate
-        parent = os.path.dirname(folder)
-        if parent == folder:
-            return os.getcwd()
-        folder = parent
+    here = pathlib.Path(module_folder).resolve()
+    for folder in (here, *here.parents):
+        for candidate in (folder, folder / "share" / package):
+            if os.path.isdir(candidate / "config") and os.path.isdir(candidate / "data"):
+                return str(candidate)
+    return os.getcwd()
 
 
 def config(name: str) -> str:

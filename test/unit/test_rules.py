@@ -275,7 +275,7 @@ MISSIONS = {
     "endless repeat without waiting": ["forever and never waits", "Sleep"],
     "endless retry without waiting": ["without waiting", "ReactiveFallback"],
     "no round": ["never run", "-1: no limit"], "no attempt": ["never run"],
-    "more successes than children": ["only 2 children"], "no success wanted": ["decided before"],
+    "more successes than children": ["only 2 children"], "no success wanted": ["decides the result"],
     "IfThenElse with one child": ["has 1 children; it must have 2 or 3"],
     "Switch without a default": ["must have 3"],
     "a port without a value": ["Sleep needs the port msec"],

@@ -324,12 +324,11 @@ def check(path: str, takes_arm: bool = False) -> Optional[List[Fault]]:
         except ConfigurationError as error:
             return list(error.faults)
         kind = _kind(source.text)
-    if kind is None:
-        return None
-    if kind == _VALUE_TYPES:
-        return []
-    file = _Culture(source, takes_arm) if kind == _CULTURE else _Environment(source)
-    return file.findings()
+    if kind == _CULTURE:
+        return _Culture(source, takes_arm).findings()
+    if kind == _ENVIRONMENT:
+        return _Environment(source).findings()
+    return [] if kind == _VALUE_TYPES else None
 
 
 def _source(configuration: Source, mission: str = "") -> Source:

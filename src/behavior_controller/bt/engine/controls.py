@@ -195,19 +195,17 @@ class ParallelBase(Control, composites.Parallel):
         return result
 
 
-def _count(name: str, default: str, description: str, if_zero: str) -> Port:
-    return Port(name, "int", default=default, description=description, role=Role.CHILDREN,
-                if_zero=if_zero)
+def _count(name: str, default: str, description: str) -> Port:
+    return Port(name, "int", default=default, description=description, role=Role.CHILDREN)
 
 
 class Parallel(ParallelBase):
     """All children at once; ``success_count`` and ``failure_count`` decide, and are tested after
     every child."""
 
-    _if_zero = "is decided before any child has done its work"
     PORTS = (
-        _count("success_count", "-1", "children that must succeed; -1 is all", _if_zero),
-        _count("failure_count", "1", "children that must fail to fail; -1 is all", _if_zero))
+        _count("success_count", "-1", "children that must succeed; -1 is all"),
+        _count("failure_count", "1", "children that must fail to fail; -1 is all"))
 
     def update(self) -> Result:
         """Tick every child that has not completed, until the thresholds decide."""
@@ -227,8 +225,7 @@ class Parallel(ParallelBase):
 class ParallelAll(ParallelBase):
     """All children to their end; FAILURE if at least ``max_failures`` of them failed."""
 
-    _if_zero = "waits for all children, and is then always FAILURE"
-    PORTS = (_count("max_failures", "1", "FAILURE if at least as many children fail", _if_zero),)
+    PORTS = (_count("max_failures", "1", "FAILURE if at least as many children fail"),)
 
     def update(self) -> Result:
         """Tick every child that has not completed."""

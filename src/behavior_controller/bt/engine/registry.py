@@ -53,8 +53,7 @@ class Port(NamedTuple):
     ``type`` is a name of ``values.TYPES`` or a PortType, ``literal`` the type of a literal if that
     differs. ``default`` is text as it would stand in the file, or None for no default.
     ``is_optional``: the node needs no value. ``names`` are names of an instance that replace a
-    missing value; all other names have no meaning. ``if_zero`` describes the effect of 0 for a
-    number of children.
+    missing value; all other names have no meaning.
     """
 
     name: str
@@ -66,7 +65,6 @@ class Port(NamedTuple):
     is_optional: bool = False
     literal: str = ""
     names: Tuple[str, ...] = ()
-    if_zero: str = ""
 
 
 @dataclass(frozen=True)

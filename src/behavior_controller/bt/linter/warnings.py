@@ -88,7 +88,7 @@ def _check_port(facts: MissionFacts, element: Element, port: Port, tree: str) ->
             wrong = f"{name}=\"{text}\", but there are only {count} children"
             report(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
         elif text == "0":
-            wrong = f"{name}=\"0\" {port.if_zero}"
+            wrong = f"{name}=\"0\" decides the result, whatever the children do"
             report(rules.COUNT_ZERO, element, wrong, "-1 is all children", name)
     elif port.role is Role.WATCHED and is_literal and set(text) & set("{}$"):
         hint = f"write {name}=\"{{{text.strip('{}$ ')}}}\""
