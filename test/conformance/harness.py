@@ -131,7 +131,7 @@ def registry_of(case: Dict[str, Any], events: List[Any]) -> Registry:
                 types.setdefault(key, "stateful")
     for node_id, described in types.items():
         is_tree = 'BehaviorTree ID="{}"'.format(node_id) in case["xml"]
-        if registry.find(node_id) is None and not is_tree or node_id in case.get("leaf_types", {}):
+        if node_id not in registry and not is_tree or node_id in case.get("leaf_types", {}):
             registry.extend([_leaf_spec(node_id, described, case, events)])
     return registry
 

@@ -355,7 +355,7 @@ def test_what_there_is_to_know_of_a_node():
     with open(node.element.document.file, encoding="utf-8") as file:
         line = file.read().split("\n")[int(before["place"].split(":")[1]) - 1]
     assert "<Navigate/>" in line and before["type"] == "Navigate"
-    assert before["description"] == registry().find("Navigate").summary != ""
+    assert before["description"] == registry()["Navigate"].summary != ""
     fixed = board_of(one_leaf('<Navigate target="1;2;90"/>')).node(1)
     assert fixed["ports"] == [{"name": "target", "text": "1;2;90", "value": ""}]
     rig.run(visitor_who(says="yes"))

@@ -51,7 +51,8 @@ def test_the_vocabulary_is_table_4_and_the_documented_extensions():
 
 
 def test_a_default_is_a_value_of_its_port_s_type():
-    wrong = [(spec.id, port.name, port.default) for spec in registry().all() for port in spec.ports
+    wrong = [(spec.id, port.name, port.default)
+             for spec in registry().values() for port in spec.ports
              if port.default is not None and literal_fault(port.default, port, {}) is not None]
     assert wrong == []
 
@@ -566,7 +567,7 @@ def test_only_what_is_read_may_be_left_out():
 
 
 def test_every_leaf_can_be_made_without_anything_running():
-    for spec in leaves.registry().all():
+    for spec in leaves.registry().values():
         assert spec.factory((spec.names or ("name",))[0]) is not None
 
 

@@ -100,7 +100,7 @@ def test_without_a_converter_an_entry_alone_can_hold_a_value():
 
 
 def test_the_palette_names_the_type():
-    assert '<input_port name="at" type="Spot"/>' in bt.tree_nodes_model(registry().all())
+    assert '<input_port name="at" type="Spot"/>' in bt.tree_nodes_model(registry().values())
 
 
 def test_registries_do_not_share_types():

@@ -13,9 +13,9 @@ def spec(node_id):
 
 def test_types_are_found_by_name_and_kept_in_order():
     registry = Registry([spec("WelcomeSpeech"), spec("Navigate")])
-    assert registry.find("Navigate").id == "Navigate"
-    assert registry.find("navigate") is None
-    assert [found.id for found in registry.all()] == ["WelcomeSpeech", "Navigate"]
+    assert registry["Navigate"].id == "Navigate"
+    assert "navigate" not in registry
+    assert list(registry) == ["WelcomeSpeech", "Navigate"]
 
 
 def test_nothing_is_known_of_a_type_that_says_nothing():

@@ -521,7 +521,7 @@ def test_nodes_stand_in_lists_below_their_parents(parents, expected):
 def loaded(body):
     """Return the text of a mission with this body, and its tree as it is recorded."""
     text = f"<root BTCPP_format='4'><BehaviorTree ID='M'>\n{body}\n</BehaviorTree></root>\n"
-    return text, shown(load_text(text, registry(), "/m/first.xml"), specs=registry().all())
+    return text, shown(load_text(text, registry(), "/m/first.xml"), specs=list(registry().values()))
 
 
 @pytest.mark.parametrize("node, letters, is_bare, has_run", [
@@ -575,7 +575,7 @@ def test_a_node_has_its_place_its_ports_and_what_it_is_for():
         "Parallel", [["success_count", "2", True], ["failure_count", "1", False]]
     ], ["Sleep", [["msec", "7", True]]]]
     assert sorted(page.data["types"]) == ["Parallel", "Sequence", "Sleep"]
-    assert page.data["types"]["Sleep"] == registry().find("Sleep").summary
+    assert page.data["types"]["Sleep"] == registry()["Sleep"].summary
     assert page.bars(4) == [(7500, 500, "S", 1, "")]
 
 
@@ -895,7 +895,7 @@ def test_a_node_opens_with_what_stands_in_the_file_and_all_its_results(report, d
 
     click(name)
     panel = report.find_element("css selector", "#n{} .node".format(uid))
-    assert "Navigate: " + registry().find("Navigate").description in panel.text
+    assert "Navigate: " + registry()["Navigate"].description in panel.text
     assert panel.find_element(
         "css selector",
         "dd a").get_attribute("href").endswith("#f0-" +

@@ -39,7 +39,7 @@ def specs() -> Tuple[NodeSpec, ...]:
         _add(extension, speech.specs(extension.declared("SPEECHES", Speech)), owners, known)
     for extension in extensions.exported("leaves"):
         _add(extension, extension.declared("SPECS", NodeSpec), owners, known)
-    return tuple(known.all()[builtins:])
+    return tuple(known.values())[builtins:]
 
 
 def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: Dict[str, str],

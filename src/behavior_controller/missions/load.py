@@ -206,8 +206,8 @@ def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None,
                clock: Optional[Clock] = None, wake: Optional[WakeUp] = None,
                registry: Optional[Registry] = None) -> Tree:
     """As ``load_tree``, given documents, the mission last, and optionally other node types."""
-    return build(documents, registry or leaves.registry(), clock, main_tree=main_tree, wake=wake,
-                 lint=lint)
+    known = leaves.registry() if registry is None else registry
+    return build(documents, known, clock, main_tree=main_tree, wake=wake, lint=lint)
 
 
 def mission_folders() -> List[str]:
@@ -240,4 +240,4 @@ def missions() -> List[str]:
 
 def describe(tree: Tree, number: int) -> TreeShown:
     """Return the event for a mission's tree that is going to run, the ``number``-th of the run."""
-    return shown(tree, number, leaves.registry().all(), data.TIMES)
+    return shown(tree, number, list(leaves.registry().values()), data.TIMES)

@@ -192,19 +192,19 @@ def argument(name: str) -> str:
     return name.strip().lower()
 
 
-class Registry:
-    """Node types by name. A duplicate name, a field or a port of a wrong type raise ``ValueError``.
-    """
+class Registry(Dict[str, NodeSpec]):
+    """Node types by name, in the order of registration; ``extend`` adds some."""
 
     def __init__(self, specs: Iterable[NodeSpec] = ()):
-        self._specs: Dict[str, NodeSpec] = {}
+        super().__init__()
         self._types: Dict[str, PortType] = {}
         self.extend(specs)
 
     def extend(self, specs: Iterable[NodeSpec]) -> None:
-        """Add each of ``specs``."""
+        """Add each of ``specs``. Raises ValueError for a duplicate name, and for a field or a port
+        of a wrong type."""
         for spec in specs:
-            if spec.id in self._specs:
+            if spec.id in self:
                 raise ValueError(f"the node type {spec.id} is registered twice")
             _check_fields(f"node type {spec.id!r}", spec, _SPEC_FIELDS)
             if isinstance(spec.ports, Port) or {type(port) for port in spec.ports} - {Port}:
@@ -215,7 +215,7 @@ class Registry:
                 self._check_type(port, spec)
             if len(spec.port_named) < len(spec.ports):
                 raise ValueError(f"two ports of the node type {spec.id} have the same name")
-            self._specs[spec.id] = spec
+            self[spec.id] = spec
 
     def _check_type(self, port: Port, spec: NodeSpec) -> None:
         if isinstance(port.type, PortType):
@@ -229,15 +229,3 @@ class Registry:
             hint = hint or "there are: " + " ".join(TYPES)
             wrong = f"the port {port.name} of {spec.id} has the unknown type {port.type}"
             raise ValueError(f"{wrong} ({hint}; a type of your own is a PortType)")
-
-    def find(self, node_id: str) -> Optional[NodeSpec]:
-        """Return the node type of that name, or None."""
-        return self._specs.get(node_id)
-
-    def __getitem__(self, node_id: str) -> NodeSpec:
-        """Return the node type of a checked mission."""
-        return self._specs[node_id]
-
-    def all(self) -> List[NodeSpec]:
-        """Return every node type, in the order of registration."""
-        return list(self._specs.values())

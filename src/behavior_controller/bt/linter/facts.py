@@ -26,7 +26,7 @@ class MissionFacts:
         self.used = {tree: self.flow.used(tree) for tree in self.elements}
         # the entries of the whole mission that ports have by default
         self.defaults: Dict[str, List[Tuple[NodeSpec, Port]]] = {}
-        for spec in registry.all():
+        for spec in registry.values():
             for port in spec.ports:
                 key = ports.reference(port.default or "", port.name)
                 if key is not None and key.startswith("@"):

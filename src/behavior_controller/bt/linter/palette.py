@@ -89,15 +89,14 @@ def stubs(documents: Iterable[Document], registry: Registry) -> Tuple[List[NodeS
     """
     made: Dict[str, NodeSpec] = {}
     faults: List[Fault] = []
-    known = [spec.id for spec in registry.all()]
     for model in models(documents):
         node_id = model.attributes.get("ID", "")
         if not node_id:
             text = f"<{model.tag}> in <TreeNodesModel> lacks the attribute ID"
             faults.append(model.fault(rules.ID_MISSING, text, is_warning=True))
-        elif node_id not in known and node_id not in ELSEWHERE:
+        elif node_id not in registry and node_id not in ELSEWHERE:
             made.setdefault(node_id, _stub(model, node_id))
-            hint = did_you_mean(node_id, known, likeness=0.93)
+            hint = did_you_mean(node_id, registry, likeness=0.93)
             if hint:
                 text = f"the palette has an unknown node {node_id}"
                 faults.append(model.fault(rules.PALETTE_UNKNOWN_NODE, text, hint, "ID"))
@@ -123,14 +122,13 @@ def _stub(model: Element, node_id: str) -> NodeSpec:
 
 def check_models(documents: Sequence[Document], registry: Registry, findings: Findings) -> None:
     """Warn of each model of a node that does not exist, is of another kind, or has other ports."""
-    known = [spec.id for spec in registry.all()]
     for model in models(documents):
         node_id = model.attributes.get("ID", "")
-        spec = registry.find(node_id)
+        spec = registry.get(node_id)
         if spec is None:
             text = f"the palette has an unknown node {node_id}"
             findings.report(rules.PALETTE_UNKNOWN_NODE, model, text,
-                            findings.nearest(node_id, known), "ID")
+                            findings.nearest(node_id, registry), "ID")
         else:
             _check_model(model, spec, findings)
 

@@ -172,7 +172,7 @@ def _is_before(facts: MissionFacts, one: Element, other: Element) -> bool:
         around = inner
         inner = next((child for child in around.children if child.number <= one.number
                       and other.number <= child.last), None)
-    spec = facts.registry.find(around.type_id)
+    spec = facts.registry.get(around.type_id)
     return spec is not None and spec.advances_on == SUCCEEDS
 
 

@@ -42,7 +42,7 @@ _SUBTREE_ELSEWHERE = {"__shared_blackboard": "version 4 ignores it: write _autor
 
 def _check_node(trees: Trees, element: Element) -> None:
     """Check a node."""
-    spec = trees.registry.find(element.type_id)
+    spec = trees.registry.get(element.type_id)
     if element.tag == "SubTree":
         _check_subtree(trees, element)
     elif not element.type_id:
@@ -97,7 +97,7 @@ def _report_unknown(trees: Trees, element: Element, node_id: str) -> None:
         trees.report(rules.TREE_AS_NODE, element, text, hint, attribute)
     else:
         hint = (ELSEWHERE.get(node_id)
-                or trees.nearest(node_id, [spec.id for spec in trees.registry.all()])
+                or trees.nearest(node_id, trees.registry)
                 or "exportNodeModel prints every node type with its ports")
         trees.report(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
 

@@ -179,7 +179,7 @@ class Trees:
         if tree_id in ("Root", "root"):
             text = f"{tree_id} is a reserved name; a tree cannot be called so"
             self.report(rules.RESERVED_ID, element, text, attribute="ID")
-        elif self.registry.find(tree_id) is not None:
+        elif tree_id in self.registry:
             text = f"{tree_id} is the name of a node type; a tree cannot be called so"
             is_call = element.tag == "SubTree"
             hint = f"a node of that type is written <{tree_id}/>" if is_call else ""

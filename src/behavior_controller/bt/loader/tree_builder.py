@@ -153,7 +153,7 @@ class _Compiler:
             if config is not None:
                 spec = NodeSpec(target or "", Kind.ACTION, partial(TestNode, config=config))
             elif target is not None:
-                spec = self.registry.find(target) or spec
+                spec = self.registry.get(target, spec)
                 if spec.id != target:
                     text = f"the substitute {target} is not a node type"
                     self.faults.append(element.fault(rules.SUBSTITUTE_UNKNOWN, text))

@@ -113,7 +113,7 @@ class LoadedMission:
         """The mission, with a tree that is not played."""
         self._registry = leaves.registry()
         self._checked = check(self._documents, self._registry)
-        self._shown = shown(self.mission.tree, specs=self._registry.all())
+        self._shown = shown(self.mission.tree, specs=list(self._registry.values()))
         self.world = world or read_world("", settings)
 
     def world_of(self, test: Configuration) -> World:

@@ -620,7 +620,7 @@ class RecoveryTask(Task):
 
     def _substitute(self, node_id: str) -> ReferenceNode:
         # the policy was checked when the mission was loaded
-        spec = self.course.registry.find(node_id)
+        spec = self.course.registry.get(node_id)
         node: Any = spec.factory(node_id)
         node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
         for name in ("full_path", "blackboard", "services", "course"):
