@@ -14,12 +14,12 @@ from behavior_controller.robot.d543 import INTERFACE
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, Prompt,
-    QueryKnowledge, Request, Say, SetAnimation, SetAttention, SetPose, SetRecognition,
+    QueryKnowledge, Request, Say, SayGoal, SetAnimation, SetAttention, SetPose, SetRecognition,
     SetRecognitionLanguage)
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.config.settings import defaults
 
-from behavior_controller.simulation import configuration
+from behavior_controller.simulation import behaviour, configuration
 from behavior_controller.simulation.faults import (
     CRASH, EXCEPTION, KINDS, PlannedFault, REFUSED, UNANSWERED, WRONG)
 from behavior_controller.simulation.journal import JournalEntry
@@ -91,6 +91,7 @@ def is_read(service, answer):
 @pytest.mark.parametrize("interface", INTERFACES.values())
 def test_each_field_of_a_response_has_the_name_of_what_it_brings(interface):
     strange = [(service.type, field) for service in services(interface)
+               if not isinstance(service, Action)
                for field in slots(service)[1]
                if field not in (service.success.field, ) + Answer.__struct_fields__]
     assert strange == [], "add a field of that name to records.Answer"
@@ -137,11 +138,19 @@ def test_a_gesture_may_be_as_short_as_it_likes():
 
 @pytest.mark.parametrize("request_fields, kind, seconds",
                          ((GESTURE, PerformGesture, 3.0), ({"message": "x" * 28}, Say, 2.0),
-                          ({"message": "x" * 28, "language": "Kinyarwanda"}, Say, 2.0),
-                          ({"message": "x" * 28, "language": "English"}, Say, 0.0),
                           ({"state": "disabled"}, SetAnimation, 0.2)))
 def test_a_gesture_takes_its_time_and_a_second_has_fourteen_letters(request_fields, kind, seconds):
-    assert simulated(INTERFACE.service(kind)).seconds(request_fields) == pytest.approx(seconds)
+    assert behaviour.seconds(INTERFACE.service(kind), request_fields) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("robot, kind, language, seconds", [
+    ("release-1.0", Say, "Kinyarwanda", 2.0), ("release-1.0", Say, "English", 0.0),
+    ("release-1.1", Say, "English", 2.0), ("release-1.1", SayGoal, "English", 2.0)])
+def test_release_1_0_answers_at_once_in_english_and_release_1_1_does_not(
+        robot, kind, language, seconds):
+    field = "text" if kind is SayGoal else "message"
+    request = {field: "x" * 28, "language": language}
+    assert behaviour.seconds(INTERFACES[robot].service(kind), request) == pytest.approx(seconds)
 
 
 def test_another_packages_service_takes_a_second():

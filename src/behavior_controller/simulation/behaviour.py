@@ -9,15 +9,16 @@ from msgspec.structs import asdict
 from behavior_controller.config.phrases import YES
 from behavior_controller.robot import d543
 from behavior_controller.robot.declarations import (
-    Interface, Plain, Publication, Sense, Service, Success, Topic)
+    Action, Interface, Plain, Publication, Sense, Service, Success, Topic)
 from behavior_controller.robot.requests import (
-    Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, Prompt,
-    QueryKnowledge, Say, SetAnimation, SetAttention, SetPose, SetRecognition,
-    SetRecognitionLanguage)
+    Answer, AttentionStatus, Exhibit, Faces, GoTo, GoToGoal, Location, PerformGesture,
+    PerformGestureGoal, Point, Prompt, QueryKnowledge, Say, SayGoal, SetAnimation, SetAttention,
+    SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.robot.interfaces import INTERFACES
 
 from behavior_controller.simulation.faults import REFUSED, WRONG
-from behavior_controller.simulation.visitor import DETECTED, GAZE_VALUES, SEARCHING, NOTHING_HEARD
+from behavior_controller.simulation.visitor import (
+    DETECTED, GAZE_VALUES, NOTHING_HEARD, NO_STATUS, SEARCHING, spoken)
 from behavior_controller.simulation.world import World
 
 Fields = Dict[str, Any]
@@ -35,13 +36,16 @@ class SimulatedService(NamedTuple):
     ``object_to`` says what is wrong with a request. ``answer`` is the content of a positive answer;
     None: the answer is no, because the visitor's is. ``nonsense`` is content of the right type
     without a meaning, where an answer has content. ``seconds`` is about how long a real robot
-    takes.
+    takes. Of an action, ``feedback`` is the fields of its message after that share of its time,
+    without any there is none; a cancel stops it before the share ``stops_until`` alone.
     """
 
     object_to: Callable[[Fields], Optional[str]]
     answer: Callable[[Fields, World], Optional[Answer]] = lambda request, world: Answer()
     nonsense: Optional[Answer] = None
     seconds: Callable[[Fields], float] = lambda request: 0.2
+    feedback: Callable[[Fields, float], Fields] = lambda request, share: {}
+    stops_until: float = 0.0
 
 
 def _allow(field: str, *values: str) -> Callable[[Fields], Optional[str]]:
@@ -55,6 +59,8 @@ def _allow(field: str, *values: str) -> Callable[[Fields], Optional[str]]:
 def _object_to_gesture(request: Fields) -> Optional[str]:
     if request["gesture_duration"] <= 0:
         return "gesture_duration is {} ms; allowed: more than 0".format(request["gesture_duration"])
+    if request["gesture_type"] == "deictic" and "arm" in request:
+        return _allow("arm", "EITHER", "LEFT", "RIGHT")(request)
     return _allow("gesture_type", "deictic", "iconic", "symbolic", "bow", "nod")(request)
 
 
@@ -70,7 +76,7 @@ _object_to_language = _allow("language", *LANGUAGES)
 
 
 def _object_to_text(request: Fields) -> Optional[str]:
-    if not request["message"].strip():
+    if not spoken(request).strip():
         return "there is no text"
     return _object_to_language(request) if "language" in request else None
 
@@ -90,24 +96,36 @@ LETTERS_A_SECOND = 14.0
 """The speed of a robot's speech, in characters a second."""
 
 
-def _seconds_of_speech(request: Fields) -> float:
-    """Return how long speaking takes; the robot of release 1.0 answers at once in English."""
-    if request.get("language") == "English":
-        return 0.0
-    return len(request["message"]) / LETTERS_A_SECOND
+SYNTHESIZED = 0.2
+"""The share of a speech's time after which it is played; a cancel does not stop that."""
+
+SPEED = 0.4
+"""The speed of a robot's drive, in metres a second."""
+
+DRIVE = 15.0
+"""Seconds that each drive takes."""
+
+
+def _speaking(request: Fields, share: float) -> Fields:
+    return {"status": "synthesizing" if share < SYNTHESIZED else "playing", "progress": share}
 
 
 NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
 """A goal that cannot be reached."""
 
-SERVICES: Mapping[type, SimulatedService] = {
+SERVICES: Dict[type, SimulatedService] = {
     SetAnimation: SimulatedService(_allow("state", "enabled", "disabled")),
     SetAttention: SimulatedService(
         _allow("state", "disabled", "social", "scanning", "seeking", "location")),
     PerformGesture: SimulatedService(
         _object_to_gesture, seconds=lambda request: request["gesture_duration"] / 1000),
-    Say: SimulatedService(_object_to_text, seconds=_seconds_of_speech),
-    GoTo: SimulatedService(_object_to_place, seconds=lambda request: 15.0),
+    Say: SimulatedService(
+        _object_to_text, seconds=lambda request: len(spoken(request)) / LETTERS_A_SECOND,
+        feedback=_speaking, stops_until=SYNTHESIZED),
+    GoTo: SimulatedService(
+        _object_to_place, seconds=lambda request: DRIVE,
+        feedback=lambda request, share: {"distance_remaining": (1.0 - share) * DRIVE * SPEED},
+        stops_until=1.0),
     SetPose: SimulatedService(_object_to_place),
     QueryKnowledge: SimulatedService(
         lambda request: _object_to_subject({"parameters": request["parameters"].lower()}),
@@ -118,7 +136,10 @@ SERVICES: Mapping[type, SimulatedService] = {
     SetRecognition: SimulatedService(_allow("status", "true", "false")),
     SetRecognitionLanguage: SimulatedService(_object_to_language)
 }
-"""Kind of request -> what the robot does with it."""
+"""Kind of request -> what the robot does with it, by a service or as the goal of an action."""
+
+SERVICES.update({PerformGestureGoal: SERVICES[PerformGesture], GoToGoal: SERVICES[GoTo],
+                 SayGoal: SERVICES[Say]})
 
 FOREIGN = SimulatedService(lambda request: None, seconds=lambda request: 1.0)
 """A service that another package declares, which answers as ``Service.rehearse`` says."""
@@ -127,6 +148,14 @@ FOREIGN = SimulatedService(lambda request: None, seconds=lambda request: 1.0)
 def simulated(service: Service) -> SimulatedService:
     """Return what the robot does with a request to a service."""
     return SERVICES.get(service.request, FOREIGN)
+
+
+def seconds(service: Service, request: Fields) -> float:
+    """Return how long a real robot takes for the request to a service until it answers."""
+    is_speech = service.request is Say
+    if is_speech and service.answers_early(Say(spoken(request), request.get("language", ""))):
+        return 0.0
+    return simulated(service).seconds(request)
 
 
 def nonsense(success: Success) -> Optional[Plain]:
@@ -186,10 +215,11 @@ def _attention(world: World) -> AttentionStatus:
     visitor, robot = world.visitor, world.settings.interface
     if visitor.attention == "seeking":
         return AttentionStatus("seeking", GAZE_VALUES[world.settings.gaze_value][visitor.gaze()])
-    sees_visitors = robot.evidence(Sense.VISITOR).topic.value is AttentionStatus
-    if visitor.attention in ("scanning", "social") and sees_visitors:
+    senses = [robot.evidence(sense) for sense in (Sense.VISITOR, Sense.PRESENCE)]
+    if visitor.attention in [evidence.mode for evidence in senses]:
         return AttentionStatus(visitor.attention, DETECTED if visitor.is_here else SEARCHING)
-    return AttentionStatus(visitor.attention, 0)
+    tells_mode = senses[0].topic.value is AttentionStatus and visitor.attention == "social"
+    return AttentionStatus(visitor.attention, NO_STATUS if tells_mode else 0)
 
 
 def _utterance(world: World) -> Optional[str]:
@@ -253,7 +283,11 @@ NODES = tuple(nodes(*INTERFACES.values()))
 SERVERS = tuple(servers(*INTERFACES.values()))
 """The nodes that have a service."""
 
-OPTIONAL = tuple(
-    dict.fromkeys(service.name for robot in INTERFACES.values() for service in services(robot)
-                  if service.is_optional))
+_SERVICES = [service for robot in INTERFACES.values() for service in services(robot)]
+ACTIONS = tuple(dict.fromkeys(
+    service.name for service in _SERVICES if isinstance(service, Action)))
+"""Actions beside services of the same names, which either may lack."""
+
+OPTIONAL = tuple(dict.fromkeys(
+    service.name for service in _SERVICES if service.is_optional or service.name in ACTIONS))
 """Services that some robots do not have."""

@@ -13,14 +13,15 @@ from behavior_controller.config.config_file import (
     REQUIRED, Reader, boolean, filled, integer, key, keys_of, number, one_of)
 from behavior_controller.config.settings import Settings
 from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.robot.declarations import Action, Interface, Service
 from behavior_controller.ros_arguments import ASSIGNMENT
 from behavior_controller.text import did_you_mean
 
-from behavior_controller.simulation.behaviour import OPTIONAL, SERVERS
+from behavior_controller.simulation.behaviour import ACTIONS, OPTIONAL, SERVERS
 from behavior_controller.simulation.faults import KINDS, PlannedFault, REFUSED, parse_planned_fault
 from behavior_controller.simulation.visitor import ALIASES, BEHAVIOURS, ENGAGES, RANDOM
 
-TOPIC, ACTION = "topic", "action"
+TOPIC, ACTION, IDLE_ACTION = "topic", "action", "idleAction"
 
 AUTO, REAL, NONE = "auto", "real", "none"
 
@@ -78,19 +79,38 @@ class Configuration:
             lambda word: parse_planned_fault(word, SERVERS)), (),
         "calls that go wrong in any case, such as `robotNavigation:3, textToSpeech:1:crash`")
     recognise_by: str = key(
-        one_of(TOPIC, ACTION), TOPIC,
-        "how a robot of release 1.0 reports what it hears: `topic` is "
-        "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`")
+        one_of(TOPIC, ACTION, IDLE_ACTION), TOPIC,
+        "how a robot of release 1.0 or 1.1 reports what it hears: `topic` is "
+        "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`, `idleAction` is "
+        "the same and never handles a goal")
     absent_services: Tuple[str, ...] = key(
         _some_of(OPTIONAL), (),
-        f"what a robot of release 1.0 does not offer: {_quoted(OPTIONAL)}, with commas between "
-        "them")
+        f"services that a robot of release 1.0 or 1.1 does not offer: {_quoted(OPTIONAL)}, with "
+        "commas between them")
+    absent_actions: Tuple[str, ...] = key(
+        _some_of(ACTIONS), (),
+        f"actions that a robot of release 1.1 does not offer: {_quoted(ACTIONS)}, with commas "
+        "between them")
+    quick_nodes: Tuple[str, ...] = key(
+        _some_of(SERVERS), (),
+        "nodes whose calls take no time, so that of two steps at once the other one ends last")
     call_times: str = key(
         one_of(AUTO, REAL, NONE), AUTO,
         "how long simulated calls take: `real` as on a robot, `none` no time at all, `auto` as "
         "on a robot if testTimeout has {:g} s for each visitor".format(VISIT))
     test_timeout: float = key(number(1, 10 ** 6, of="seconds"), 900.0,
                               "seconds after which a mission that has not ended has failed")
+
+    def lacks(self, service: Service) -> bool:
+        """Return whether the robot does not offer that service, or action."""
+        is_action = isinstance(service, Action)
+        return service.name in (self.absent_actions if is_action else self.absent_services)
+
+    def carrier(self, service: Service, robot: Interface) -> Service:
+        """Return what carries out the requests to a service: what stands in for it, if the robot
+        lacks it and has that."""
+        other = robot.substitute(service) if self.lacks(service) else None
+        return service if other is None or self.lacks(other) else other
 
     @property
     def takes_time(self) -> bool:

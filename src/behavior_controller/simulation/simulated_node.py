@@ -4,7 +4,7 @@ It uses no clock and no ROS: ``ros_nodes`` carries it to the wire, ``virtual_rob
 time.
 """
 import math
-from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.robot.declarations import Action, Interface, Service, Topic
 from behavior_controller.robot.requests import Answer, Request
@@ -15,11 +15,12 @@ from behavior_controller.simulation.behaviour import FOREIGN, Fields, TOPICS
 from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED, Faults
 from behavior_controller.simulation.journal import JournalEntry, REPEAT
 from behavior_controller.simulation.world import World
-from behavior_controller.simulation.configuration import ACTION, Configuration
+from behavior_controller.simulation.configuration import Configuration, TOPIC
 
 
 class Offers(NamedTuple):
-    """What a node offers. ``action``: it takes the place of the topic."""
+    """What a node offers: services, and actions for requests; ``action`` takes the place of the
+    topic."""
 
     services: List[Service]
     topic: Optional[Topic]
@@ -35,9 +36,9 @@ class Offers(NamedTuple):
 def offers_of(node: str, interface: Interface, test: Configuration) -> Offers:
     """Return what a simulated node of a robot offers in a test."""
     services = [service for service in behaviour.services(interface)
-                if service.node == node and service.name not in test.absent_services]
+                if service.node == node and not test.lacks(service)]
     topic = next((topic for topic in behaviour.topics(interface) if topic.node == node), None)
-    action = topic.action if topic is not None and test.recognise_by == ACTION else None
+    action = topic.action if topic is not None and test.recognise_by != TOPIC else None
     return Offers(services, topic, action)
 
 
@@ -70,6 +71,8 @@ class SimulatedNode:
         self._faults = Faults(test.failure_rate, self._seed("faults"), test.fault_kinds, planned)
         # the last message in the journal, and when
         self._reported: Tuple[Fields, float] = {}, -math.inf
+        # of each action, when its last goal began and ends
+        self._goals: Dict[str, Tuple[float, float]] = {}
 
     def _seed(self, purpose: str) -> str:
         return "{}/{}/{}".format(self._test.random_seed, self.name, purpose)
@@ -92,19 +95,29 @@ class SimulatedNode:
         package declares.
         """
         fault = behaviour.possible(self._faults.next(), service, response_fields)
-        simulated = behaviour.simulated(service)
+        simulated, now = behaviour.simulated(service), self._stamp()
         objection = simulated.object_to(fields)
         is_at_once = objection is not None or fault in (EXCEPTION, CRASH, UNANSWERED)
-        takes_time = self._test.takes_time and not is_at_once
-        seconds = simulated.seconds(fields) if takes_time else 0.0
-        entry = JournalEntry(self._stamp(), self.name, resource, self._faults.calls, fields, fault,
-                             objection, seconds)
+        takes_time = self._test.takes_time and self.name not in self._test.quick_nodes
+        seconds = behaviour.seconds(service, fields) if takes_time and not is_at_once else 0.0
+        if isinstance(service, Action) and seconds:
+            seconds = self._after_last_goal(service, now, seconds)
+        entry = JournalEntry(now, self.name, resource, self._faults.calls, fields, fault, objection,
+                             seconds)
         self._write(entry)
         answer: Optional[Answer] = None
         if entry.done:
             answer = (service.rehearse(request) if simulated is FOREIGN
                       else simulated.answer(fields, self.world))
         return Reply(entry, answer, is_at_once)
+
+    def _after_last_goal(self, action: Action, now: float, seconds: float) -> float:
+        """Return how long a new goal takes, with the rest of the last one that is not stopped."""
+        began, end = self._goals.get(action.name, (-math.inf, now))
+        is_stopped = now - began < behaviour.simulated(action).stops_until * (end - began)
+        begins = now if is_stopped else max(now, end)
+        self._goals[action.name] = begins, begins + seconds
+        return begins + seconds - now
 
     def message(self, resource: str) -> Optional[Fields]:
         """Return the fields of the next message, None if there is none, and write it to the

@@ -26,11 +26,11 @@ from behavior_controller.robot.requests import Answer, Exhibit, Request
 
 from behavior_controller.simulation import behaviour
 from behavior_controller.simulation.behaviour import SERVICES, TOPICS
-from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED
+from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED, WRONG
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.simulated_node import Reply, SimulatedNode
 from behavior_controller.simulation.world import World
-from behavior_controller.simulation.configuration import Configuration
+from behavior_controller.simulation.configuration import Configuration, IDLE_ACTION
 
 HANDLING = 0.005
 """Seconds that a node takes for a request that takes no time."""
@@ -48,6 +48,9 @@ NOTICED = 0.1
 SHORTEST_GAP = 0.05
 """The shortest time between two messages of a topic, in seconds: an infinite arrival rate means
 this."""
+
+FEEDBACK_SHARE = 0.5
+"""The share of an action's time after which it reports how far it is."""
 
 CONNECTION_REFUSED = "connection refused"
 NOT_RUNNING = "{}: {}".format(Cause.NOT_REACHABLE.text, CONNECTION_REFUSED)
@@ -177,7 +180,8 @@ class VirtualNode(SimulatedNode):
     def _publish_next(self, times: Iterator[float]) -> None:
         robot, offers = self._robot, self.offers
         self._await_next(times)
-        if offers.action is not None and robot.clock.now() > self.listens_until:
+        is_idle = robot.test.recognise_by == IDLE_ACTION
+        if offers.action is not None and (is_idle or robot.clock.now() > self.listens_until):
             return
         fields = self.message(offers.publisher)
         if fields is not None and offers.topic is not None:
@@ -229,7 +233,8 @@ class _VirtualCall:
     """A call on its way to a node and back."""
 
     def __init__(self, robot: VirtualRobot, request: Request):
-        service = robot.mission.settings.interface.service(type(request))
+        interface = robot.mission.settings.interface
+        service = robot.test.carrier(interface.service(type(request)), interface)
         self._robot, self._service, self._request = robot, service, request
         self._began = robot.clock.now()
         self._deadline = robot.mission.settings.deadline(service)
@@ -261,9 +266,10 @@ class _VirtualCall:
         robot, service, seconds = self._robot, self._service, 0.0
         node = robot.node(service.node)
         result: Optional[Result] = None
-        if service.name in robot.test.absent_services:
+        if robot.test.lacks(service):
             absent = self._failure(Cause.NOT_ADVERTISED, NOT_OFFERED)
-            result = absent if service.fails_without else Answer()
+            may_lack = service.is_optional and not service.fails_without
+            result = Answer() if may_lack else absent
         elif node.is_away:
             text = "the master lists it, but " + CONNECTION_REFUSED
             result = self._failure(Cause.NOT_REACHABLE, text)
@@ -272,6 +278,7 @@ class _VirtualCall:
                 reply = self._carried_out(node)
                 seconds = reply.entry.seconds or (0.0 if reply.is_at_once else HANDLING)
                 result = None if reply.entry.fault == UNANSWERED else self._result(reply)
+                self._await_feedback(reply.entry)
             except Unsendable as error:
                 result = self._failure(Cause.TYPE_MISMATCH, str(error))
             except Unusable as error:
@@ -279,6 +286,15 @@ class _VirtualCall:
         # a dropped call no longer has timers
         if result is not None and self._timers[1].callback is not None:
             self._timers.append(robot.after(seconds, partial(self._finish, result)))
+
+    def _await_feedback(self, entry: JournalEntry) -> None:
+        """Have an action report once, after half of its time."""
+        service = self._service
+        fields = behaviour.simulated(service).feedback(entry.content, FEEDBACK_SHARE)
+        if isinstance(service, Action) and fields and entry.seconds:
+            text = service.feedback(SimpleNamespace(**fields))
+            self._timers.append(self._robot.after(entry.seconds * FEEDBACK_SHARE,
+                                                  lambda: self.call.on_feedback(text)))
 
     def _carried_out(self, node: VirtualNode) -> Reply:
         """Have the node carry out the request. Raises Unsendable and Unusable."""
@@ -302,7 +318,7 @@ class _VirtualCall:
             return self._failure(Cause.CONNECTION_LOST, "the server hung up")
         if reply.answer is None and isinstance(service, Publication):
             return self._failure(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
-        if reply.answer is None and service.success is None:
+        if reply.answer is None and isinstance(service, Action) and fault != WRONG:
             return self._failure(Cause.REFUSED, "aborted")
         if reply.answer is not None and service.request not in SERVICES:
             return reply.answer

@@ -5,7 +5,8 @@ Each simulated sensor has its own Visitor and passes it every entry of the journ
 simulate the same person. Only the times of messages are random.
 """
 import math
-from typing import Callable, Dict, NamedTuple, Optional, Pattern, Sequence, Tuple
+from typing import (
+    Any, Callable, Dict, Mapping, NamedTuple, Optional, Pattern, Sequence, Tuple)
 
 from behavior_controller.robot.requests import Exhibit
 
@@ -60,6 +61,14 @@ GAZE_ATTEMPTS = 10
 SEARCHING, DETECTED = 1, 2
 """Its ``value`` in other modes, on a robot whose attention reports visitors."""
 
+NO_STATUS = -1
+"""Its ``value`` in the mode social on a robot that does not report them there."""
+
+
+def spoken(content: Mapping[str, Any]) -> str:
+    """Return the text of a request to speak: a service and an action name its field otherwise."""
+    return str(content["message"] if "message" in content else content["text"])
+
 
 class Manners(NamedTuple):
     """The behaviour of a visitor, and the words of the language in which the robot speaks."""
@@ -73,11 +82,13 @@ class Manners(NamedTuple):
     places: Sequence[Exhibit] = ()  # that the robot may name
     # further questions, each with the answer of a visitor who agrees; empty: yes
     answers: Sequence[Tuple[Pattern[str], str]] = ()
+    # x and y of the place where the robot scans for the next visitor; None: every place
+    start: Optional[Tuple[float, float]] = None
 
 
 class Visitor:
-    """One visitor after the other: the first comes when the robot wakes up, the next when it scans
-    or stirs again.
+    """One visitor after the other: the first comes when the robot wakes up, the next when it stirs
+    again, or scans at its start.
 
     A robot whose nodes have crashed may do neither; then the next comes after a long wait.
     """
@@ -89,6 +100,7 @@ class Visitor:
         self.now = -math.inf  # the time of what is seen and heard next
         self._listens_until = -math.inf
         self._last_request = math.inf  # there was none
+        self._is_on_tour = False  # the robot was last sent to another place than its start
         self._come()
         self.is_here = False
 
@@ -120,7 +132,7 @@ class Visitor:
             reaction(self, entry)
 
     def _notice_attention(self, entry: JournalEntry) -> None:
-        if entry.content["state"] == "scanning":
+        if entry.content["state"] == "scanning" and not self._is_on_tour:
             self._come()
         if entry.done:
             self.attention = entry.content["state"]
@@ -134,7 +146,7 @@ class Visitor:
     def _notice_speech(self, entry: JournalEntry) -> None:
         if not entry.done:
             return
-        words = entry.content["message"]
+        words = spoken(entry.content)
         self._named = next((place for place in self.manners.places if place.description1 == words),
                            self._named)
         answers = [answer for question, answer in self.manners.answers if question.fullmatch(words)]
@@ -147,7 +159,9 @@ class Visitor:
         if entry.done:
             self._drives += 1
         has_seen = self._drives > WANTED or self._is_wanted
-        is_home = self.manners.home == (entry.content["goal_x"], entry.content["goal_y"])
+        place = entry.content["goal_x"], entry.content["goal_y"]
+        is_home = self.manners.home == place
+        self._is_on_tour = self.manners.start not in (None, place)
         if is_home or self.manners.behaviour == LEAVES and has_seen:
             self.is_here = False
 

@@ -44,8 +44,9 @@ def world(behaviour: str, settings: Settings) -> World:
     mission = settings.scenario_specification
     utility: Mapping[int, str] = {}  # the phrases of release 1.0, which add to the language
     if settings.interface.has_knowledge_files:
-        known = knowledge_files.load(mission)
-        language, utility = phrases.load(known.language, mission), known.phrases
+        known = knowledge_files.load(mission, settings.interface.takes_arm)
+        language = phrases.load(known.language, mission)
+        utility = known.phrases if settings.interface.numbers_phrases else {}
         knowledge = building_of(known)
     else:
         language = phrases.load(settings.language, mission)
@@ -57,7 +58,7 @@ def world(behaviour: str, settings: Settings) -> World:
     answers = [(speech.pattern(language.speeches[speech.node]), speech.simulated_answer)
                for speech in phrases.added() if speech.asks]
     manners = Manners(behaviour, questions, *language.tablet_options, home, knowledge.exhibits,
-                      answers)
+                      answers, knowledge.home.location[:2])
     return World(Visitor(manners), knowledge, settings)
 
 

@@ -67,8 +67,8 @@ def test_what_is_not_for_users_is_refused():
 
 
 LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", "silent", "crash",
-         "action", "textToSpeech:1:crash", "/speechEvent/set_enabled", "real",
-         "operator")
+         "action", "textToSpeech:1:crash", "/speechEvent/set_enabled", "/textToSpeech/say_text",
+         "real", "operator", "textToSpeech")
 """Words: each key accepts at least one of them that is not its default."""
 
 
@@ -78,8 +78,8 @@ LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", 
 def test_every_key_can_be_given_and_arrives(key):
     text, value = next(found for found in map(functools.partial(read_by, key), LEGAL)
                        if found is not None)
-    robot = {"robotInterface": "release-1.0"} if key.name in ("recogniseBy", "absentServices",
-                                                              "tabletSuccessIs") else {}
+    robot = {"robotInterface": "release-1.1"} if key.name in (
+        "recogniseBy", "absentServices", "absentActions", "tabletSuccessIs") else {}
     given = dict(robot, **parse(["{}:={}".format(key.name, text)]))
     check(given)
     if key.name in options.TEST:
@@ -167,6 +167,14 @@ def test_what_only_another_robot_has_is_named_with_its_place(monkeypatch, tmp_pa
         "{} {}\n".format(*pair) for pair in given.items()))
     monkeypatch.setattr(options, "path", lambda: str(file))
     assert faults(check, {}) == ["{}: {}".format(file, line) for line in told]
+
+
+@pytest.mark.parametrize("robot", ["D5.4.3", "release-1.0"])
+def test_a_robot_without_an_action_cannot_lack_it(robot):
+    given = {"robotInterface": robot, "absentActions": "/textToSpeech/say_text"}
+    told, = faults(check, given)
+    assert f"the robot {robot} does not have /textToSpeech/say_text anyway" in told
+    check(dict(given, robotInterface="release-1.1"))
 
 
 def test_the_controller_gets_its_own_keys_and_what_the_test_needs():

@@ -175,6 +175,18 @@ def test_a_service_that_the_robot_lacks_may_be_anywhere():
     assert (tablet.name, tablet.resources) == ("/tabletEvent", set())
 
 
+def test_a_service_and_an_action_of_one_name_are_both_claimed(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["node"])
+    name = "/textToSpeech/say_text"
+
+    def claimed(**given):
+        return next(claim.resources for claim in claims.of_test(of(dict(
+            given, robotInterface="release-1.1"))) if claim.node == "textToSpeech")
+    assert claimed() == {name, name + "/result"}
+    assert claimed(absentServices=name) == {name + "/result"}
+    assert claimed(absentActions=name) == {name}
+
+
 def test_with_an_action_its_result_takes_the_place_of_the_topic(given):
     claimed = {claim.node: claim.resources for claim in claims.of_test(of({
         "robotInterface": "release-1.0", "recogniseBy": "action"}))}

@@ -66,8 +66,10 @@ def test_arguments_override_the_file(given, field, value):
     ({"faultKinds": "slow"}, "some of refused, exception, unanswered"),
     ({"plannedFaults": "faceDetection:1"}, "node:call"),
     ({"recogniseBy": "service"}, "one of topic, action"),
-    ({"absentServices": "/textToSpeech/say_text"
-      }, "some of /robotLocalization/set_pose, /speechEvent/set_enabled"),
+    ({"absentServices": "/overtAttention/set_mode"
+      }, "some of /gestureExecution/perform_gesture, /robotNavigation/set_goal"),
+    ({"absentActions": "/speechEvent/set_enabled"
+      }, "some of /gestureExecution/perform_gesture, /robotNavigation/set_goal"),
     ({"failureRat": "1"}, "failureRate"),
 ))
 def test_what_is_not_allowed_is_said_with_what_is(given, message):

@@ -211,5 +211,7 @@ def test_a_message_without_a_subscriber_need_not_be_noticed_by_the_monitor():
     fields = {field.name: getattr(say, field.name) for field in dataclasses.fields(say)}
     services = tuple(Publication(**fields) if service is say else service
                      for service in interface.services)
-    with mock.patch.object(interface, "services", services):
+    by_request = {service.request: service for service in services}
+    with mock.patch.object(interface, "services", services), \
+            mock.patch.object(interface, "_by_request", by_request):
         assert not any("not noticed" in text for text in Verdict(unnoticed).objections)

@@ -91,7 +91,9 @@ class Execution(TaskContext):
         sources, self._pass_began, self.clock = started.sources, self.now, ManualClock()
         try:
             chosen = settings.recorded(started.settings, "settings")
-            known = knowledge_files.read(*sources.knowledge) if sources.knowledge else None
+            known = knowledge_files.read(
+                *sources.knowledge,
+                takes_arm=chosen.interface.takes_arm) if sources.knowledge else None
             super().__init__(chosen, known, reference.PolicyTable(sources.policy.text))
             self.registry = registry()
             self.tree = build([parse(text, file) for file, text in sources.documents],
@@ -405,10 +407,12 @@ class Execution(TaskContext):
 
     # ------------------------------------------------------------------------- what the nodes go by
 
-    def ask(self, node: ReferenceNode, request: Union[Request, type]) -> Query:
+    def ask(self, node: ReferenceNode, request: Union[Request, type],
+            is_step: bool = True) -> Query:
         """Return a request with its answer, if that has come; of a node without a row only the
-        request's kind is known."""
-        if node.registration_id in TABLE and not isinstance(node, reference.RecoveryTask):
+        request's kind is known. ``is_step``: the record tells that it begins."""
+        is_told = is_step and not isinstance(node, reference.RecoveryTask)
+        if node.registration_id in TABLE and is_told:
             self.traversal.decided(node, reference.STEP_BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
             tour = self.known.tour

@@ -57,8 +57,8 @@ class JournalCheck:
         self._deadlines = facts.world.settings.deadlines
         self._safe_limit = max(self._deadlines[self._interface.service(type(request)).deadline_key]
                                for request in SAFE_STATE)
-        self.pairs = sorted(itertools.chain(*map(self._pair, self._interface.services)),
-                            key=lambda pair: pair.time)
+        names = dict.fromkeys(service.name for service in self._interface.services)
+        self.pairs = sorted(itertools.chain(*map(self._pair, names)), key=lambda pair: pair.time)
         self._in_journal = {line.resource for line in facts.journal}
 
     @property
@@ -73,14 +73,19 @@ class JournalCheck:
         is_simulated = service.request in SERVICES or service.name in self._in_journal
         return is_simulated and service.node not in self._facts.real
 
-    def _pair(self, service: Service) -> Iterator[Pair]:
+    def _carrier(self, query: Query) -> Service:
+        """Return what carried out a request: of a name there may be a service and an action."""
+        declared = self._interface.service(type(query.request))
+        return self._facts.test.carrier(declared, self._interface)
+
+    def _pair(self, name: str) -> Iterator[Pair]:
         """Yield the requests to a service, each with its line: the next one while it was under way.
         """
-        lines = [line for line in self._facts.journal
-                 if line.call and line.resource == service.name]
-        queries = [query for query in self._execution.queries.values()
-                   if query.service == service.name]
+        lines = [line for line in self._facts.journal if line.call and line.resource == name]
+        queries = [query for query in self._execution.queries.values() if query.service == name]
+        service = next(each for each in self._interface.services if each.name == name)
         for query, following in itertools.zip_longest(queries, queries[1:]):
+            service = self._carrier(query)
             while lines and lines[0].time < query.asked - EARLY_TOLERANCE:
                 yield Pair(service, None, lines.pop(0))
             is_its = bool(lines) and self._is_of(lines, query, following, service)
@@ -142,14 +147,15 @@ class JournalCheck:
         if sent is None:  # of another package
             values = service.fields(query.request)
         else:
-            values = sent(query.request, not self._interface.tells_pressed)
+            values = sent(query.request, self._interface.name)
         return dict(zip(line.content, values))
 
     def _unheard(self, query: Query, service: Service) -> Iterator[str]:
         """Object to a request that reached no node, unless the node was away."""
         cause = query.cause
-        if service.name in self._facts.test.absent_services:
-            is_well = cause is Cause.NOT_ADVERTISED if service.fails_without else cause is None
+        if self._facts.test.lacks(service):
+            may_lack = service.is_optional and not service.fails_without
+            is_well = cause is (None if may_lack else Cause.NOT_ADVERTISED)
         elif query.result is None:  # it may have been dropped on its way
             is_well = self._until(query) - query.asked < self._late - EARLY_TOLERANCE \
                 or self._is_away(service.node, query.asked)

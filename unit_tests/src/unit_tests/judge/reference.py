@@ -1,5 +1,5 @@
-"""The tasks of the mission nodes by D5.4.3 (table 4) and release 1.0: the requests that they make,
-the entries that they store, the conditions on which they hold.
+"""The tasks of the mission nodes by D5.4.3 (table 4), release 1.0 and 1.1: the requests that they
+make, the entries that they store, the conditions on which they hold.
 
 It is written from the documents, beside the controller's own leaves, and uses nothing of them.
 ``ROWS`` is the table. The steps of a row take the node, and are a generator if they may pause while
@@ -29,8 +29,9 @@ from behavior_controller.run.events import BEGUN, OMITTED, OVER
 from behavior_controller.robot.declarations import Sense, Topic
 from behavior_controller.robot.gateway import Cause, Sample
 from behavior_controller.robot.requests import (
-    Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
-    SetAnimation, SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
+    Answer, Exhibit, GoTo, GoToGoal, Location, PerformGesture, PerformGestureGoal, Point, Prompt,
+    QueryKnowledge, Request, Say, SayGoal, SetAnimation, SetAttention, SetPose, SetRecognition,
+    SetRecognitionLanguage)
 
 NOWHERE = Point(0.0, 0.0, 0.0)
 """A gesture target that means that there is nothing to point at."""
@@ -54,11 +55,11 @@ SAFE_STATE = (SetAttention("disabled"), SetAnimation("disabled"))
 HANDLERS = ("HandleFallBack", "HandleFallback")
 """The nodes that recover."""
 
-INDISPENSABLE = {"Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance",
-                 "LookUpHome", "RetrieveInitialLocation"}
+INDISPENSABLE = {"Navigate", "NavigateAsync", "SelectExhibit", "RetrieveListOfExhibits",
+                 "LookUpEntrance", "LookUpHome", "RetrieveInitialLocation"}
 """Nodes that no policy may skip."""
 
-OF_A_VISIT = {"Navigate", "SelectExhibit"}
+OF_A_VISIT = {"Navigate", "NavigateAsync", "SelectExhibit"}
 """Nodes without which an exhibit is left out."""
 
 
@@ -254,9 +255,9 @@ class ReferenceNode(Node):
         self._attempt = None
         super().halt()
 
-    def ask(self, request: Any) -> Any:
+    def ask(self, request: Any, is_step: bool = True) -> Any:
         """Return the query of a request, which is dropped with the attempt."""
-        query = self.course.ask(self, request)
+        query = self.course.ask(self, request, is_step)
         self._at_end.callback(lambda: query.drop(self.course.unix_now))
         return query
 
@@ -388,7 +389,12 @@ EVIDENCE: Dict[str, Dict[Sense, SignRule]] = {
         Sense.UTTERANCE: SignRule(_is_answer, ANSWER_WAIT)
     }
 }
-"""Sections 4.6 and table 4 of the document; the statuses of release 1.0's attention."""
+PRESENT = ("scanning", 2), ("social", 2), ("social", -1)
+EVIDENCE["release-1.1"] = dict(EVIDENCE["release-1.0"])
+EVIDENCE["release-1.1"][Sense.PRESENCE] = SignRule(
+    lambda course, status: status in PRESENT, PRESENCE_WAIT)
+"""Sections 4.6 and table 4 of the document; the statuses of the releases' attention, which in 1.1
+says nothing of a visitor in the mode social."""
 
 END_OF_LISTENING = SignRule(lambda course, text: is_error(text) or _is_answer(course, text))
 """The end of listening: an answer, or an error of the recognition."""
@@ -446,6 +452,7 @@ def _keep_utterance(node: Any, sample: Sample) -> None:
 def _listen(node: Any) -> Steps:
     """Listen for 10 s; an error of the recognition ends that with FAILURE."""
     began = node.clock.now()
+    node.write(visitorResponse="")
     sample = yield from _sense(node, Sense.UTTERANCE, END_OF_LISTENING, ANSWER_WAIT, lambda: began)
     text = "" if sample is None else sample.value
     answer = None if is_error(text) else spoken(node.course.phrases, text)
@@ -658,22 +665,25 @@ class RecoveryTask(Task):
 
 # ----------------------------------------------------------------------------------------- services
 
-SENT: Dict[type, Callable[[Any, bool], Tuple[Any, ...]]] = {
+DOCUMENTS, RELEASE_1_1 = "D5.4.3", "release-1.1"
+
+SENT: Dict[type, Callable[[Any, str], Tuple[Any, ...]]] = {
     SetAnimation: lambda request, _: (request.state,),
-    PerformGesture: lambda request, _: (request.type, request.id, request.duration_ms,
-                                        request.bow_nod_angle_deg, *request.target),
+    PerformGesture: lambda request, robot: (
+        request.type, request.id, *(request.arm, request.shape) * (robot == RELEASE_1_1),
+        request.duration_ms, request.bow_nod_angle_deg, *request.target),
     QueryKnowledge: lambda request, _: (request.what,),
     SetAttention: lambda request, _: (request.state, *request.target),
     GoTo: lambda request, _: request.goal,
-    Prompt: lambda request, is_release: (
-        "|".join(f"'{option}'" if is_release else option for option in request.options),),
-    Say: lambda request, is_release: (request.text, request.language)[:1 + is_release],
+    Prompt: lambda request, robot: (
+        "|".join(option if robot == DOCUMENTS else f"'{option}'" for option in request.options),),
+    Say: lambda request, robot: (request.text, request.language)[:1 + (robot != DOCUMENTS)],
     SetPose: lambda request, _: request.pose,
     SetRecognition: lambda request, _: ("true" if request.is_enabled else "false",),
     SetRecognitionLanguage: lambda request, _: (request.language,)
 }
-"""Table 3: the values of a request's fields on the wire, on the document's robot or on release
-1.0's."""
+SENT.update({PerformGestureGoal: SENT[PerformGesture], GoToGoal: SENT[GoTo], SayGoal: SENT[Say]})
+"""Table 3: the values of a request's fields on the wire, on the robot of that interface."""
 
 
 # -------------------------------------------------------------------------------------------- rules
@@ -747,7 +757,7 @@ UTILITY = dict(enumerate((
 """The document's speeches that say the same as the utility phrases of release 1.0, by number."""
 
 
-def _say_utility(node: Any) -> Request:
+def _say_utility(node: Any, kind: Any = Say) -> Any:
     number, course = int(argument(node.name)), node.course
     if course.known is None:
         text = course.phrases.speeches.get(UTILITY.get(number, ""))
@@ -755,10 +765,10 @@ def _say_utility(node: Any) -> Request:
         text = course.known.phrases.get(number)
     if text is None:
         raise Fails(Cause.MISSING_DATA)
-    return Say(text, course.language)
+    return kind(text, course.language)
 
 
-def _describe(node: Any, part: str = "") -> Optional[Request]:
+def _describe(node: Any, part: str = "", kind: Any = Say) -> Any:
     node.get_input("currentExhibit")
     if not part and "part" in node.attributes:
         part = node.get_input("part")
@@ -767,24 +777,37 @@ def _describe(node: Any, part: str = "") -> Optional[Request]:
     part = part or node.name
     ports = ["description" + part] if part in ("1", "2") else ["description1", "description2"]
     text = " ".join(filter(None, (node.entry(port, "") for port in ports)))
-    return Say(text, node.course.language) if text else None
+    return kind(text, node.course.language) if text else None
 
 
-def _iconic(node: Any, which: str) -> Request:
+def _iconic(node: Any, which: str, kind: Any = PerformGesture) -> Any:
     settings = node.course.settings
     number = {"welcome": settings.welcome_gesture_id, "goodbye": settings.goodbye_gesture_id}[which]
-    return PerformGesture("iconic", number, settings.gesture_duration)
+    return kind("iconic", number, settings.gesture_duration)
 
 
-def _deictic(node: Any) -> Optional[Request]:
+def _deictic(node: Any, kind: Any = PerformGesture) -> Any:
     target, settings = node.get_input("target"), node.course.settings
-    return None if target == NOWHERE else PerformGesture(
-        "deictic", settings.deictic_gesture_id, settings.gesture_duration, target)
+    known, arm_and_shape = node.course.known, {}
+    if known is not None and node.course.interface.name == RELEASE_1_1:
+        arm_and_shape = {"arm": known.arm, "shape": known.shape}
+    return None if target == NOWHERE else kind("deictic", settings.deictic_gesture_id,
+                                               settings.gesture_duration, target, **arm_and_shape)
 
 
 def _attend(node: Any, mode: str) -> Optional[Request]:
     target = node.get_input("target") if mode == "location" else NOWHERE
     return None if (mode, target) == ("location", NOWHERE) else SetAttention(mode, target)
+
+
+def _set_mode(node: Any, mode: str) -> Steps:
+    """Set a mode; release 1.1 ends a look at a location at once, whatever comes of that."""
+    yield from ask(node, SetAttention, lambda node: _attend(node, mode), _keep_time)
+    is_ended = mode == "location" and node.course.interface.name == RELEASE_1_1
+    if is_ended and _attend(node, mode) is not None:
+        query = node.ask(SetAttention("disabled"), is_step=False)
+        while query.result is None:
+            yield
 
 
 def _pose(node: Any) -> Request:
@@ -848,9 +871,9 @@ def speech(node_id: str, phrase: str, is_question: bool = False,
 
 
 def _mode(node_id: str, mode: str) -> Row:
-    return _asks(node_id, SetAttention, partial(_attend, mode=mode),
-                 ">attentionSetAt" + (" <target:gestureTarget" if mode == "location" else ""),
-                 keep=_keep_time)
+    return _row(node_id, ReferenceServiceAction,
+                ">attentionSetAt" + (" <target:gestureTarget" if mode == "location" else ""),
+                partial(_set_mode, mode=mode))
 
 
 def _look_up(node_id: str, place: str, has_gesture: bool) -> Row:
@@ -906,8 +929,8 @@ ROWS: Tuple[Row, ...] = (
     # release 1.0: the argument is the node's name
     _row("StartOfTree", ReferenceServiceAction, "", _start),
     _asks("SayText", Say, _say_utility, ">questionAskedAt", is_question=True),
-    _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, argument(node.name)),
-          ">attentionSetAt <target:gestureTarget", keep=_keep_time),
+    _row("SetOvertAttentionMode", ReferenceServiceAction, ">attentionSetAt <target:gestureTarget",
+         lambda node: _set_mode(node, argument(node.name))),
     _asks("SetAnimateBehavior", SetAnimation, lambda node: SetAnimation(argument(node.name))),
     _asks("SetSpeechEvent", SetRecognition,
               lambda node: SetRecognition(argument(node.name) in ("true", "enabled"))),
@@ -918,6 +941,18 @@ ROWS: Tuple[Row, ...] = (
     _row("GetVisitorResponse", Task, ">visitorResponse", _listen),
     _is_so("HasVisitorResponded", lambda node: node.entry("visitorResponse"), "<visitorResponse"),
     _sees("IsVisitorPresent", Sense.PRESENCE),
+    # release 1.1: the request is the goal of an action
+    _asks("SayTextAsync", SayGoal, partial(_say_utility, kind=SayGoal), ">questionAskedAt",
+          is_question=True),
+    _asks("DescribeExhibitSpeechAsync", SayGoal, partial(_describe, part="both", kind=SayGoal),
+          "<currentExhibit <description1 <description2"),
+    _asks("NavigateAsync", GoToGoal, lambda node: GoToGoal(node.get_input("target")),
+          "<target:targetLocation"),
+    _asks("PerformDeicticGestureAsync", PerformGestureGoal,
+          partial(_deictic, kind=PerformGestureGoal), "<target:gestureTarget"),
+    _asks("PerformIconicGestureAsync", PerformGestureGoal,
+          lambda node: _iconic(node, argument(node.name), PerformGestureGoal)),
+    _row("GetVisitorResponseAsync", Task, ">visitorResponse", _listen),
 )
 """The table: a node type, what it asks or goes by, its rule, and the entries it reads and writes.
 """

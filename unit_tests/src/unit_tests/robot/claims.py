@@ -20,6 +20,7 @@ from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.timeouts import Late, run_apart, run_together
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
+from behavior_controller.robot.declarations import Action
 from behavior_controller.ros.tcpros import NO_ANSWER, Trouble, ask, ask_master
 from behavior_controller.simulation import behaviour
 from behavior_controller.simulation.simulated_node import offers_of
@@ -126,7 +127,8 @@ def of_process(node: str, options: Options) -> List[Claim]:
 
 def _claim(node: str, name: str, options: Options) -> Claim:
     offers = offers_of(node, options.world.settings.interface, options.test)
-    resources = [service.name for service in offers.services]
+    resources = [service.name + ("/result" if isinstance(service, Action) else "")
+                 for service in offers.services]
     if offers.topic is not None:
         resources.append(offers.publisher + ("/result" if offers.action is not None else ""))
     return Claim(node, _resolved(name), frozenset(map(_resolved, resources)))

@@ -20,11 +20,11 @@ from behavior_controller.config.config_file import (
     Key, REQUIRED, Reader, boolean, collected, filled, read_source)
 from behavior_controller.config.settings import split_arguments, unread
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
-from behavior_controller.robot.declarations import Interface
+from behavior_controller.robot.declarations import Action, Interface, Service
 from behavior_controller.ros_arguments import ASSIGNMENT
 from behavior_controller.simulation.behaviour import NODES
 from behavior_controller.simulation.configuration import (
-    ACTION, CONTROLLER, Configuration, KEYS, SEEDS, SHORT, load_controller, parse)
+    CONTROLLER, Configuration, KEYS, SEEDS, SHORT, TOPIC, load_controller, parse)
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES, RANDOM
 from behavior_controller.simulation.world import World, world
 from behavior_controller.text import Source
@@ -207,10 +207,12 @@ def _drawn(test: Configuration, values: Mapping[str, str]) -> Configuration:
 def _not_of_robot(test: Configuration, interface: Interface,
                   values: Mapping[str, str]) -> List[Fault]:
     """Return a fault for each key of the test that does not apply to the controller's robot."""
-    reasons = [("absentServices", "does not have {} anyway".format(name))
-               for name in test.absent_services
-               if name not in (service.name for service in interface.services)]
-    if test.recognise_by == ACTION and not any(topic.action for topic in interface.topics):
+    reasons = [(key, f"does not have {name} anyway")
+               for key, names, kind in (("absentServices", test.absent_services, Service.kind),
+                                        ("absentActions", test.absent_actions, Action.kind))
+               for name in names if name not in (
+                   service.name for service in interface.services if service.kind == kind)]
+    if test.recognise_by != TOPIC and not any(topic.action for topic in interface.topics):
         reasons.insert(0, ("recogniseBy", "recognises speech by no action"))
     return [Fault(("argument " if name in values else path() + ": ") + name, 0, 0,
                   f"the robot {interface.name} {why}",

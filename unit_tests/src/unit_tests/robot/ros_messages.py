@@ -1,8 +1,10 @@
 """The requests, answers, messages and goals of the simulated robot as ROS has them, for whatever
 node offers them."""
+import threading
 from typing import Any, Callable, Optional, Sequence
 
 import actionlib
+from actionlib_msgs.msg import GoalStatus
 from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
 from geometry_msgs.msg import Point
 
@@ -17,7 +19,7 @@ FACE_CENTRE = Point(320.0, 240.0, 1.5)
 
 
 def fields_of(request: Any) -> Fields:
-    """Return the fields of a srv request."""
+    """Return the fields of a srv request, or of a goal."""
     return {slot: getattr(request, slot) for slot in request.__slots__}
 
 
@@ -25,8 +27,14 @@ def response(service: Service, answer: Optional[Answer], fault: Optional[str] = 
     """Return the response that carries ``answer``: see ``behaviour.response``."""
     content = behaviour.response(service, answer, fault)
     content["exhibits"] = [_exhibit_message(exhibit) for exhibit in content["exhibits"]]
-    kind = TYPES[service]._response_class
-    return kind(**{slot: content[slot] for slot in kind.__slots__})
+    kind = _response_class(service)
+    return kind(**{slot: content[slot] for slot in kind.__slots__ if slot in content})
+
+
+def _response_class(service: Service) -> Any:
+    if isinstance(service, Action):
+        return type(TYPES[service]().action_result.result)
+    return TYPES[service]._response_class
 
 
 def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:
@@ -35,8 +43,9 @@ def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:
 
 
 def response_fields(service: Service) -> Sequence[str]:
-    """Return the names of the fields of a service's response."""
-    return TYPES[service]._response_class.__slots__
+    """Return the names of the fields of a service's response, or of an action's result."""
+    slots: Sequence[str] = _response_class(service).__slots__
+    return slots
 
 
 def message(topic: Topic, content: Fields) -> Any:
@@ -46,7 +55,33 @@ def message(topic: Topic, content: Fields) -> Any:
         fields["centroids"] = [FACE_CENTRE] * len(content["face_label_id"])
     return TYPES[topic](**fields)
 
+
+def feedback(action: Action, content: Fields) -> Any:
+    """Return a message with what an action reports of a goal."""
+    return type(TYPES[action]().action_feedback.feedback)(**content)
+
+
 Listen = Callable[[actionlib.SimpleActionServer, float], None]
+
+
+def serve_goals(action: Action, carry_out: Callable[[Any], None]) -> None:
+    """Offer an action; ``carry_out`` carries out a goal, given its handle, on a thread of its own.
+    """
+    def begin(goal: Any) -> None:
+        goal.set_accepted()
+        threading.Thread(target=carry_out, args=(goal,), daemon=True).start()
+
+    actionlib.ActionServer(action.name, TYPES[action], begin, auto_start=False).start()
+
+
+def offer_idle(action: Action) -> None:
+    """Offer an action of which no goal is ever handled: its server does not start."""
+    actionlib.ActionServer(action.name, TYPES[action], print, auto_start=False).initialize()
+
+
+def is_cancelled(goal: Any) -> bool:
+    """Return whether the client wants a goal to end."""
+    return bool(goal.get_goal_status().status == GoalStatus.PREEMPTING)
 
 
 def serve_action(action: Action, listen: Listen) -> None:

@@ -1,11 +1,12 @@
 """The simulated nodes as ROS nodes, each with services, a topic, or both."""
+import math
 import os
 import signal
 import sys
 import threading
 import time
 from functools import partial
-from typing import Any, NoReturn, Optional
+from typing import Any, Dict, NoReturn, Optional
 
 import actionlib
 import rospy
@@ -13,20 +14,22 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, NodesMissing
 from behavior_controller.run.events import unix_now
-from behavior_controller.robot.declarations import Service, Topic
+from behavior_controller.robot.declarations import Action, Service, Topic
 from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.types import TYPES
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 from behavior_controller.simulation import behaviour
 from behavior_controller.simulation.arrivals import Arrivals
-from behavior_controller.simulation.behaviour import Fields
-from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED
+from behavior_controller.simulation.behaviour import Fields, SERVICES
+from behavior_controller.simulation.configuration import IDLE_ACTION
+from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED, WRONG
 from behavior_controller.simulation.journal import Journal, JournalEntry
-from behavior_controller.simulation.simulated_node import SimulatedNode
+from behavior_controller.simulation.simulated_node import Reply, SimulatedNode
 
 from unit_tests.robot import claims, options
 from unit_tests.robot.ros_messages import (
-    fields_of, message, response, response_fields, serve_action, succeed)
+    feedback, fields_of, is_cancelled, message, offer_idle, response, response_fields,
+    serve_action, serve_goals, succeed)
 from unit_tests.robot.options import Arguments, Options
 
 CRASHED = 9
@@ -124,6 +127,7 @@ class RosNode:
         self._stopped = threading.Event()
         self._node = SimulatedNode(name, own.test, own.world, unix_now, self._write)
         self._published: Fields = {}
+        self._goals: Dict[Action, Any] = {}  # the newest one of each
         self._read_journal()
         if not own.arguments.is_launched:  # else the report shows it
             rospy.loginfo("%s: randomSeed %d", name, own.test.random_seed)
@@ -133,8 +137,13 @@ class RosNode:
         rospy.on_shutdown(self._stopped.set)
         node, offers = self._node, self._node.offers
         for service in offers.services:
-            rospy.Service(service.name, TYPES[service], partial(self._handle, service))
-        if offers.action is not None:
+            if isinstance(service, Action):
+                serve_goals(service, partial(self._achieve, service))
+            else:
+                rospy.Service(service.name, TYPES[service], partial(self._handle, service))
+        if offers.action is not None and self._test.recognise_by == IDLE_ACTION:
+            offer_idle(offers.action)
+        elif offers.action is not None:
             serve_action(offers.action, partial(self._listen, node.arrivals()))
         elif offers.topic is not None:
             self._publish(offers.topic)
@@ -154,21 +163,47 @@ class RosNode:
         if self._test.verbose_mode:
             rospy.loginfo("%s: %s", self._node.name, " ".join(map(str, words)))
 
-    def _handle(self, service: Service, request: Any) -> Any:
-        """Answer one request; it is in the journal before its answer is sent."""
+    def _reply(self, service: Service, request: Any) -> Reply:
+        """Return what to do with a request; it is in the journal before its answer is sent."""
         fields = fields_of(request)
         with self._lock:
             reply = self._node.reply(service, rospy.resolve_name(service.name), fields,
                                      response_fields(service))
-        fault = reply.entry.fault
-        outcome = fault or reply.entry.objection or reply.answer or "no"
+        outcome = reply.entry.fault or reply.entry.objection or reply.answer or "no"
         self._log("call", reply.entry.call, fields, "->", outcome)
+        if reply.entry.fault == CRASH:
+            os._exit(CRASHED)
+        return reply
+
+    def _handle(self, service: Service, request: Any) -> Any:
+        """Answer one request."""
+        reply = self._reply(service, request)
+        fault = reply.entry.fault
         if fault == EXCEPTION:
             raise rospy.ServiceException(reply.exception)
-        if fault == CRASH:
-            os._exit(CRASHED)
         self._stopped.wait(None if fault == UNANSWERED else reply.entry.seconds)
         return response(service, reply.answer, fault)
+
+    def _achieve(self, action: Action, goal: Any) -> None:
+        """Carry out one goal, which a cancel or a newer one may stop."""
+        reply, began = self._reply(action, goal.get_goal()), time.monotonic()
+        self._goals[action] = goal
+        fault, simulated = reply.entry.fault, SERVICES[action.request]
+        seconds = math.inf if fault == UNANSWERED else reply.entry.seconds
+        while time.monotonic() < began + seconds:
+            share = (time.monotonic() - began) / seconds
+            is_unwanted = is_cancelled(goal) or self._goals[action] is not goal
+            if is_unwanted and (share < simulated.stops_until or fault == UNANSWERED):
+                return goal.set_canceled()
+            news = simulated.feedback(reply.entry.content, share)
+            if news:
+                goal.publish_feedback(feedback(action, news))
+            if self._stopped.wait(min(LONGEST_STEP, max(seconds * (1.0 - share), SHORTEST_GAP))):
+                return None
+        result = response(action, reply.answer, fault)
+        if reply.answer is None and fault != WRONG:
+            return goal.set_aborted(result, reply.exception if fault == EXCEPTION else "")
+        return goal.set_succeeded(result)
 
     def _publish(self, topic: Topic) -> None:
         """Publish at Poisson times until ROS shuts down."""
