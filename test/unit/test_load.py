@@ -103,8 +103,9 @@ def test_a_mission_that_is_missing_is_told_with_those_that_are_there():
         load.find("x")
     assert str(
         raised.value
-    ) == "scenarioSpecification: there is no mission {} (there are: lab_tour, {})".format(
-        folders.data("x.xml"), "reception, release_1_0_reception, release_1_0_tour")
+    ) == "scenarioSpecification: there is no mission {} (there are: {})".format(
+        folders.data("x.xml"), "d6_1_tour, lab_tour, reception, release_1_0_reception, "
+        "release_1_0_tour, release_1_1_tour, release_1_1_visitor_tour")
 
 
 def test_on_a_robot_of_release_1_0_the_culture_file_chooses_the_language():
