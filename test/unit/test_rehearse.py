@@ -67,6 +67,25 @@ def test_nothing_is_found_in_the_delivered_missions_with_each_single_fault(words
     assert cli.rehearse(cli.Plan(cli.read(words)), jobs=2).findings == []
 
 
+ORDER = """<Sequence><START_OF_TREE/><Parallel success_count="2" failure_count="1">
+<Sequence><WelcomeSpeech/><Script code="last := 'speech'"/></Sequence>
+<Sequence><WelcomeGesture/><Script code="last := 'gesture'"/></Sequence></Parallel>
+<Fallback><ScriptCondition code="last == 'speech'"/><DescribeExhibitSpeech/></Fallback></Sequence>
+"""
+
+
+def test_of_two_steps_at_once_each_ends_first_in_one_play(capsys, tmp_path):
+    """The greeting takes more than the 3 s of the gesture, and the mission needs that."""
+    file = mission(tmp_path, ORDER) + ".xml"
+    os.rename(file[:-len(".xml")], file)
+    assert found(capsys, file, *CALM, *ENGAGES) == []
+    told = found(capsys, file, "--kinds", "refused", *ENGAGES, "asrEnabled:=true")
+    wrong, = [each for each in told if each["kind"] == "missing-data"]
+    assert wrong["scene"]["quick"] == ["textToSpeech"]
+    again = wrong["command"].split()[3:]
+    assert [each["kind"] for each in found(capsys, *again)] == ["missing-data"]
+
+
 def test_a_visitor_who_is_not_understood_is_no_finding(capsys):
     assert found(capsys, "release_1_0_tour", "robotInterface:=release-1.0", "--faults", "none",
                  "--visitors", "unclear", "asrEnabled:=true") == []

@@ -29,13 +29,16 @@ from behavior_controller.simulation.rehearsal.play import PASS_LIMIT
 from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search, ScenarioRunner
 from behavior_controller.simulation.rehearsal.summary import (
     FindingSummary, VisitorRow, Share, Survey)
-from behavior_controller.simulation.behaviour import rehearsed_topics
+from behavior_controller.simulation.behaviour import SERVERS, rehearsed_topics
 from behavior_controller.simulation.faults import KINDS, PlannedFault
 from behavior_controller.simulation.visitor import ALIASES, BEHAVIOURS, ENGAGES
 from behavior_controller.simulation.configuration import CONTROLLER, load_controller, parse
 
 NO_FAULTS, PAIRS = "none", "pairs"
 FAULTS = (NO_FAULTS, "single", PAIRS)
+
+TOGETHER = ("planned", "silent", "quick")
+"""The options that say how each play differs from one without faults."""
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 """The default failure rates."""
@@ -79,7 +82,7 @@ class Plan:
         self.silent = [offer.name for offer in self.stage.mission.offers
                        if isinstance(offer, Topic) and offer.name not in self.topics]
         is_restricted = options.faults == NO_FAULTS or options.runs or options.planned \
-            or options.silent or options.kinds or options.limit < PASS_LIMIT
+            or options.silent or options.quick or options.kinds or options.limit < PASS_LIMIT
         self.is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 \
             and not is_restricted
         others = [word for word in options.settings if not word.startswith(ASR + ":=")]
@@ -92,9 +95,10 @@ class Plan:
         if options.runs:
             yield plays.random(self.calm, options.runs, options.failureRate or RATES,
                                options.seed or 1, self.kinds)
-        elif options.planned or options.silent:
+        elif options.planned or options.silent or options.quick:
             yield [scene._replace(is_traced=True, silent=tuple(options.silent),
-                                  planned=tuple(options.planned)) for scene in self.calm]
+                                  planned=tuple(options.planned), quick=tuple(options.quick))
+                   for scene in self.calm]
         else:
             yield self.calm
             if options.faults != NO_FAULTS:
@@ -102,6 +106,7 @@ class Plan:
                 yield list(plays.single(survey.outcomes, self.kinds, self.topics, is_pairs))
                 if is_pairs:
                     yield list(plays.pairs(survey.outcomes, self.kinds))
+                yield list(plays.orders(survey.outcomes))
             if self.is_complete and survey.has_ended:
                 yield from search.rounds()
 
@@ -168,6 +173,8 @@ def _parser() -> argparse.ArgumentParser:
            "calls that go wrong, with commas between them, instead of --faults; with a plus "
            "after the call, each later call too")
     option("silent", _list_of(str), "TOPICS", "topics that are silent, as --planned")
+    option("quick", _list_of(_word(*SERVERS)), "NODES",
+           "nodes whose calls take no time, so that another step ends last, as --planned")
     option("runs", _allowed(integer(1, 10 ** 6)), "N",
            "play N passes for each failure rate, with random faults, instead of --faults")
     rates = ", ".join(f"{rate:g}" for rate in RATES)
@@ -177,7 +184,8 @@ def _parser() -> argparse.ArgumentParser:
     option("limit", _allowed(number(1, 10 ** 6)), "SECONDS",
            f"of the mission's time, after which a pass does not end; {PASS_LIMIT:g} if not given")
     option("jobs", _allowed(integer(1, 1024)), "N", "processes; one for each core if not given")
-    parser.set_defaults(planned=[], silent=[], limit=PASS_LIMIT, jobs=len(os.sched_getaffinity(0)))
+    parser.set_defaults(planned=[], silent=[], quick=[], limit=PASS_LIMIT,
+                        jobs=len(os.sched_getaffinity(0)))
     parser.add_argument("--json", action="store_true", help="print all as JSON")
     parser.add_argument("--html", metavar="FILE", help="write all as a web page, too: a new file, "
                         "or in place of an earlier page")
@@ -189,13 +197,13 @@ def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
     other."""
     parser = _parser()
     options = parser.parse_intermixed_args(argv)
-    ways = [name for name in ("faults", "planned", "silent", "runs") if getattr(options, name)]
-    if len(ways) > 1 and ways != ["planned", "silent"]:
+    ways = [name for name in ("faults", *TOGETHER, "runs") if getattr(options, name)]
+    if len(ways) > 1 and not set(ways) <= set(TOGETHER):
         parser.error(f"--{ways[0]} and --{ways[-1]} exclude each other")
     for name in ("failureRate", "seed"):
         if getattr(options, name) is not None and not options.runs:
             parser.error(f"--{name} is for --runs")
-    if options.kinds and (options.planned or options.silent or options.faults == NO_FAULTS):
+    if options.kinds and (set(ways) & set(TOGETHER) or options.faults == NO_FAULTS):
         parser.error("--kinds is for --faults and --runs")
     return options
 
@@ -349,6 +357,7 @@ def _story_lines(story: Sequence[Any]) -> List[str]:
 def words(scene: Scenario) -> str:
     """Return how a scene differs from the others, in one line."""
     wrong = [*map(str, scene.planned), *(f"{name} silent" for name in scene.silent)]
+    wrong += [f"{name} quick" for name in scene.quick]
     wrong += [f"failure rate {scene.rate:g}, seed {scene.seed}"] if scene.seed else []
     way = "voice" if scene.by_voice else "tablet"
     return f"visitor {scene.visitor}, by {way}, {', '.join(wrong) or 'no fault'}"

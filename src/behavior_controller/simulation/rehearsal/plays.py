@@ -19,9 +19,9 @@ from behavior_controller.robot.requests import Request
 from behavior_controller.text import clean, count
 
 from behavior_controller.simulation.rehearsal import findings
-from behavior_controller.simulation.rehearsal.findings import RobotCall, Finding, Play
+from behavior_controller.simulation.rehearsal.findings import AT_ONCE, Finding, Play, RobotCall
 from behavior_controller.simulation.faults import KINDS, PlannedFault
-from behavior_controller.simulation.rehearsal.play import CALM, Place, LoadedMission
+from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission, Place, RunResult
 from behavior_controller.simulation.configuration import REAL
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
 
@@ -60,6 +60,7 @@ class Scenario(NamedTuple):
     seed: int = 0
     kinds: Tuple[str, ...] = KINDS
     is_traced: bool = False  # its calls are wanted, however many faults it has
+    quick: Tuple[str, ...] = ()  # nodes whose calls take no time
 
     @property
     def is_faultless(self) -> bool:
@@ -68,8 +69,8 @@ class Scenario(NamedTuple):
 
     @property
     def is_calm(self) -> bool:
-        """Whether the scene has no faults, and none are drawn for it."""
-        return self.is_faultless and not self.seed
+        """Whether the scene has no faults, none are drawn for it, and calls take their time."""
+        return self.is_faultless and not (self.seed or self.quick)
 
     @property
     def is_listed(self) -> bool:
@@ -102,12 +103,13 @@ class Outcome(NamedTuple):
     # the requests of the kinds that the safe state sends, with a leaf that makes each
     switched: Tuple[Tuple[Request, int], ...]
     calls: Tuple[RobotCall, ...] = ()
+    last: FrozenSet[str] = frozenset()  # nodes with a call that did not end before that of another
 
     def rank(self) -> Tuple[Any, ...]:
         """Return the key by which the shortest play sorts first; of equals, the first declared
         visitor and kind of fault."""
         scene = self.scene
-        return (scene.rate > 0, len(scene.planned + scene.silent),
+        return (scene.rate > 0, len(scene.planned + scene.silent + scene.quick),
                 sum(fault.is_lasting for fault in scene.planned), round(self.seconds),
                 BEHAVIOURS.index(scene.visitor), not scene.by_voice,
                 [KINDS.index(fault.kind) for fault in scene.planned], scene)
@@ -137,6 +139,7 @@ class ScenarioRunner:
         """Play a scene."""
         test = dataclasses.replace(
             CALM, visitor_behaviour=scene.visitor, planned_faults=scene.planned,
+            quick_nodes=scene.quick,
             failure_rate=scene.rate, random_seed=scene.seed, fault_kinds=scene.kinds,
             test_timeout=self.limit, call_times=REAL)
         stage, silent = self.stage(scene.by_voice), scene.silent
@@ -159,7 +162,18 @@ class ScenarioRunner:
                            tuple((clean(place.name), uid) for place, uid in play.stops.items()),
                            tuple(findings.findings(play)), play.played.reached, play.succeeded,
                            tuple(play.switched.items()),
-                           tuple(play.calls()) if scene.is_listed else ())
+                           tuple(play.calls()) if scene.is_listed else (),
+                           _last(play.played) if scene.is_calm else frozenset())
+
+
+def _last(played: RunResult) -> FrozenSet[str]:
+    """Return the nodes with a call that began before that of another node ended, and did not end
+    before it."""
+    calls = [line for line in played.journal if line.call and line.time <= played.ended]
+    return frozenset(one.node for one, other in itertools.permutations(calls, 2)
+                     if one.node != other.node
+                     and max(one.time, other.time) < other.time + other.seconds
+                     and one.time < other.time + other.seconds <= one.time + one.seconds + AT_ONCE)
 
 
 # ------------------------------------------------------------------------------------- which scenes
@@ -212,6 +226,16 @@ def pairs(outcomes: Sequence[Outcome], kinds: Sequence[str]) -> Iterator[Scenari
                 met.add(key)
                 for kind in kinds:
                     yield outcome.scene.with_fault(PlannedFault(call.node, call.number, kind))
+
+
+def orders(outcomes: Sequence[Outcome]) -> Iterator[Scenario]:
+    """Yield the scenes in which of two calls under way at once the other one ends first."""
+    met: Set[Tuple[str, str]] = set()
+    for outcome in outcomes:
+        for node in sorted(outcome.last):
+            if (outcome.scene.visitor, node) not in met:
+                met.add((outcome.scene.visitor, node))
+                yield outcome.scene._replace(quick=(node,))
 
 
 def random(scenes: Sequence[Scenario], runs: int, rates: Sequence[float], seed: int,

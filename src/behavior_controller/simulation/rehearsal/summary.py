@@ -242,6 +242,8 @@ class Survey:
             words += ["--planned", ",".join(map(str, scene.planned))]
         if scene.silent:
             words += ["--silent", ",".join(scene.silent)]
+        if scene.quick:
+            words += ["--quick", ",".join(scene.quick)]
         words.append("asrEnabled:=" + ("true" if scene.by_voice else "false"))
         return " ".join(map(shlex.quote, words))
 
