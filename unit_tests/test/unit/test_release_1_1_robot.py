@@ -1,13 +1,19 @@
 """The simulated robot of release 1.1 and the judge of its missions, in virtual time."""
+import functools
+import re
+
 import pytest
 from msgspec.structs import replace
 
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.config import settings
+from behavior_controller.config import knowledge_files, settings
 from behavior_controller.run.events import (
     Asked, Answered, EntriesWritten, FeedbackReceived, LeafFinished)
 from behavior_controller.simulation.behaviour import DRIVE, LETTERS_A_SECOND
+from behavior_controller.simulation.faults import KINDS
 from behavior_controller.simulation.rehearsal.play import LoadedMission
+from behavior_controller.simulation.visitor import BEHAVIOURS
+from behavior_controller.text import Source
 
 from unit_tests.judge.facts import of
 from unit_tests.judge.verdict import judge
@@ -147,3 +153,95 @@ def test_an_action_that_never_handles_its_goals_ends_the_listening_in_time(recog
     assert listened[:2] == ("GetVisitorResponseAsync", "SUCCESS")
     assert listened[2] == (10.0 if recognise_by == "idleAction" else pytest.approx(0.5, abs=0.5))
     assert objections(of_test) == ()
+
+
+# --------------------------------------------------------------------------------------- the tours
+
+
+TOURS = ["release_1_1_tour", "release_1_1_visitor_tour", "d6_1_tour"]
+
+
+@functools.lru_cache(maxsize=None)
+def tour(name):
+    return LoadedMission(settings.defaults(robotInterface=ROBOT, scenarioSpecification=name))
+
+
+def of_tour(name, **test):
+    return facts(on=tour(name), call_times="real", **test)
+
+
+def stops(of_test):
+    """Return the end of the pass and the names of the places that were described."""
+    visit, = of_test.run.visits
+    return visit.outcome, [stop.name for stop in visit.stops]
+
+
+@pytest.mark.parametrize("name", TOURS)
+def test_the_verdict_on_each_tour_is_passed_with_each_of_twenty_seeds(name):
+    verdicts = {seed: judge(of_tour(name, failure_rate=0.3, random_seed=seed)).objections
+                for seed in range(1, 21)}
+    assert verdicts == dict.fromkeys(verdicts, ())
+
+
+@pytest.mark.parametrize("visitor", BEHAVIOURS)
+@pytest.mark.parametrize("name", TOURS)
+def test_each_visitor_and_each_kind_of_fault_leads_to_no_false_objection(name, visitor):
+    assert objections(of_tour(name, visitor_behaviour=visitor)) == ()
+    assert objections(of_tour(name, visitor_behaviour=visitor, failure_rate=0.3, random_seed=7,
+                              fault_kinds=KINDS)) == ()
+
+
+def test_the_introduced_tour_goes_as_its_knowledge_file_has_it():
+    """1, 3, 4, 2, 5; the places 1 and 5 have no target."""
+    of_test = of_tour("release_1_1_tour", visitor_behaviour="silent")
+    assert stops(of_test) == ("SUCCESS", [
+        "Tour begin", "Robot arm", "Robot head", "Pepper", "Tour end"])
+    pointed = [line.content for line in calls(of_test, "gestureExecution")]
+    assert [(content["gesture_type"], content["arm"], content["deictic_shape"])
+            for content in pointed] == 3 * [("deictic", "EITHER", "PALM_UPWARDS")] + [
+                ("iconic", "", "")]
+
+
+@pytest.mark.parametrize("name", TOURS[1:])
+@pytest.mark.parametrize("visitor, outcome, number", [
+    ("engages", "SUCCESS", 7), ("leaves", "FAILURE", 4)])
+def test_a_visitor_is_shown_each_exhibit_and_is_missed_when_gone(name, visitor, outcome, number):
+    """A visitor who leaves is gone at the third place after the first, where the robot scans."""
+    end, names = stops(of_tour(name, visitor_behaviour=visitor))
+    assert (end, len(names)) == (outcome, number)
+
+
+# ------------------------------------------------------------------ faults that the release has too
+
+
+def test_without_its_key_the_arm_is_the_default_and_not_what_was_read_before(monkeypatch):
+    """Fault 1: the release sends the last phrase as the arm, and the robot does not move."""
+    whole = knowledge_files._source
+
+    def shortened(*given):
+        source = whole(*given)
+        return Source(source.file, re.sub(r"(?m)^(gestureArm|deicticShape).*\n", "", source.text))
+    monkeypatch.setattr(knowledge_files, "_source", shortened)
+    of_test = of_steps('<SayText name="2"/><PerformDeicticGesture/><PerformDeicticGestureAsync/>')
+    pointed = [line.content for line in calls(of_test, "gestureExecution")]
+    assert [(content["arm"], content["deictic_shape"]) for content in pointed] == 2 * [
+        ("EITHER", "PALM_UPWARDS")]
+    assert [end[1] for end in ends(of_test)] == 3 * ["SUCCESS"] and objections(of_test) == ()
+
+
+def test_a_visitor_is_not_lost_in_the_mode_that_says_nothing_of_visitors():
+    """Fault 3: the release asks for another mode than its missions set, and gives no tour."""
+    of_test = of_tour("release_1_0_tour")
+    assert {line.content["value"] for line in of_test.journal
+            if line.content.get("state") == "social" and not line.call} == {-1}
+    end, names = stops(of_test)
+    assert (end, len(names)) == ("SUCCESS", 7) and objections(of_test) == ()
+
+
+def test_the_published_parts_give_the_whole_tour():
+    """Fault 7: speech by the service alone, no way to switch recognition, no tablet."""
+    of_test = of_tour("release_1_1_visitor_tour", recognise_by="action", absent_actions=(SPEECH,),
+                      absent_services=("/speechEvent/set_enabled",
+                                       "/tabletEvent/prompt_and_get_response"))
+    end, names = stops(of_test)
+    assert (end, len(names)) == ("SUCCESS", 7) and objections(of_test) == ()
