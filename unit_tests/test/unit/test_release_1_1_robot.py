@@ -112,7 +112,8 @@ def test_a_robot_with_neither_does_not_speak(step):
 
 @pytest.mark.parametrize("kind, cause, seconds", [
     ("refused", "refused", DRIVE), ("exception", "refused", 0.0),
-    ("wrong", "unusable-answer", DRIVE), ("unanswered", "no-answer", 180.0), ("crash", "connection-lost", 0.0)])
+    ("wrong", "unusable-answer", DRIVE), ("unanswered", "no-answer", 180.0),
+    ("crash", "connection-lost", 0.0)])
 def test_each_fault_of_a_goal_has_its_cause(kind, cause, seconds):
     """One that never ends is over at the deadline; a server that dies in it, when that is seen."""
     of_test = of_steps("<NavigateAsync/>", ["robotNavigation:1:" + kind])

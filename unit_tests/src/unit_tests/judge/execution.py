@@ -32,7 +32,7 @@ from behavior_controller.run.health import GONE
 from behavior_controller.missions.replay import RecordedTopics, complete, traverse_again
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
-from behavior_controller.simulation.configuration import ACTION
+from behavior_controller.simulation.configuration import TOPIC
 
 from unit_tests.judge import reference
 from unit_tests.judge.comparison import (
@@ -152,7 +152,7 @@ class Execution(TaskContext):
             query.answered, query.result = self.now, event.result
 
     def _note_hearing(self, event: RecognitionPending) -> None:
-        if self.test.recognise_by != ACTION:
+        if self.test.recognise_by == TOPIC:
             self._differ(f"{event.topic} is no action that goes on hearing")
         self.topics.take(event)
 
