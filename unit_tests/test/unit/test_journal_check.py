@@ -255,9 +255,9 @@ def test_at_a_test_that_is_stopped_each_node_may_have_ended():
                     has_timed_out=True) != []
 
 
-@pytest.mark.parametrize("cause, is_well", [(None, True), (Cause.NOT_ADVERTISED, False),
+@pytest.mark.parametrize("cause, is_well", [(None, False), (Cause.NOT_ADVERTISED, True),
                                             (Cause.REFUSED, False)])
-def test_a_step_whose_service_the_robot_does_not_have_is_left_out(cause, is_well):
+def test_a_step_whose_service_the_robot_does_not_have_fails_as_not_advertised(cause, is_well):
     assert (objected(0.0, cause, absent=(SPEECH,)) == []) is is_well
 
 

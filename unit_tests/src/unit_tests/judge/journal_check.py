@@ -186,7 +186,9 @@ class JournalCheck:
             self, query: Query, line: journal.JournalEntry, service: Service) -> Iterator[str]:
         """Object to a result that is not that of the node."""
         name, result, fault = query.asker, query.result, line.fault
-        if line.time > query.asked + self._late:
+        # a goal is sent when its server is back
+        is_awaited = isinstance(service, Action) and self._is_away(service.node, query.asked)
+        if line.time > query.asked + self._late and not is_awaited:
             yield f"{name}: {service.name} got the request {line.time - query.asked:.1f} s late"
         until, deadline = self._until(query), query.asked + self._deadlines[service.deadline_key]
         due = deadline if fault == UNANSWERED else min(line.time + line.seconds, deadline)

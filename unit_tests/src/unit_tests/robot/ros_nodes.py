@@ -39,6 +39,10 @@ SHORTEST_GAP = 0.001
 """The shortest time between two messages of a topic, in seconds: an infinite arrival rate means
 this."""
 
+SHORTEST_GOAL = 0.1
+"""The shortest time of a goal, in seconds: to a server that has just come up the client connects
+while the first goal arrives."""
+
 LONGEST_STEP = 0.1
 """Seconds until a cancelled goal is noticed."""
 
@@ -189,7 +193,7 @@ class RosNode:
         reply, began = self._reply(action, goal.get_goal()), time.monotonic()
         self._goals[action] = goal
         fault, simulated = reply.entry.fault, SERVICES[action.request]
-        seconds = math.inf if fault == UNANSWERED else reply.entry.seconds
+        seconds = math.inf if fault == UNANSWERED else max(reply.entry.seconds, SHORTEST_GOAL)
         while time.monotonic() < began + seconds:
             share = (time.monotonic() - began) / seconds
             is_unwanted = is_cancelled(goal) or self._goals[action] is not goal
