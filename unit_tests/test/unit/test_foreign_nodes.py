@@ -184,7 +184,7 @@ def test_what_comes_of_its_entries_is_judged(wrong):
     def other(line):
         is_it = isinstance(line.event, Asked) and type(line.event.request) is type(wrong)
         return [replace(line, event=replace(line.event, request=wrong)) if is_it else line]
-    assert judge(changed(of_test, other)).passed is (wrong is None)
+    assert Verdict(changed(of_test, other)).passed is (wrong is None)
 
 
 CRASH = ("textToSpeech:1:crash",)

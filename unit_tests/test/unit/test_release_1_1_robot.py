@@ -16,7 +16,7 @@ from behavior_controller.simulation.visitor import BEHAVIOURS
 from behavior_controller.text import Source
 
 from unit_tests.judge.facts import of
-from unit_tests.judge.verdict import judge
+from unit_tests.judge.verdict import Verdict
 
 from plays import calls, changed, facts
 
@@ -37,7 +37,7 @@ def of_steps(steps, faults=(), chosen=(), **test):
 
 
 def objections(of_test):
-    return judge(of_test).objections
+    return Verdict(of_test).objections
 
 
 def ends(of_test):
@@ -179,7 +179,7 @@ def stops(of_test):
 
 @pytest.mark.parametrize("name", TOURS)
 def test_the_verdict_on_each_tour_is_passed_with_each_of_twenty_seeds(name):
-    verdicts = {seed: judge(of_tour(name, failure_rate=0.3, random_seed=seed)).objections
+    verdicts = {seed: Verdict(of_tour(name, failure_rate=0.3, random_seed=seed)).objections
                 for seed in range(1, 21)}
     assert verdicts == dict.fromkeys(verdicts, ())
 

@@ -19,8 +19,10 @@ from behavior_controller.robot.requests import Request
 from behavior_controller.text import clean, count
 
 from behavior_controller.simulation.rehearsal import findings
-from behavior_controller.simulation.rehearsal.findings import AT_ONCE, Finding, Play, RobotCall
+from behavior_controller.simulation.rehearsal.findings import (
+    TIME_TOLERANCE, Finding, Play, RobotCall)
 from behavior_controller.simulation.faults import KINDS, PlannedFault
+from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission, Place, RunResult
 from behavior_controller.simulation.configuration import REAL
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
@@ -169,11 +171,13 @@ class ScenarioRunner:
 def _last(played: RunResult) -> FrozenSet[str]:
     """Return the nodes with a call that began before that of another node ended, and did not end
     before it."""
+    def outlasts(one: JournalEntry, other: JournalEntry) -> bool:
+        ended = other.time + other.seconds
+        return max(one.time, other.time) < ended <= one.time + one.seconds + TIME_TOLERANCE
+
     calls = [line for line in played.journal if line.call and line.time <= played.ended]
     return frozenset(one.node for one, other in itertools.permutations(calls, 2)
-                     if one.node != other.node
-                     and max(one.time, other.time) < other.time + other.seconds
-                     and one.time < other.time + other.seconds <= one.time + one.seconds + AT_ONCE)
+                     if one.node != other.node and outlasts(one, other))
 
 
 # ------------------------------------------------------------------------------------- which scenes
