@@ -183,8 +183,8 @@ def test_a_recorded_robot_drops_calls_and_wakes_as_it_does(tmp_path):
     assert robot.dropped == [Say("now")]
     recorded = record.topics(topics)
     topics.listen = lambda *wanted: woken.append(wanted)
-    recorded.listen(SPEECH, 2.5)
-    assert woken.pop() == (SPEECH, 2.5)
+    recorded.listen(SPEECH, 2.5, True)
+    assert woken.pop() == (SPEECH, 2.5, True)
     recorded.wake_when("key", SPEECH, lambda text: text == "yes")
     for text in ("no", "yes"):
         topics.publish(SPEECH, text)
