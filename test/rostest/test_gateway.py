@@ -285,6 +285,17 @@ class TestGateway(unittest.TestCase):
         self.assertEqual([request["fields"]["message"] for request in robot.requests(SAY)],
                          ["first", "second"])
 
+    def test_what_a_leaf_took_before_a_request_does_not_count_against_its_deadline(self):
+        self.robot({SAY: "hang"})
+        self.deadline = 0.5
+        self.clock.hold()  # the traversal begins
+        time.sleep(2 * self.deadline)  # in the code of a leaf
+        call = self.gateway.start(Say("hello"))
+        self.clock.release()
+        failure, seconds = self.finish(call)
+        self.assertEqual(failure.cause, Cause.NO_ANSWER)
+        self.assertGreater(seconds, self.deadline - 0.05)
+
     def test_a_server_that_never_shakes_hands(self):
         peer = Peer(SAY, read_until_end)
         self.addCleanup(peer.close)

@@ -278,6 +278,7 @@ class TestMonitor(unittest.TestCase):
             controller = self.start(TALKING + "<LookUpHome/><Navigate/>", missionRuns="1")
             self.assertEqual(controller.wait(20), 0, controller.lines.text())
             self.assertNotIn("rror", controller.lines.text())
+            self.assert_told_once(controller, "/use_sim_time is", "true or false")
             robot.stop()
 
     def test_a_slow_master_is_told_and_no_topic_is_gone_that_was_not_looked_for(self):

@@ -116,7 +116,7 @@ def told_at(told, console, monkeypatch):
     """Have events told at given times, and return the robot's lines."""
     def tell(*events):
         for at, event in events:
-            monkeypatch.setattr(module, "unix_now", lambda: at)
+            monkeypatch.setattr(module, "computer_now", lambda: at)
             console(event)
         console.drain(5)
         return [line for line in told if ": robot: " in line]

@@ -437,7 +437,7 @@ def test_pauses_and_the_stop_wait_for_what_is_left_of_their_second():
 
     class Waiting(Runner):
         def wait(self, seconds):
-            asked.append(seconds)
+            asked.append(self.clock.time_left() if seconds is None else seconds)
             rig.clock.advance(0.25)
 
     Waiting(Running(rig.tree, rig.mission, "x", 0), lambda: len(asked) >= 4).run()
@@ -756,7 +756,7 @@ def test_a_pause_for_a_cause_that_persists_waits_for_what_is_left_of_it():
 
     class Waiting(Runner):
         def wait(self, seconds):
-            asked.append(seconds)
+            asked.append(self.clock.time_left() if seconds is None else seconds)
             rig.clock.advance(2.5)
 
     polls = itertools.count()

@@ -169,7 +169,7 @@ class MissionContext:
 
     def ask_for_safe_state(self) -> SafeState:
         """Send the requests for the safe state. On the tick thread."""
-        return SafeState(self.gateway, self.interface, self.offers, self.clock.now)
+        return SafeState(self.gateway, self.interface, self.offers, self.clock.process.now)
 
     def recovers_again_at(self) -> float:
         """Return when the budget allows a recovery, by the mission's clock."""

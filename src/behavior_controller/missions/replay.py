@@ -211,6 +211,8 @@ class _Replay(FakeGateway):
             self._skip()
         elif isinstance(event, events.PassStarted):
             self.skips = False
+            if not self._tree.is_idle:  # the pass before was ended from outside
+                self._tree.stop()
             self._mission.begin_visit(self._tree.blackboard, event.at)
         elif isinstance(event, events.HealthChanged):
             self._health.report(event.respect, event)

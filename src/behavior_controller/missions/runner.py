@@ -184,6 +184,7 @@ class Runner:
         began = self.clock.now()
         self.tree.failure = None  # of the pause before
         self._reported = ""
+        self.clock.take_jump()  # it ends no visit
         self.mission.begin_visit(self.tree.blackboard, began)
         self.mission.events.emit(PassStarted(self._number + 1, began))
         result: Result = RUNNING
@@ -192,7 +193,9 @@ class Runner:
             is_due |= self.tree.wake.test_and_clear() or self.tree.is_tick_wanted
             if self.is_stopped():  # asked after the clearing: a later stop wakes the tree again
                 return
-            if self._is_suspended():
+            if self._has_jumped_back():
+                result = FAILURE
+            elif self._is_suspended():
                 self._doze(None)
                 is_due = True
             elif is_due:
@@ -209,6 +212,17 @@ class Runner:
         self.mission.events.emit(PassFinished(self._number, self._outcome, seconds))
         if seconds < SHORTEST_PASS and self._number != self.runs:
             self._pause(SHORTEST_PASS)
+
+    def _has_jumped_back(self) -> bool:
+        """End the visit if the simulated time has jumped back: what the robot and its world were
+        doing is no longer so."""
+        seconds = self.clock.take_jump()
+        if seconds:
+            self.mission.events.emit(Noticed(
+                "error", f"simulated time jumped back by {round(seconds, 3):.12g} s: this visit is "
+                         "over"))
+            self._halt()
+        return bool(seconds)
 
     def _is_suspended(self) -> bool:
         """Return whether the operator holds the run, and the robot has done what it was asked for;
@@ -263,13 +277,12 @@ class Runner:
             _LOG_FILE.info("%s", line, exc_info=cause)
 
     def wait(self, seconds: Optional[float]) -> None:
-        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run posted
-        callbacks and due timers."""
+        """Wait for the wake-up or the next timer, ``seconds`` of the process at the longest, and
+        run posted callbacks and due timers."""
         # for a wake-up that is already cleared; a due timer must end the wait
         self.clock.run_posted()
-        due = self.clock.next_due()
-        if due is not None:
-            left = due - self.clock.now()
+        left = self.clock.time_left()
+        if left is not None:
             seconds = left if seconds is None else min(seconds, left)
         self._woke = None
         self.tree.wake.wait(seconds if seconds is None else max(0.0, seconds))
@@ -295,10 +308,17 @@ class Runner:
     def _pause(self, seconds: float) -> None:
         deadline = self.clock.now() + seconds
         while self.clock.now() < deadline and not self.is_stopped():
-            self._doze(deadline - self.clock.now())
+            self._doze_until(deadline)
+
+    def _doze_until(self, deadline: float) -> None:
+        """Wait for an event, until that time of the mission's clock at the longest."""
+        timer = self.clock.call_after(deadline - self.clock.now(), self.tree.wake.emit,
+                                      is_foreign=True)
+        self._doze(None)
+        timer.cancel()
 
     def _doze(self, seconds: Optional[float]) -> None:
-        """Wait for an event, ``seconds`` at the longest; nothing is ticked."""
+        """Wait for an event, ``seconds`` of the process at the longest; nothing is ticked."""
         self.mission.health.publish(self.mission.events)
         self._wait(seconds)
         # before what woke it is looked at: what comes later ends the next wait
@@ -319,7 +339,10 @@ class Runner:
             if cause != reported:
                 self.mission.events.emit(cause)
                 reported = cause
-            self._doze(None if cause.awaited else failed_at + cause.limit - self.clock.now())
+            if cause.awaited:
+                self._doze(None)
+            else:
+                self._doze_until(failed_at + cause.limit)
 
     def _halt(self) -> None:
         for error in self.tree.stop():

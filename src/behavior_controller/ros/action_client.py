@@ -188,9 +188,10 @@ class SpeechActionClient(GoalThread):
 
     def __init__(self, action: Action[Listen], is_published: Callable[[], bool],
                  receive: Callable[[Any], None], wake: Callable[[], None],
-                 warn: Callable[[str], None]):
+                 warn: Callable[[str], None], now: Callable[[], float] = time.monotonic):
         """``is_published`` returns whether the topic itself has a publisher; ``receive`` gets each
-        utterance, and ``wake`` is called when a goal has ended."""
+        utterance, and ``wake`` is called when a goal has ended. ``now``: of the mission's clock."""
+        self._now = now
         self._is_published = is_published
         self._receive = receive
         self._wake = wake
@@ -209,8 +210,8 @@ class SpeechActionClient(GoalThread):
         A goal that is under way when the time is over has its own limit for its result.
         """
         self._is_preferred = is_preferred
-        self._until = time.monotonic() + seconds if seconds > 0 else -math.inf
-        self.carry(Listen(seconds), lambda result, at: None, lambda text: None)
+        self._until = self._now() + seconds if seconds > 0 else -math.inf
+        self.carry(Listen(seconds), lambda result: None, lambda text: None)
         self.news.set()
 
     @property
@@ -219,7 +220,7 @@ class SpeechActionClient(GoalThread):
         return self._is_busy and not self._is_late()
 
     def _is_late(self) -> bool:
-        return time.monotonic() >= self._until + self._action.deadline
+        return self._now() >= self._until + self._action.deadline
 
     def idle(self) -> None:
         """Connect when there is a server, or warn of what is in the way."""
@@ -232,7 +233,7 @@ class SpeechActionClient(GoalThread):
 
     def exchange(self, job: Job) -> Answer:
         """Send one goal after the other while the mission listens."""
-        while time.monotonic() < self._until:
+        while self._now() < self._until:
             self.idle()
             if self._is_preferred and self._is_published() and not self._is_offered:
                 self._warn_once("is not there: the topic is used in its place")
@@ -254,7 +255,7 @@ class SpeechActionClient(GoalThread):
         """
         self._is_busy = True
         try:
-            wish = Listen(round(max(0.0, self._until - time.monotonic()), 1))
+            wish = Listen(round(max(0.0, self._until - self._now()), 1))
             utterance = self._action.answer(self.achieve(wish, self._is_late)).response
             self._warned = ""
             if utterance:

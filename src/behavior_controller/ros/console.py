@@ -21,7 +21,8 @@ from rosgraph.roslogging import RosStreamHandler, configure_logging, makedirs_wi
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.command import no_resources
 from behavior_controller.run.events import (
-    Event, LeafFinished, Noticed, Retried, RunFinished, SafeStateReported, clock_shift, unix_now)
+    Event, LeafFinished, Noticed, Retried, RunFinished, SafeStateReported, clock_shift,
+    computer_now)
 from behavior_controller.run.state import State
 from behavior_controller.run.moment import instruction, robot_line
 from behavior_controller.ros.sinks import Detached, Sink, drain, take_over_streams
@@ -126,7 +127,7 @@ class Console:
 
     def __call__(self, event: Event) -> None:
         """Have the story's sentences about ``event`` written."""
-        self._lines.put(partial(self._log_event, unix_now(), event, self.is_verbose))
+        self._lines.put(partial(self._log_event, computer_now(), event, self.is_verbose))
 
     def tell(self, severity: str, text: str) -> None:
         """Write ``text`` as one clean line at ``info``, ``warning`` or ``error``; from any thread.
@@ -196,7 +197,7 @@ class Console:
             jump, self._clock_shift = clock_shift() - self._clock_shift, clock_shift()
             if jump:
                 emit(Noticed("warning", jumped(jump)))
-            self._lines.put(partial(self._log_robot, unix_now()))
+            self._lines.put(partial(self._log_robot, computer_now()))
             self.tell("info", "running.")
             clock.call_after(HEARTBEAT_INTERVAL, beat)
 

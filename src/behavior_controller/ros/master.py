@@ -46,6 +46,9 @@ ROSOUT_TOPIC = "/rosout"
 
 NO_TOPICS_IN_ROSOUT = "/rosout_disable_topics_generation"
 
+USE_SIM_TIME = "/use_sim_time"
+"""The parameter that says whether time is simulated."""
+
 PARTING_LIMIT = 2.5
 """Seconds that the former node of the name may take to end; ours take 2 at most."""
 
@@ -254,8 +257,9 @@ DIRECTORY = Directory()
 # ------------------------------------------------------------------------------- the node's name
 
 
-def adopt(name: str, argv: List[str]) -> None:
+def adopt(name: str, argv: List[str]) -> Any:
     """Have rospy resolve names as the node ``name`` does, without registering it at the master.
+    Return the value of ``USE_SIM_TIME``.
 
     Raises NodesMissing if no master answers, and ConfigurationError for a ``__name`` that is not
     allowed.
@@ -276,6 +280,7 @@ def adopt(name: str, argv: List[str]) -> None:
     rospy.names.initialize_mappings(resolved)
     # leaves are set up before the name is taken, and may ask for the time
     rospy.rostime.set_rostime_initialized(True)
+    return _ask_at_start("getParam", USE_SIM_TIME)
 
 
 def _ask_at_start(method: str, argument: str) -> Any:
@@ -300,7 +305,8 @@ def join(name: str, argv: List[str]) -> Optional[str]:
     rospy.impl.init.ROSHandler = _Handler
     try:
         with DIRECTORY.registering:
-            rospy.init_node(name, argv=argv, disable_signals=True)
+            # the time is that of ``SimulatedTime``, which does not wait for a master
+            rospy.init_node(name, argv=argv, disable_signals=True, disable_rostime=True)
     except (rospy.ROSException, ValueError) as error:
         if rospy.is_shutdown():
             raise Stopped("rospy has ended meanwhile")  # and has reported the reason

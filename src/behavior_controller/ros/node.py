@@ -7,6 +7,7 @@ import collections
 import contextlib
 import logging
 import os
+import reprlib
 import sys
 import threading
 from typing import Any, Callable, Deque, Dict, Iterable, List, NoReturn, Optional, Tuple
@@ -16,11 +17,11 @@ import rospy
 
 from behavior_controller import exit_codes, extensions
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
-from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.clock import Clock, SimulatedClock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, Fault, FaultsFound, NodesMissing)
-from behavior_controller.run.events import Events, Noticed, RunFinished
+from behavior_controller.run.events import Events, Noticed, RunFinished, use_simulated_time
 from behavior_controller.foreign_code import described
 from behavior_controller.run.health import Health
 from behavior_controller.missions.load import Mission
@@ -30,7 +31,7 @@ from behavior_controller.ros_arguments import version
 from behavior_controller.ros.console import FILE_ONLY, Console, log_path, open_log
 from behavior_controller.ros.handshakes import (
     bound_handshakes, pause_without_files, refuse_web_pages)
-from behavior_controller.ros.master import NAME_IS_TAKEN, adopt, join
+from behavior_controller.ros.master import NAME_IS_TAKEN, USE_SIM_TIME, adopt, join
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.configuration import read_plan, report_faults, valid_values
 from behavior_controller.ros.outputs import Outputs, record_place
@@ -38,7 +39,9 @@ from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
 from behavior_controller.ros.signals import Signals, block_signals
+from behavior_controller.ros.simulated_time import SimulatedTime
 from behavior_controller.ros.subscriber import RosTopics
+from behavior_controller.ros.types import CLOCK
 from behavior_controller.missions.runner import Runner, Running
 from behavior_controller.run.safe_state import SAFE_STATE_LIMIT, SafeState
 from behavior_controller.config.settings import KEYS, OPERATOR, split_arguments, unread
@@ -139,6 +142,7 @@ class _Node:
         self._console = console
         self._wake = WakeUp()
         self._run: Optional[_Run] = None
+        self._simulated: Optional[SimulatedTime] = None
         self._events = Events()
         self._events.subscribe(console)
         self._outputs = Outputs(self._events, console.tell)
@@ -205,14 +209,19 @@ class _Node:
         master = f"the ROS master at {rosgraph.get_master_uri()}"
         silent_master = NodesMissing(f"{master} no longer answers: start it again")
         rospy.core.add_preshutdown_hook(self._ros_ends)
-        self._apart(lambda: adopt(NAME, words), master, silent_master)
+        clock = self._clock(self._apart(lambda: adopt(NAME, words), master, silent_master))
         self._open_log()
         with contextlib.suppress(FaultsFound):  # which are reported when all is read
             self._apart(lambda: self._outputs.open_viewer(valid_values()), MISSION_FILES)
-        plan = self._prepare()
+        plan = self._prepare(clock)
+        if self._simulated is not None:
+            self._simulated.await_first(plan.settings.startup_timeout, self._outputs.note,
+                                        self._wake, self._is_stopped)
         check = StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped)
         check.run()
-        topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn)
+        topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn, clock)
+        if self._simulated is not None:
+            topics.buffers[CLOCK] = self._simulated
         self._run = run = _Run(plan, topics, self._outputs, console, self._events,
                                self._signals, check.substituted)
         self._apart(run.runner.prepare, "the set-up of the mission's leaves")
@@ -228,9 +237,20 @@ class _Node:
         self._apart(run.open_outputs, "recordDirectory")
         return run.carry_out()
 
-    def _prepare(self) -> Mission:
+    def _clock(self, is_simulated: object) -> Clock:
+        """Return the clock by which the mission goes; one that /clock sets if time is simulated."""
+        if is_simulated not in (None, False, True):
+            self._console.warn(f"the parameter {USE_SIM_TIME} is {reprlib.repr(is_simulated)}, and "
+                               "must be true or false: the mission goes by the computer's time")
+        if is_simulated not in (True,):
+            return Clock()
+        clock = SimulatedClock(self._wake.emit)
+        use_simulated_time(clock.source, lambda: clock.simulated)
+        self._simulated = SimulatedTime(clock, self._console.warn)
+        return clock
+
+    def _prepare(self, clock: Clock) -> Mission:
         """Return the mission."""
-        clock = Clock()
         plan = self._apart(lambda: read_plan(clock, self._wake, self._console.tell), MISSION_FILES)
         if plan.settings.ros_interface:
             ros_interface.types()
@@ -345,7 +365,7 @@ class _Run:
 
     def carry_out(self) -> int:
         """Run the mission, whose leaves are set up, and return the exit code."""
-        self._console.start_heartbeat(self._clock, self._events.emit)
+        self._console.start_heartbeat(self._clock.process, self._events.emit)
         try:
             self._monitor.start()
             self._blocked_tick.start()
@@ -405,6 +425,8 @@ class _Run:
         self._outputs.show(plan.tree, self._health.last_arrivals)
         robot = plan.settings.interface
         self._monitor.include(plan.offers)
+        if self._clock.process is not self._clock:
+            self._monitor.include([CLOCK])
         self._robot.prepare(plan.offers)
         # a stop requests the safe state even if the master hangs: the addresses of its services
         # must be known before

@@ -2,7 +2,6 @@
 import contextlib
 import queue
 import threading
-import time
 from typing import Callable, NamedTuple, Optional, Union
 
 import rosgraph
@@ -18,12 +17,12 @@ from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import resolved
 
-Done = Callable[[Union[Answer, Failure], float], None]
+Done = Callable[[Union[Answer, Failure]], None]
 
 
 class Job(NamedTuple):
-    """A request under way. ``done`` gets the result and its time (monotonic), ``feedback`` what is
-    reported meanwhile, in words; ``cut`` is set when neither is awaited any more."""
+    """A request under way. ``done`` gets the result, ``feedback`` what is reported meanwhile, in
+    words; ``cut`` is set when neither is awaited any more."""
 
     request: Request
     done: Done
@@ -90,7 +89,7 @@ class RequestThread:
             if job is None:
                 self.close()
                 return
-            job.done(self._carried_out(job), time.monotonic())
+            job.done(self._carried_out(job))
 
     def _carried_out(self, job: Job) -> Union[Answer, Failure]:
         """Return the answer, or why there is none. An optional service that no node offers counts

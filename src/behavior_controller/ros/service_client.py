@@ -253,9 +253,11 @@ class RosGateway(Gateway):
             return
         timer = self._clock.call_after(
             deadline * SLOW_SHARE, lambda: self._on_slow(call, deadline), is_foreign=True)
-        self._under_way[call] = _UnderWay(thread, timer, time.monotonic())
-        thread.carry(request, partial(self._hand_over, self._end, call),
-                     partial(self._hand_over, self._report, call))
+        self._under_way[call] = _UnderWay(thread, timer, self._clock.source())
+        thread.carry(
+            request,
+            lambda result: self._hand_over(self._end, call, result, self._clock.source()),
+            partial(self._hand_over, self._report, call))
 
     def _thread(self, service: Service, request: Request) -> RequestThread:
         """Take a spare thread, start one, or take the one that stands by. Raises RuntimeError if
@@ -340,7 +342,7 @@ class RosGateway(Gateway):
         """Report that ``call`` is slow, and wait for its deadline."""
         held = self._under_way[call]
         self._health.slow(held.thread.name, deadline, held.thread.service.kind)
-        left = held.timer.due + deadline * (1 - SLOW_SHARE) - self._clock.now()
+        left = held.timer.due + deadline * (1 - SLOW_SHARE) - self._clock.source()
         held.timer = self._clock.call_after(left, lambda: self._expire(call), is_foreign=True)
 
     def _expire(self, call: Call) -> None:
@@ -350,4 +352,4 @@ class RosGateway(Gateway):
         if not thread.is_asked:
             text += ", still connecting: nothing was asked"
         late = Failure(Cause.NO_ANSWER, text, thread.name)
-        self._end(call, late, time.monotonic(), is_dropped=True)
+        self._end(call, late, self._clock.source(), is_dropped=True)

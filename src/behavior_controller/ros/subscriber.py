@@ -16,6 +16,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
 
 import rospy
 
+from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.gateway import Cause, Sample, Topics, since
 from behavior_controller.robot.declarations import Interface, Topic
@@ -107,7 +108,7 @@ class Link:
         """Connect and shake hands."""
         message_type = self._topic.message_type
         self.header = open_publisher(self._connection, self._uri, self._topic.name,
-                                     type=message_type._type, tcp_nodelay="1",
+                                     self._topic.suffix, type=message_type._type, tcp_nodelay="1",
                                      message_definition=message_type._full_text)
         self._connection.notice_a_dead_host()
         self._connection.wait_without_limit()
@@ -144,10 +145,15 @@ class TopicBuffer:
     Messages arrive on the threads of its links.
     """
 
-    def __init__(self, topic: Topic, wake: Callable[[], None], warn: Callable[[str], None]):
+    suffix = ""
+    """See ``open_publisher``."""
+
+    def __init__(self, topic: Topic, wake: Callable[[], None], warn: Callable[[str], None],
+                 clock: Clock):
         """``wake`` is called when an alarm is triggered; ``warn`` once for each publisher of
-        unusable messages."""
+        unusable messages. ``clock`` has the times of messages."""
         self._topic = topic
+        self.clock = clock
         self.message_type = TYPES[topic]
         self._wake = wake
         self._warn = warn
@@ -155,8 +161,10 @@ class TopicBuffer:
         self.name = resolved(topic)
         self._links: Dict[str, Link] = {}  # by the publisher's address; replaced as a whole
         self._is_met = False
-        self.rhythm = Rhythm(time.monotonic())
+        self.rhythm = Rhythm(clock.source())
         self._received = 0.0  # when bytes came last, of whatever content
+        self.heard_at = 0.0
+        """When the last message came, by the time of the process."""
         self._lock = threading.RLock()
         self._bytes: Optional[bytes] = None
         self._alarms: Dict[Any, Callable[[Any], bool]] = {}
@@ -167,7 +175,7 @@ class TopicBuffer:
         self.speech_action: Optional[SpeechActionClient] = None
         if topic.action is not None:
             self.speech_action = SpeechActionClient(
-                topic.action, lambda: self._is_published, self.hear, wake, warn)
+                topic.action, lambda: self._is_published, self.hear, wake, warn, clock.source)
 
     # ----------------------------------------------------------------------------------- publishers
 
@@ -266,8 +274,8 @@ class TopicBuffer:
         """Use ``value`` as the newest message, whose bytes were ``data``: none, if an action
         brought it. Any thread may call this."""
         with self._lock:
-            self._bytes = data
-            sample = Sample(value, time.monotonic())
+            self._bytes, self.heard_at = data, time.monotonic()
+            sample = Sample(value, self.clock.arrival())
             self._recent = self._topic.kept(self._recent, sample)
             self.rhythm.hear(sample.arrived)
             self._ring(value)
@@ -329,9 +337,11 @@ def _sender(header: Dict[str, str]) -> str:
 class RosTopics(Topics):
     """The robot's topics. From ``subscribe`` on they are subscribed, on a separate thread."""
 
-    def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None]):
+    def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None],
+                 clock: Optional[Clock] = None):
         """See ``TopicBuffer``."""
-        self.buffers = {topic: TopicBuffer(topic, wake, warn) for topic in interface.topics}
+        self.buffers = {topic: TopicBuffer(topic, wake, warn, clock or Clock())
+                        for topic in interface.topics}
 
     def subscribe(self) -> None:
         """Subscribe to the topics; this registers the node at the master."""

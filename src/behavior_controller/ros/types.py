@@ -117,7 +117,12 @@ def filled(message: Any, service: Service, request: Request) -> Any:
     return message
 
 
+CLOCK = Topic("/clock", "", "rosgraph_msgs/Clock", genpy.Time, lambda message: message.clock,
+              "the mission stands still", is_continuous=True)
+"""The simulated time."""
+
 TYPES: Dict[Offer, Any] = {
     offer: message_class(offer) for robot in INTERFACES.values()
     for offer in (*robot.offers, *(topic.action for topic in robot.topics if topic.action))}
+TYPES[CLOCK] = message_class(CLOCK)
 """Declaration -> its class."""

@@ -15,10 +15,11 @@ import rosgraph
 
 from behavior_controller.run.events import HealthChanged
 from behavior_controller.run.health import (
-    GONE, Health, NEW, SHORT, SILENT, SLOW, available_again, gone)
+    GONE, Health, NEW, SHORT, SILENT, SIMULATED_TIME, SLOW, available_again, gone)
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Service, Topic)
 from behavior_controller.robot.gateway import Cause
+from behavior_controller.robot.rhythm import SILENCE
 from behavior_controller.ros.tcpros import (
     RECONNECT_PAUSE, READ_SIZE, Connection, RETRY_INTERVAL, STEP_LIMIT, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
@@ -26,7 +27,7 @@ from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.shortage import SHORTAGE
 from behavior_controller.ros.subscriber import TopicBuffer, RosTopics
 from behavior_controller.ros.timeouts import start_thread
-from behavior_controller.ros.types import resolved
+from behavior_controller.ros.types import CLOCK, resolved
 
 CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
@@ -219,6 +220,9 @@ class Monitor:
 
     def _check_topic(self, topic: Topic, buffer: TopicBuffer) -> None:
         """Report whether a topic is published, and whether it has been silent for too long."""
+        if topic is CLOCK:
+            self._check_silence(topic, buffer, buffer.clock.source())
+            return
         if buffer.rhythm.count:
             self._health.hear(buffer.name, buffer.rhythm.last)
         now = time.monotonic()
@@ -230,7 +234,7 @@ class Monitor:
         self._lonely.pop(topic, None)
         self._tell_back(topic)
         if topic.is_continuous:
-            self._check_silence(topic, buffer, now)
+            self._check_silence(topic, buffer, buffer.clock.source())
 
     def _check_silence(self, topic: Topic, buffer: TopicBuffer, now: float) -> None:
         """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""
@@ -243,11 +247,23 @@ class Monitor:
                 buffer.reconnect()
             return
         status, consequence = "heard again", ""
-        if buffer.rhythm.is_silent(now):
+        # at a high speed of the simulated time it takes no more than a busy computer
+        if buffer.rhythm.is_silent(now) and time.monotonic() - buffer.heard_at > SILENCE:
             self._silent[topic] = buffer.rhythm.last, silence + RECONNECT_AFTER
             status = f"silent for {silence:.1f} s"
             consequence = "until it is heard again, " + topic.impact_if_missing
-        self._judge(SILENT, topic.kind, buffer.name, status, consequence, topic.node)
+        kind = topic.kind
+        if topic is CLOCK:
+            kind = SIMULATED_TIME
+            status = _standing(buffer, silence) if consequence else "goes on"
+        self._judge(SILENT, kind, buffer.name, status, consequence, topic.node)
+
+
+def _standing(clock: TopicBuffer, seconds: float) -> str:
+    """Return since when the simulated time stands still, and why if that is known."""
+    since = time.strftime("%H:%M:%S", time.localtime(time.time() - seconds))
+    why = "" if clock.is_connected else f" ({clock.absence})"
+    return f"stands still since {since}{why}"
 
 
 def _connect_to(offer: Service) -> Connect:

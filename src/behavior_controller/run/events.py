@@ -437,38 +437,65 @@ EVENTS: Tuple[Any, ...] = get_args(Event)
 PULSE = 1.0
 """Seconds between two signs of life of the tick thread."""
 
-_unix_at_zero = time.time() - time.monotonic()
+_unix_at_zero = _computer_at_zero = time.time() - time.monotonic()
+_now: Callable[[], float] = time.monotonic  # of the mission's clock
+_ros_now: Optional[Callable[[], Optional[float]]] = None  # where the mission's time is simulated
 
 
 def unix_now() -> float:
     """Return the time for events, in Unix seconds: that of the computer's clock when the process
     started, and what has passed since then. It does not jump when that clock is set."""
-    return _unix_at_zero + time.monotonic()
+    return _unix_at_zero + _now()
 
 
-def unix_at(monotonic: float) -> float:
-    """Return a time of the monotonic clock as a time of events."""
-    return _unix_at_zero + monotonic
+def computer_now() -> float:
+    """Return the same where the mission's time is not simulated."""
+    return _computer_at_zero + time.monotonic()
+
+
+def unix_at(moment: float) -> float:
+    """Return a time of the mission's clock as a time of events."""
+    return _unix_at_zero + moment
+
+
+def use_simulated_time(now: Callable[[], float], ros_now: Callable[[], Optional[float]]) -> None:
+    """Have the time of events go on as the clock ``now`` does; ``ros_now`` returns the time of
+    /clock, None before its first message."""
+    global _unix_at_zero, _now, _ros_now
+    _unix_at_zero, _now, _ros_now = unix_now() - now(), now, ros_now
+
+
+def is_simulated() -> bool:
+    """Return whether the mission's time is simulated."""
+    return _ros_now is not None
+
+
+def other_times() -> "Tuple[Optional[float], Optional[float]]":
+    """Return ROS' time and the computer's, where they differ from that for events."""
+    return (None, None) if _ros_now is None else (_ros_now(), computer_now())
 
 
 def use_clock_of(unix_at_zero: float) -> None:
     """Have ``unix_now`` follow another process of this computer, for which it is this time when
     the monotonic clock is 0."""
-    global _unix_at_zero
-    _unix_at_zero = unix_at_zero
+    global _unix_at_zero, _computer_at_zero
+    _unix_at_zero = _computer_at_zero = unix_at_zero
 
 
 def clock_shift() -> int:
     """Return by how many seconds the computer's clock has jumped since the process started: to be
     added to the time of an event that is shown as the time of day."""
-    return round(time.time() - time.monotonic() - _unix_at_zero)
+    return round(time.time() - time.monotonic() - _computer_at_zero)
 
 
-class Line(Struct, frozen=True):
-    """An event and when it happened (see ``unix_now``): a line of a record."""
+class Line(Struct, frozen=True, omit_defaults=True):
+    """An event and when it happened (see ``unix_now``): a line of a record. For ``ros`` and
+    ``computer`` see ``other_times``."""
 
     time: float
     event: Event
+    ros: Optional[float] = None
+    computer: Optional[float] = None
 
 
 class Events:

@@ -16,6 +16,9 @@ from behavior_controller.run.events import Events, HealthChanged
 GONE, SLOW, FAILING, SILENT, NEW = "gone", "slow", "failing", "silent", "new"
 SHORT = "out of resources"
 
+SIMULATED_TIME = "simulated time"
+"""The kind of a change of /clock, which is silent while that time stands still."""
+
 SLOW_SHARE = 0.5
 """A service is slow when a call has taken this share of its deadline."""
 
@@ -52,7 +55,7 @@ class Health:
         self._counts = True
         self._failures: Dict[str, int] = {}  # of each service since its last success
         self.last_arrivals: Dict[str, float] = {}
-        """The time of each topic's last message (monotonic seconds)."""
+        """The time of each topic's last message, by the mission's clock."""
 
     def report(self, respect: str, change: HealthChanged) -> None:
         """Report a state in one respect, from any thread; only a change is passed on."""

@@ -12,7 +12,7 @@ from msgspec import Struct
 from behavior_controller.run import events
 from behavior_controller.run.events import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.run.fold import fold, why_recovered
-from behavior_controller.run.health import NEW
+from behavior_controller.run.health import NEW, SIMULATED_TIME
 from behavior_controller.run.state import (
     BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, SILENT_VISITOR, STOPPED,
     UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
@@ -143,6 +143,8 @@ def condition(change: events.HealthChanged) -> str:
     if change.kind == "master":
         status = "is new" if change.respect == NEW else change.status
         return clean(f"the ROS master {status}")
+    if change.kind == SIMULATED_TIME:
+        return clean(f"{SIMULATED_TIME} {change.status}")
     word = change.respect or change.status
     return clean(f"{change.name} is {word}" if word else change.name)
 
@@ -151,7 +153,8 @@ def conditions(changes: Iterable[events.HealthChanged]) -> str:
     """Return the same of several ones; those with the same trouble are said together."""
     alike: Dict[str, List[events.HealthChanged]] = {}
     for change in changes:
-        subject = change.name if change.kind == "master" else change.respect
+        is_apart = change.kind in ("master", SIMULATED_TIME)
+        subject = change.name if is_apart else change.respect
         alike.setdefault(subject, []).append(change)
     return "; ".join(map(_common_condition, alike.values()))
 

@@ -16,7 +16,7 @@ from tornado.netutil import bind_sockets
 
 from behavior_controller import exit_codes, folders, ros_arguments
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.run.events import Line, use_clock_of
+from behavior_controller.run.events import Line, SignOfLife, use_clock_of
 from behavior_controller.run.from_viewer import (
     FromViewer, HookChange, ViewerAlive, ViewerTold, encode)
 from behavior_controller.viewer.board import Board
@@ -111,7 +111,9 @@ class Viewer:
             self._page.show(board)
 
     def take(self, line: Line) -> None:
-        """Show the next event."""
+        """Show the next event. Of simulated time only signs of life tell how far it is."""
+        if line.ros is not None and isinstance(line.event, SignOfLife):
+            use_clock_of(line.time - time.monotonic())
         if self.has_page:
             self._lines.append(line)
         if self._groot2 is not None:

@@ -2,12 +2,13 @@
 they are due.
 
 Timers run between ticks and only on the tick thread, so their callbacks need no lock and are exact
-under a ``ManualClock``. The runner and ``Tree.sleep`` wait until ``next_due()`` at the longest.
+under a ``ManualClock``. The runner and ``Tree.sleep`` wait for ``time_left()`` at the longest.
 Other threads ``post`` callbacks and wake the tree: these run before the next traversal.
 """
 import collections
 import heapq
 import itertools
+import math
 import time
 from typing import Any, Callable, Deque, List, Optional, Tuple
 
@@ -31,14 +32,19 @@ class Timer:
 
 
 class Clock:
-    """Monotonic seconds, a queue of timers, and what other threads posted. ``now`` and ``post`` are
-    for any thread.
+    """Seconds that only increase, a queue of timers, and what other threads posted. ``now``,
+    ``source``, ``arrival`` and ``post`` are for any thread.
 
     A callback belongs to the node whose code, or whose callback, has set it. What it raises is a
     TickError of that node, as in its rule.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, source: Callable[[], float] = time.monotonic) -> None:
+        """``source`` returns the seconds that the mission goes by."""
+        self.source = self.arrival = source
+        """The time, also during a traversal; ``arrival``: that of a message."""
+        self.process = self
+        """The clock of the process' own time: another one if the mission's time is simulated."""
         self.held_at: Optional[float] = None
         """The moment of the traversal under way, or None; for any thread."""
         self._queue: List[Tuple[float, int, Timer]] = []
@@ -47,14 +53,14 @@ class Clock:
         self._running: Any = None  # the owner of the callback that runs
 
     def now(self) -> float:
-        """Return monotonic seconds; only differences mean something."""
+        """Return the time; only differences mean something."""
         held = self.held_at
-        return time.monotonic() if held is None else held
+        return self.source() if held is None else held
 
     def hold(self) -> None:
         """Stop the time until ``release``: all of one traversal has the same time, so that it can
         be replayed."""
-        self.held_at = time.monotonic()
+        self.held_at = self.source()
 
     def release(self) -> None:
         """Let the time go on."""
@@ -65,10 +71,11 @@ class Clock:
                    is_foreign: bool = False) -> Timer:
         """Run ``callback`` once, ``seconds`` from now, in the next ``run_due`` after that.
 
-        ``is_foreign``: it belongs to no node; the search for one is saved.
+        ``is_foreign``: it belongs to no node; the search for one is saved. Its seconds begin when
+        it is set, not with the traversal: a slow leaf's time does not count against a request.
         """
         owner = None if is_foreign else owner_of(callback) or self._running
-        timer = Timer(self.now() + seconds, callback, owner)
+        timer = Timer((self.source if is_foreign else self.now)() + seconds, callback, owner)
         heapq.heappush(self._queue, (timer.due, next(self._order), timer))
         return timer
 
@@ -90,6 +97,16 @@ class Clock:
         while self._queue and self._queue[0][2].callback is None:
             heapq.heappop(self._queue)
         return self._queue[0][0] if self._queue else None
+
+    @tick_thread_only
+    def time_left(self) -> Optional[float]:
+        """Return for how many seconds of the process to wait for a timer; None: any."""
+        due = self.next_due()
+        return None if due is None else due - self.now()
+
+    def take_jump(self) -> float:
+        """Return by how many seconds the source has jumped back since the last call."""
+        return 0.0
 
     @tick_thread_only
     def timers(self) -> List[Timer]:
@@ -126,15 +143,11 @@ class ManualClock(Clock):
     """A clock that stands still until a test or a replay moves it."""
 
     def __init__(self, now: float = 0.0):
-        super().__init__()
+        super().__init__(lambda: self._now)
         self._now = now
 
     def hold(self) -> None:
         """Do nothing: the time stands still anyway."""
-
-    def now(self) -> float:
-        """Return the time that was set."""
-        return self._now
 
     def set_to(self, moment: float) -> None:
         """Set the time to ``moment``; due timers wait for ``run_due``."""
@@ -149,3 +162,63 @@ class ManualClock(Clock):
             self.run_due()
             due = self.next_due()
         self._now = moment
+
+
+MESSAGE_STEP = 1e-6
+"""Seconds by which a message is later than the one before while the simulated time stands still:
+the order of an answer and its question must show."""
+
+
+class SimulatedClock(Clock):
+    """The time of a simulator, as messages tell it. It begins at 0 with the first one, and goes on
+    from where it was when theirs jumps back: nothing that has a time has to be changed then.
+
+    ``set_to`` belongs to the threads that receive the messages, one at a time.
+    """
+
+    def __init__(self, wake: Callable[[], None]):
+        """``wake`` is called when the time begins, when a timer is due, and at a jump back."""
+        super().__init__(lambda: max(self._now, self._arrived))
+        self.arrival = self._next_arrival
+        self.process = Clock()
+        self.simulated: Optional[float] = None
+        """The simulator's own time; None before the first message."""
+        self._wake = wake
+        self._now = self._arrived = self._offset = 0.0
+        self._jumps: Deque[float] = collections.deque()
+        self._alarm = math.inf  # when the wait of the tick thread has to end
+
+    def _next_arrival(self) -> float:
+        self._arrived = max(self._now, self._arrived + MESSAGE_STEP)
+        return self._arrived
+
+    def set_to(self, moment: float) -> None:
+        """Go on to that time of the simulator."""
+        before, self.simulated = self.simulated, moment
+        if before is None:
+            self._offset = -moment
+            self._wake()
+        elif moment < before:
+            self._offset += before - moment
+            self._jumps.append(before - moment)
+            self._wake()
+        self._now = moment + self._offset
+        if self.source() >= self._alarm:
+            self._alarm = math.inf
+            self._wake()
+
+    def take_jump(self) -> float:
+        return sum(self._jumps.popleft() for _ in range(len(self._jumps)))
+
+    @tick_thread_only
+    def time_left(self) -> Optional[float]:
+        """See ``Clock``. From now on the tree is woken when the next timer is due."""
+        due = self.next_due()
+        self._alarm = math.inf if due is None else due
+        # asked after the alarm is set: a message that comes in between is seen by one of the two
+        return 0.0 if self.source() >= self._alarm else self.process.time_left()
+
+    @tick_thread_only
+    def run_due(self) -> None:
+        self.process.run_due()
+        super().run_due()

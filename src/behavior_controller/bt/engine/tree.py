@@ -167,17 +167,17 @@ class Tree:
 
     def sleep(self, seconds: float) -> bool:
         """Wait for the wake-up signal, and run timers when they are due. Return whether it came
-        within ``seconds``."""
-        deadline = self.clock.now() + seconds
+        within ``seconds`` of the process."""
+        now = self.clock.process.now
+        deadline = now() + seconds
         while True:
             self.clock.run_due()
             if self.wake.test_and_clear():
                 return True
-            now = self.clock.now()
-            if now >= deadline:
+            left, due_in = deadline - now(), self.clock.time_left()
+            if left <= 0.0:
                 return False
-            due = self.clock.next_due()
-            self.wake.wait(min(deadline, deadline if due is None else due) - now)
+            self.wake.wait(left if due_in is None else max(0.0, min(left, due_in)))
 
     def complete(self, result: Result, root: Optional[Node] = None) -> Result:
         """Reset the tree, or the part below ``root``, if that is the result of a tick; return it.

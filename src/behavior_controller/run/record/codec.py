@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.run.events import (
     Event, Line, Lost, Message, PassFinished, RunStarted, Tick, TreeNode, TreeShown,
-    unix_at)
+    is_simulated, unix_at)
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 
 FORMAT = "behaviorController record"
@@ -27,7 +27,8 @@ class Header(msgspec.Struct, frozen=True):
     """The first line: the file's format and version, and the process that writes it since ``time``
     (Unix seconds).
 
-    ``unix_at_zero`` is the time of events at which the monotonic clock of its computer is 0.
+    ``unix_at_zero`` is the time of events at which the monotonic clock of its computer is 0; 0
+    itself if the mission's time is simulated.
     Of a further file of a long run: how many ``lines`` of events and ``visits`` the files before it
     had, and how many lines after this one repeat events from there.
     """
@@ -49,12 +50,12 @@ _lines, _headers = msgspec.json.Decoder(Line), msgspec.json.Decoder(Header)
 def header(pid: int, time: float, lines: int = 0, visits: int = 0, repeated: int = 0) -> bytes:
     """Return the first line with its end."""
     return _encoder.encode(Header(FORMAT, VERSION, pid, time, lines, visits, repeated,
-                                  unix_at(0.0))) + b"\n"
+                                  0.0 if is_simulated() else unix_at(0.0))) + b"\n"
 
 
-def encode(time: float, event: Event) -> bytes:
-    """Return a line with its end."""
-    line = Line(time, event)
+def encode(time: float, event: Event, *others: Optional[float]) -> bytes:
+    """Return a line with its end. For ``others`` see ``Line``."""
+    line = Line(time, event, *others)
     try:
         return _encoder.encode(line) + b"\n"
     except UnicodeEncodeError:  # a lone surrogate, which only JSON's own escapes can write

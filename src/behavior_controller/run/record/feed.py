@@ -92,7 +92,8 @@ class Feed:
     def __init__(self) -> None:
         self.lost = 0
         self._most = MOST_EVENTS
-        self._waiting: Deque[Tuple[float, Callable[..., events.Event], Tuple[Any, ...]]] = (
+        self._waiting: Deque[Tuple[float, Tuple[Optional[float], Optional[float]],
+                                   Callable[..., events.Event], Tuple[Any, ...]]] = (
             collections.deque())
 
     def __call__(self, event: events.Event) -> None:
@@ -105,12 +106,13 @@ class Feed:
             self.lost += 1
             return
         self.note_loss()
-        self._waiting.append((events.unix_now(), make, values))
+        self._waiting.append((events.unix_now(), events.other_times(), make, values))
 
     def note_loss(self) -> None:
         """Queue a ``Lost`` where events are missing."""
         if self.lost:
-            self._waiting.append((events.unix_now(), events.Lost, (self.lost,)))
+            self._waiting.append(
+                (events.unix_now(), events.other_times(), events.Lost, (self.lost,)))
             self.lost = 0
 
     def follow(self, tree: Tree) -> None:
@@ -133,9 +135,9 @@ class Feed:
     def lines(self) -> Iterator[events.Line]:
         """Yield what waits, each with its time."""
         while self._waiting:
-            at, make, values = self._waiting.popleft()
+            at, others, make, values = self._waiting.popleft()
             try:
                 event = make(*values)
             except Exception as error:  # another package's value may do anything when it is read
                 event = events.Lost(1, f"an event cannot be recorded: {type(error).__name__}")
-            yield events.Line(at, event)
+            yield events.Line(at, event, *others)

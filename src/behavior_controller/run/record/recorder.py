@@ -68,14 +68,15 @@ class Output(Protocol):
         """Finish: no line follows. Takes a bounded time."""
 
 
-def encoded(time: float, event: events.Event) -> EncodedLine:
-    """Return the line of an event; of one that cannot be written, the line that says so."""
+def encoded(time: float, event: events.Event, *others: Optional[float]) -> EncodedLine:
+    """Return the line of an event; of one that cannot be written, the line that says so. For
+    ``others`` see ``events.Line``."""
     text = b""
     with contextlib.suppress(Exception):  # another package's message may hold anything
-        text = encode(time, event)
+        text = encode(time, event, *others)
     if not 0 < len(text) <= LONGEST_LINE:
         event = events.Lost(1, f"a line of the kind {type(event).__name__} cannot be written")
-        text = encode(time, event)
+        text = encode(time, event, *others)
     return EncodedLine(time, event, text)
 
 
@@ -128,7 +129,7 @@ class Record(Feed, Topics):
         """Make a line of each event that waits, and hand it to the outputs. On one thread only: the
         record's own after ``open``."""
         for line in self.lines():
-            made = encoded(line.time, line.event)
+            made = encoded(line.time, line.event, line.ros, line.computer)
             for output in self._outputs:
                 output.put(made)
 
@@ -145,7 +146,7 @@ class Record(Feed, Topics):
     def show(self, tree: Tree, heard: Mapping[str, float] = {}) -> None:
         """Record ``tree`` from now on, with each message that it reads, and signs of life.
 
-        ``heard`` has the time of each topic's last message, in monotonic seconds.
+        ``heard`` has the time of each topic's last message, by the tree's clock.
         """
         self._seen.clear()
         self._trees += 1
@@ -158,7 +159,7 @@ class Record(Feed, Topics):
     def _give_sign_of_life(self, clock: Clock, heard: Mapping[str, float]) -> None:
         self.put(lambda heard: events.SignOfLife(
             {topic: events.unix_at(at) for topic, at in heard.items()}), dict(heard))
-        clock.call_after(events.PULSE, lambda: self._give_sign_of_life(clock, heard))
+        clock.process.call_after(events.PULSE, lambda: self._give_sign_of_life(clock, heard))
 
     # --------------------------------------------------------------------------- the robot's topics
 
