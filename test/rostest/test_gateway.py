@@ -18,7 +18,7 @@ import rostest
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Robot, forget_dead_entries, places  # noqa: E402
 
-from behavior_controller.bt.engine.clock import Clock  # noqa: E402
+from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.run.safe_state import SafeState  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
@@ -295,6 +295,26 @@ class TestGateway(unittest.TestCase):
         failure, seconds = self.finish(call)
         self.assertEqual(failure.cause, Cause.NO_ANSWER)
         self.assertGreater(seconds, self.deadline - 0.05)
+
+    def test_what_makes_the_robot_safe_has_its_seconds_of_the_process_too(self):
+        """Simulated time may run so fast that no server answers within a deadline."""
+        self.robot({ATTENTION: "hang"})
+        self.deadline, began = 0.5, time.monotonic()
+        self.clock = SimulatedClock(self.wake.emit)
+        self.clock.set_to(100.0)
+        self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock,
+                                  self.wake.emit)
+        vital, other = map(self.gateway.start, (SetAttention("disabled"), SetAttention("social")))
+        for moment in (200.0, 300.0):
+            self.clock.set_to(moment)
+            self.clock.run_due()
+        self.assertEqual((vital.result, other.result.cause), (None, Cause.NO_ANSWER))
+        while vital.result is None:
+            self.wake.wait(self.clock.time_left())
+            self.wake.test_and_clear()
+            self.clock.run_due()
+        self.assertEqual(vital.result.cause, Cause.NO_ANSWER)
+        self.assertGreaterEqual(time.monotonic() - began, self.deadline)
 
     def test_a_server_that_never_shakes_hands(self):
         peer = Peer(SAY, read_until_end)

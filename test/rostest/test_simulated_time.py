@@ -126,7 +126,7 @@ class TestSimulatedTime(unittest.TestCase):
         self.assertIn(" s of at most 240 s", shown)
         self.assertNotIn("hangs", shown)
         self.assertLess(abs(self.taken(controller) - 12.0), 1.5)
-        self.assertRegex(controller.lines.text(), r"pass 1: SUCCESS after 2(39|4[0-3])\.\d s")
+        self.assertRegex(controller.lines.text(), r"pass 1: SUCCESS after 2[345]\d\.\d s")
         self.wait_for(controller, "the mission goes by the simulated time on /clock")
 
     def test_and_at_a_tenth_of_it(self):
@@ -208,8 +208,9 @@ class TestSimulatedTime(unittest.TestCase):
             self.wait_for(controller, "pass 1: FAILURE after")
             self.robot.wait_for_request(SAY, 20, start=len(self.robot.lines.all))
             simulator.rate = 20.0
-            self.wait_for(controller, "pass 2: SUCCESS after 60")
+            self.wait_for(controller, "pass 2: SUCCESS after 6")
             self.assertEqual(controller.wait(20), 0)
+            self.assertIn("attention and lifelike movement are off", controller.lines.text())
             self.robot.stop()
             simulator.stop()
 
@@ -244,7 +245,7 @@ class TestSimulatedTime(unittest.TestCase):
         self.simulator(20.0)
         place = os.path.join(self.folder, "records")
         began = time.time()
-        controller = self.node('<Sleep msec="20000"/>', missionRuns="1", recordDirectory=place)
+        controller = self.node('<Sleep msec="60000"/>', missionRuns="1", recordDirectory=place)
         self.assertEqual(controller.wait(40), 0, controller.lines.text())
         ended = time.time()
         run, = os.listdir(place)
@@ -253,11 +254,11 @@ class TestSimulatedTime(unittest.TestCase):
         first, last = (next(line for line in lines if line["event"]["_type"] == kind)
                        for kind in ("PassStarted", "PassFinished"))
         for name in ("time", "ros"):
-            self.assertLess(abs(last[name] - first[name] - 20.0), 3.0)
+            self.assertLess(abs(last[name] - first[name] - 70.0), 10.0)
         self.assertLess(1000.0, first["ros"])
         for line in (first, last):
             self.assertTrue(began < line["computer"] < ended)
-        self.assertLess(last["computer"] - first["computer"], 4.0)
+        self.assertLess(abs(last["computer"] - first["computer"] - 3.5), 0.55)
         self.assertIn("the same path: 1 pass,", self.command("replayMission", place))
 
 

@@ -193,6 +193,7 @@ class _UnderWay:
     thread: RequestThread
     timer: Timer  # until it is slow, then until its deadline
     since: float
+    sent_at: float  # by the time of the process
 
 
 class RosGateway(Gateway):
@@ -253,7 +254,8 @@ class RosGateway(Gateway):
             return
         timer = self._clock.call_after(
             deadline * SLOW_SHARE, lambda: self._on_slow(call, deadline), is_foreign=True)
-        self._under_way[call] = _UnderWay(thread, timer, self._clock.source())
+        self._under_way[call] = _UnderWay(
+            thread, timer, self._clock.source(), self._clock.process.source())
         thread.carry(
             request,
             lambda result: self._hand_over(self._end, call, result, self._clock.source()),
@@ -346,8 +348,15 @@ class RosGateway(Gateway):
         held.timer = self._clock.call_after(left, lambda: self._expire(call), is_foreign=True)
 
     def _expire(self, call: Call) -> None:
-        """End ``call`` at its deadline."""
-        thread = self._under_way[call].thread
+        """End ``call`` at its deadline. What makes the robot safe has those seconds of the process
+        too."""
+        held, process = self._under_way[call], self._clock.process
+        thread = held.thread
+        left = held.sent_at + self.deadline(thread.service) - process.source()
+        is_vital = process is not self._clock and call.request in self._interface.safe_state
+        if is_vital and left > 0.0:
+            held.timer = process.call_after(left, lambda: self._expire(call), is_foreign=True)
+            return
         text = waited(self.deadline(thread.service))
         if not thread.is_asked:
             text += ", still connecting: nothing was asked"
