@@ -173,7 +173,7 @@ class TestHearing(unittest.TestCase):
     def robot(self, **modes):
         robot = Robot(dict(RELEASE, **modes))
         self.addCleanup(robot.stop)
-        latch = self.topics.latches[self.speech]
+        latch = self.topics.buffers[self.speech]
         self.until(lambda: latch.connected_nodes and
                    (ACTION not in modes or latch.speech_action.is_there))
         return robot
@@ -209,7 +209,7 @@ class TestHearing(unittest.TestCase):
         server = EndingServer([])  # as the release's own driver
         self.addCleanup(server.stop)
         robot = self.robot()
-        latch = self.topics.latches[self.speech]
+        latch = self.topics.buffers[self.speech]
         self.until(lambda: latch.speech_action.is_there)
         began = time.monotonic()
         self.topics.listen(self.speech, 3.0, True)
