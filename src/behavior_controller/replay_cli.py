@@ -11,7 +11,7 @@ from behavior_controller.run.record.reader import (
 from behavior_controller.output_files import is_standard_output, page_of
 from behavior_controller.text import clean
 
-REPORT = page_of(COMMAND)
+_REPORT = page_of(COMMAND)
 """The page that ``--report`` writes."""
 
 
@@ -36,10 +36,10 @@ def main(arguments: Optional[List[str]] = None) -> int:
     chosen = ros_arguments.parse(parser, arguments)
     try:
         if chosen.report is not None:
-            REPORT.check(chosen.report)
+            _REPORT.check(chosen.report)
         path = find_record(chosen.record)
         if chosen.report is not None:
-            REPORT.write(chosen.report, to_html(stream_record(path)))
+            _REPORT.write(chosen.report, to_html(stream_record(path)))
             if not is_standard_output(chosen.report):
                 print(f"{clean(chosen.report)}: the report of {clean(path)}")
             return exit_codes.SUCCESS

@@ -15,7 +15,7 @@ from behavior_controller.run.events import (
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.robot.gateway import Cause
 
-SHORTEST_PASS = 1.0
+_SHORTEST_PASS = 1.0
 """Seconds: after a pass that ends sooner, the runner pauses that long; a mission that fails at once
 must not busy-loop."""
 
@@ -210,8 +210,8 @@ class Runner:
         self._outcome = NAMES[result]
         seconds = self.clock.now() - began
         self.mission.events.emit(PassFinished(self._number, self._outcome, seconds))
-        if seconds < SHORTEST_PASS and self._number != self.runs:
-            self._pause(SHORTEST_PASS)
+        if seconds < _SHORTEST_PASS and self._number != self.runs:
+            self._pause(_SHORTEST_PASS)
 
     def _has_jumped_back(self) -> bool:
         """End the visit if the simulated time has jumped back: what the robot and its world were

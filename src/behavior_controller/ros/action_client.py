@@ -32,7 +32,7 @@ that it was done.
 Status and result come by two connections, in any order.
 """
 
-FAILED = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalStatus.RECALLED)
+_FAILED = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalStatus.RECALLED)
 """The statuses of a goal that has ended without being done."""
 
 PARAMETERS = ("actionlib_client_pub_queue_size", "actionlib_client_sub_queue_size")
@@ -139,7 +139,7 @@ class GoalThread(RequestThread):
                 result_due = min(result_due, now + ACK_LIMIT)
             if not self.is_there:
                 raise Trouble(Cause.CONNECTION_LOST, "its server is gone")
-            if has_ended and status in FAILED:
+            if has_ended and status in _FAILED:
                 raise _refusal(goal)  # the status says why: no result is needed
             if now > result_due:
                 raise Trouble(Cause.UNUSABLE_ANSWER, "its result did not come")

@@ -16,7 +16,7 @@ from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.ros.tcpros import Trouble, ask_master
 from behavior_controller.text import count
 
-LAUNCH_FILE = "behaviorController.launch"
+_LAUNCH_FILE = "behaviorController.launch"
 
 Tell = Callable[[str, str], None]
 
@@ -55,7 +55,7 @@ def _given() -> Dict[str, str]:
     """Return the arguments of the node, and those that its launch file does not declare: roslaunch
     does not refuse them."""
     words = ros_arguments.given_to_roslaunch(ros_arguments.parent_command(), "cssr_system",
-                                             LAUNCH_FILE)
+                                             _LAUNCH_FILE)
     known = [key.name for key in settings.KEYS]
     given = dict(word.split(ros_arguments.ASSIGNMENT, 1) for word in words)
     unknown = {name: value for name, value in given.items() if name not in known}

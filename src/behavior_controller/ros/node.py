@@ -50,7 +50,7 @@ from behavior_controller.run.record.unended import may_be_live
 
 NAME = "behaviorController"
 
-USAGE = """usage: rosrun cssr_system behaviorController [_key:=value ...] [/name:=/other_name ...]
+_USAGE = """usage: rosrun cssr_system behaviorController [_key:=value ...] [/name:=/other_name ...]
 
 Runs the robot mission that config/behaviorControllerConfiguration.ini names, visitor after
 visitor, until it is stopped (Ctrl-C). A key of that file given as _key:=value overrides the file.
@@ -73,7 +73,7 @@ FORMER_LIMIT = 5.0
 LOG_LIMIT = 5.0
 """Seconds to open the log file, without which the node runs too."""
 
-LAST_LINES = 0.2
+_LAST_LINES = 0.2
 """Seconds to write the remaining lines, before the closing and after it."""
 
 BLOCKED = 0.2
@@ -114,7 +114,7 @@ def run() -> NoReturn:
 
 def _explain(wish: str) -> int:
     """Print the version, or the usage and all keys."""
-    usage = [USAGE, "", "keys, their defaults and meanings:"]
+    usage = [_USAGE, "", "keys, their defaults and meanings:"]
     usage += [f"  {key.name:<26} {key.default_text:<12} {key.plain_meaning}" for key in KEYS]
     print(f"{NAME} {version()}" if wish == "--version" else "\n".join(usage))
     return exit_codes.SUCCESS
@@ -309,12 +309,12 @@ class _Node:
     def end(self, code: int) -> NoReturn:
         """End the recording, within a time limit, and the process at once: threads that still wait
         for a hung peer must not hold it."""
-        self._console.drain(LAST_LINES)
-        limit = min(CLOSE_LIMIT, self._signals.time_left - LAST_LINES - END_RESERVE)
+        self._console.drain(_LAST_LINES)
+        limit = min(CLOSE_LIMIT, self._signals.time_left - _LAST_LINES - END_RESERVE)
         with contextlib.suppress(RuntimeError):  # no threads left: the process ends anyway
             run_together(self._outputs.record.closers() + [_unregister], limit)
         self._signals.is_over = True
-        self._console.drain(LAST_LINES)
+        self._console.drain(_LAST_LINES)
         os._exit(code)
 
 

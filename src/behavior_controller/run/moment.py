@@ -16,7 +16,7 @@ from behavior_controller.run.story import (
 from behavior_controller.robot.requests import SetAnimation, SetAttention
 from behavior_controller.text import clean
 
-MOST_NAMED = 4
+_MOST_NAMED = 4
 """How many nodes an instruction names; of more it says the number."""
 
 Kind = Literal["step", "wait", "retry", "held", "asleep", "paused", "busy", "idle", "ended"]
@@ -266,7 +266,7 @@ def _repairs(state: State) -> Iterator[str]:
 
 def _named(nodes: List[str]) -> str:
     """Return the names of a few nodes, or how many they are: what to do has to fit a phone."""
-    return few(nodes, ["node"] * len(nodes), MOST_NAMED)
+    return few(nodes, ["node"] * len(nodes), _MOST_NAMED)
 
 
 def _nodes(ill: Tuple[HealthChanged, ...], respect: str) -> List[str]:

@@ -23,7 +23,7 @@ from behavior_controller.simulation.world import World
 
 Fields = Dict[str, Any]
 
-LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
+_LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
 """The languages of robots that have a service to set it."""
 
 
@@ -72,7 +72,7 @@ def _object_to_place(request: Fields) -> Optional[str]:
 
 
 _object_to_subject = _allow("parameters", "exhibits", "entrance", "home")
-_object_to_language = _allow("language", *LANGUAGES)
+_object_to_language = _allow("language", *_LANGUAGES)
 
 
 def _object_to_text(request: Fields) -> Optional[str]:
@@ -110,7 +110,7 @@ def _speaking(request: Fields, share: float) -> Fields:
     return {"status": "synthesizing" if share < SYNTHESIZED else "playing", "progress": share}
 
 
-NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
+_NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
 """A goal that cannot be reached."""
 
 SERVICES: Dict[type, SimulatedService] = {
@@ -130,7 +130,7 @@ SERVICES: Dict[type, SimulatedService] = {
     QueryKnowledge: SimulatedService(
         lambda request: _object_to_subject({"parameters": request["parameters"].lower()}),
         lambda request, world: Answer(exhibits=world.knowledge.query(request["parameters"])),
-        Answer(exhibits=(NOWHERE,))),
+        Answer(exhibits=(_NOWHERE,))),
     Prompt: SimulatedService(
         _object_to_text, _press, Answer(response="Perhaps"), lambda request: 5.0),
     SetRecognition: SimulatedService(_allow("status", "true", "false")),

@@ -8,7 +8,7 @@ import json
 import os
 from typing import Any, Dict, List, NamedTuple, Optional
 
-FILE_NAME = "journal.jsonl"
+_FILE_NAME = "journal.jsonl"
 
 REPEAT = 0.1
 """Seconds in which an unchanged message gets no further entry: a topic may publish a thousand
@@ -60,7 +60,7 @@ class Journal:
     def __init__(self, folder: str, skips: bool = False):
         """``skips``: the entries that are already in the file are left out."""
         os.makedirs(folder, exist_ok=True)
-        self.path = os.path.join(folder, FILE_NAME)
+        self.path = os.path.join(folder, _FILE_NAME)
         self._tail = Tail(self.path, skips)
 
     def write(self, entry: JournalEntry) -> None:

@@ -45,14 +45,14 @@ END_LIMIT = 1.5
 Port = Tuple[str, int]
 """An address of this computer, and the number of a port."""
 
-EXIT_CODES = """0: the run was shown until Ctrl-C, or, of a controller's child, until its end;
+_EXIT_CODES = """0: the run was shown until Ctrl-C, or, of a controller's child, until its end;
 1: no port could be opened; 2: wrong arguments, or the record cannot be read"""
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """Return the exit code, see ``EXIT_CODES``."""
+    """Return the exit code, see ``_EXIT_CODES``."""
     parser = ros_arguments.CommandParser(
-        "missionViewer", "Shows a run on a page in the browser and in Groot2.", EXIT_CODES)
+        "missionViewer", "Shows a run on a page in the browser and in Groot2.", _EXIT_CODES)
     parser.add_argument("record", nargs="?", default="latest",
                         help="mission.jsonl of a run, its folder, a folder of runs (the newest), "
                              "latest (the default), or -: lines from standard input")

@@ -31,7 +31,7 @@ NO_SIGN_LIMIT = 10.0
 PAUSES = (1.0, 30.0)
 """Seconds from one start to the next, at least: the first time, and at most."""
 
-LAST_LINES = 0.5
+_LAST_LINES = 0.5
 """Seconds at the end to hand over the last lines."""
 
 LONGEST_FROM_VIEWER = 65_536
@@ -72,10 +72,10 @@ class ViewerProcess:
             self._waiting.append(line)
 
     def close(self) -> None:
-        """Hand over the last lines, for ``LAST_LINES`` seconds at most. The viewer shows the end,
+        """Hand over the last lines, for ``_LAST_LINES`` seconds at most. The viewer shows the end,
         and ends by itself; one that hangs is killed."""
         self._is_over.set()
-        self._thread.join(LAST_LINES)
+        self._thread.join(_LAST_LINES)
         child = self._child
         if child is not None and time.monotonic() - self._lived > NO_SIGN_LIMIT / 4:
             child.kill()

@@ -6,7 +6,7 @@ from typing import Any, Dict, Sequence
 
 from tornado.template import Template
 
-FOLDER = os.path.dirname(os.path.abspath(__file__))
+_FOLDER = os.path.dirname(os.path.abspath(__file__))
 
 
 def framed(generator: str, title: str, heads: Sequence[str], sections: Dict[str, str],
@@ -27,7 +27,7 @@ def encodable(value: Any) -> str:
 
 def file_text(folder: str, name: str) -> str:
     """Return the text of a file beside this module."""
-    with open(os.path.join(FOLDER, folder, name), encoding="utf-8") as file:
+    with open(os.path.join(_FOLDER, folder, name), encoding="utf-8") as file:
         return file.read()
 
 

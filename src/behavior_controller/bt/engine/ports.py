@@ -7,7 +7,7 @@ from behavior_controller.bt.values.blackboard import Blackboard, Entry
 from behavior_controller.bt.values.values import Enums, GENERIC, TYPES, ValueFault
 from behavior_controller.bt.engine.registry import Port
 
-BLANKS = " \t\n\r"
+_BLANKS = " \t\n\r"
 
 
 class PortError(ValueFault):
@@ -32,7 +32,7 @@ def reference(text: str, port_name: str) -> Optional[str]:
     own name), or None."""
     if "{" not in text:  # as of almost every literal
         return port_name if text == "=" else None
-    inner = text.strip(BLANKS)
+    inner = text.strip(_BLANKS)
     if len(inner) >= 3 and inner[0] == "{" and inner[-1] == "}":
         return port_name if inner == "{=}" else inner[1:-1]
     return None

@@ -5,7 +5,7 @@ from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.possible_results import EACH, SUCCEEDS
 from behavior_controller.bt.engine.registry import Kind, Role
 
-MOST_NAMED = 2
+_MOST_NAMED = 2
 """The most leaves that are named; which of more is left open."""
 
 MOST_STEPS = 100
@@ -44,7 +44,7 @@ class Successors:
                 found.add(reached.uid)
             steps += [further for further in following if further not in steps]
         in_order = sorted(found, key=lambda uid: (uid == END, uid))
-        return tuple(in_order) if len(found) <= MOST_NAMED else ()
+        return tuple(in_order) if len(found) <= _MOST_NAMED else ()
 
     def _following(self, node: Any, end: int) -> Optional[List[_Step]]:
         """Return the steps after one; none after the end of the tree, and after a leaf that takes

@@ -21,7 +21,7 @@ LONGEST_ATTRIBUTE = 100_000
 MOST_MARKUP_FAULTS = 100
 BEGINS = 'a mission begins with <root BTCPP_format="4">'
 
-BLANKS = " \t\r\n"
+_BLANKS = " \t\r\n"
 _BLANK = r"[ \t\r\n]"
 _TAG = r"""[^ \t\r\n/>!?"'=<:]+"""
 _NAME = r"""[^ \t\r\n=/>"'<]+"""
@@ -170,7 +170,7 @@ def stray_text(text: str) -> Iterator[MarkupFault]:
 
 
 def _dropped(text: str, begin: int, end: int) -> Iterator[MarkupFault]:
-    words = text[begin:end].strip(BLANKS)
+    words = text[begin:end].strip(_BLANKS)
     if words:
         hint = "only elements count here; a remark is written <!-- … -->"
         offset = text.index(words, begin)
@@ -268,7 +268,7 @@ def diagnosis(text: str) -> List[MarkupFault]:
             if _is_open(match):
                 opened.append((_tag_name(match), match.start()))
         elif kind == "end":
-            name = match.group()[2:-1].rstrip(BLANKS)
+            name = match.group()[2:-1].rstrip(_BLANKS)
             if not opened or opened[-1][0] != name:
                 # later faults may be consequences of it
                 return faults[:MOST_MARKUP_FAULTS] + [_mismatch(name, match.start(), opened)]

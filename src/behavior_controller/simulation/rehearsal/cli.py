@@ -43,7 +43,7 @@ TOGETHER = ("planned", "silent", "quick")
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 """The default failure rates."""
 
-PAGE = page_of(html_report.COMMAND)
+_PAGE = page_of(html_report.COMMAND)
 """The page that ``--html`` writes."""
 
 BAR = 30
@@ -231,7 +231,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     options = read(argv)
     try:
         if options.html is not None:
-            PAGE.check(options.html)
+            _PAGE.check(options.html)
         todo = Plan(options)
     except BehaviorControllerError as error:
         print(error)
@@ -241,7 +241,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     print(json.dumps(as_json(result), indent=1) if options.json else as_text(result))
     if options.html is not None:
-        PAGE.write(options.html, html_report.to_html(heading(result), result.rows, result.shares,
+        _PAGE.write(options.html, html_report.to_html(heading(result), result.rows, result.shares,
                                                      result.findings))
     if result.findings:
         return exit_codes.FINDINGS

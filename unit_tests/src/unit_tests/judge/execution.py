@@ -51,7 +51,7 @@ SAFE_RETRY = 0.1
 ONCE = (Cause.NO_ANSWER, Cause.NOT_ADVERTISED, Cause.TYPE_MISMATCH)
 """The causes of a failure after which a part of the safe state is not asked for again."""
 
-SHORTEST_PASS = 1.0
+_SHORTEST_PASS = 1.0
 """After a shorter pass the next one waits for so many seconds."""
 
 LATE_RETRY = 0.18
@@ -230,7 +230,7 @@ class Execution(TaskContext):
         self.traversal = Traversal(self._last)
         self.passes += 1
         self._is_in_pass, self._outcome = False, event.outcome
-        self._ready = now + (SHORTEST_PASS if event.seconds < SHORTEST_PASS else 0.0)
+        self._ready = now + (_SHORTEST_PASS if event.seconds < _SHORTEST_PASS else 0.0)
         if event.outcome == "SUCCESS":
             self._pauses = 0
         elif event.outcome == "FAILURE":

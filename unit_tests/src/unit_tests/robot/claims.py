@@ -34,13 +34,13 @@ CONTROLLER, REPORT = "behaviorController", "behaviorControllerTest"
 ANSWER_LIMIT = 3.0
 """Seconds after which a node counts as unable to answer, and a master as out of order."""
 
-UNKNOWN = 0
+_UNKNOWN = 0
 """The process of a node that does not answer."""
 
 REPLACED = "replaced"
 """File in the folder of a test's run with a line about the first node that was replaced."""
 
-GONE = (ConnectionRefusedError, socket.gaierror)
+_GONE = (ConnectionRefusedError, socket.gaierror)
 """What shows that no process of a node is left, or that none was ever here."""
 
 CLAIMS_LIMIT = 20.0
@@ -87,7 +87,7 @@ class Holder(NamedTuple):
     @property
     def _place(self) -> str:
         place = f"on machine {self.machine}, "
-        if self.process == UNKNOWN:
+        if self.process == _UNKNOWN:
             return place + "and does not answer (rosnode cleanup if it is gone)"
         return place + f"process {self.process}"
 
@@ -237,7 +237,7 @@ def _living(nodes: Iterable[str]) -> Dict[str, Tuple[str, int]]:
         except Trouble as trouble:
             if not _is_silent(trouble):
                 return
-            process = UNKNOWN
+            process = _UNKNOWN
         answers[node] = uri.rpartition(":")[0].partition("//")[2], process
 
     run_together([partial(greet, node, uri) for node, uri in uris.items() if uri],
@@ -273,7 +273,7 @@ def _ask_twice(question: Callable[[], Any]) -> Any:
 def _is_silent(trouble: Trouble) -> bool:
     """Return whether what was asked may be there: it is not if its entry outlived it (refused), or
     if another program has its port (it answers otherwise)."""
-    return trouble.fault == NO_ANSWER and not isinstance(trouble.__cause__, GONE)
+    return trouble.fault == NO_ANSWER and not isinstance(trouble.__cause__, _GONE)
 
 
 def _is_of_this_launch(holder: Holder, arguments: Arguments) -> bool:
@@ -282,7 +282,7 @@ def _is_of_this_launch(holder: Holder, arguments: Arguments) -> bool:
         return False
     is_here = holder.machine == rosgraph.network.get_host_name()
     # a node of ours may be slow to answer while ten processes start
-    return is_here and (holder.process == UNKNOWN or _descends(holder.process, os.getppid()))
+    return is_here and (holder.process == _UNKNOWN or _descends(holder.process, os.getppid()))
 
 
 def _descends(process: int, ancestor: int) -> bool:

@@ -50,8 +50,8 @@ OWN = (Key("outputFile", Reader("a file", str), "",
          for node, name in USE_REAL.items()))
 """The keys of the test as a whole, which are in neither configuration."""
 
-FOLDER, DRAWN, REPORT = "folder", "drawn", "report"
-INTERNAL = (FOLDER, DRAWN, REPORT)
+FOLDER, DRAWN, _REPORT = "folder", "drawn", "report"
+INTERNAL = (FOLDER, DRAWN, _REPORT)
 """Internal arguments of the launch file: the run's folder, the seed if none is given, whether there
 is a verdict."""
 
@@ -222,14 +222,14 @@ def _not_of_robot(test: Configuration, interface: Interface,
 # ----------------------------------------------------------------------------------------- the help
 
 
-USAGE = (
+_USAGE = (
     "usage: rosrun unit_tests runTest [name:=value ...]", "",
     "Runs the mission against the simulated robot. The last lines are the verdict and the path of "
     "its page; exit code 0: "
     "passed, 1: failed, 2: nothing was tested. The configuration files have the defaults, shown "
     "here after the names.")
 
-SECTIONS: Mapping[str, Sequence[Key]] = {
+_SECTIONS: Mapping[str, Sequence[Key]] = {
     FILE_NAME: KEYS,
     settings.FILE_NAME + " (verboseMode and missionRuns, which it has too, are as above)":
         [declared for declared in settings.KEYS if declared.name not in TEST],
@@ -244,8 +244,8 @@ def usage(of_rate: str = "") -> str:
                "arrivalRate": of_rate}
     values = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
     values.update(config_file.values_of(load_test({})))
-    lines = list(USAGE)
-    for title, keys in SECTIONS.items():
+    lines = list(_USAGE)
+    for title, keys in _SECTIONS.items():
         lines += ["", title + ":"]
         for declared in keys:
             value = config_file.to_text(values.get(declared.name, declared.default))

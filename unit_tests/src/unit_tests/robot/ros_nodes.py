@@ -35,7 +35,7 @@ from unit_tests.robot.options import Arguments, Options
 CRASHED = 9
 """Exit code of a node that dies on purpose; the launch file starts it again."""
 
-SHORTEST_GAP = 0.001
+_SHORTEST_GAP = 0.001
 """The shortest time between two messages of a topic, in seconds: an infinite arrival rate means
 this."""
 
@@ -202,7 +202,7 @@ class RosNode:
             news = simulated.feedback(reply.entry.content, share)
             if news:
                 goal.publish_feedback(feedback(action, news))
-            if self._stopped.wait(min(LONGEST_STEP, max(seconds * (1.0 - share), SHORTEST_GAP))):
+            if self._stopped.wait(min(LONGEST_STEP, max(seconds * (1.0 - share), _SHORTEST_GAP))):
                 return None
         result = response(action, reply.answer, fault)
         if reply.answer is None and fault != WRONG:
@@ -213,7 +213,7 @@ class RosNode:
         """Publish at Poisson times until ROS shuts down."""
         publisher = rospy.Publisher(topic.name, TYPES[topic], queue_size=10, tcp_nodelay=True)
         for due in self._node.arrivals().times(time.monotonic()):
-            if self._stopped.wait(max(due - time.monotonic(), SHORTEST_GAP)):
+            if self._stopped.wait(max(due - time.monotonic(), _SHORTEST_GAP)):
                 return
             fields = self._next_fields()
             if fields is not None:
@@ -227,7 +227,7 @@ class RosNode:
         for due in arrivals.times(time.monotonic()):
             while time.monotonic() < min(due, deadline):
                 left = min(due, deadline) - time.monotonic()
-                if self._stopped.wait(min(LONGEST_STEP, max(left, SHORTEST_GAP))):
+                if self._stopped.wait(min(LONGEST_STEP, max(left, _SHORTEST_GAP))):
                     return
                 if server.is_preempt_requested():
                     server.set_preempted()

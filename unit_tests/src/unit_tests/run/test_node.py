@@ -41,7 +41,7 @@ VERDICT = "verdict"
 """File in the folder of the run with the exit code of the test and the text that is shown at its
 end."""
 
-PASSED, FAILED, NOT_RUN = 0, 1, 2
+PASSED, _FAILED, NOT_RUN = 0, 1, 2
 """Exit codes of a test."""
 
 NOTHING_TESTED = "nothing was tested"
@@ -117,7 +117,7 @@ def _test(own: Options) -> int:
     page = save(content, arguments, folders.PAGE) if content else ""
     columns = shutil.get_terminal_size(fallback=(DEFAULT_COLUMNS, 0)).columns
     is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
-    code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
+    code = PASSED if report.verdict.passed else NOT_RUN if is_refused else _FAILED
     return finish(code, report.shown(columns, files, page), arguments)
 
 
