@@ -439,7 +439,7 @@ def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(monkeypatch, 
     client = Client(port)
     client.ask("I", hook(1, mode=0, status="SKIPPED"))
     assert tree.tick_exactly_once() is RUNNING
-    monkeypatch.setattr(groot2, "REQUEST_INTERVAL", "an internal error")
+    monkeypatch.setattr(zmtp, "INTERVAL", "an internal error")
     tree.wake.test_and_clear()
     client.requests.send(struct.pack("<BBI", 2, ord("S"), 7))
     tree.wake.wait(10.0)
@@ -617,7 +617,7 @@ while True:
 
 @pytest.mark.parametrize("seconds", many(2.0, 20.0))
 def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypatch, seconds):
-    monkeypatch.setattr(groot2, "REQUEST_INTERVAL", 0.0)
+    monkeypatch.setattr(zmtp, "INTERVAL", 0.0)
     tree, client = Rig().tree, served.client()
     served.show(tree)
     assert len(client.ask("T")) > 20_000
@@ -634,6 +634,37 @@ def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypa
         flood.kill()
         flood.communicate()
     assert resident() - before < 5.0  # each may have one reply under way
+
+
+FLOOD = r"""
+import socket, sys, threading
+with socket.create_connection(("127.0.0.1", int(sys.argv[1]))) as client:
+    client.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) + b"\x04\x06\x05READY")
+    threading.Thread(target=lambda: [None for _ in iter(lambda: client.recv(65536), b"")],
+                     daemon=True).start()
+    print("flooding", flush=True)
+    while True:
+        client.sendall(4000 * bytes.fromhex(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("offset", [0, 1])
+@pytest.mark.parametrize("sent", [
+    b"\x00\x01\x01", b"\x04\x07\x04PING\x00\x00", b"\x04\x05\x04ABCD"])
+def test_a_client_that_floods_either_port_slows_no_other(served, offset, sent):
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    with subprocess.Popen([sys.executable, "-c", FLOOD, str(served.port + offset), sent.hex()],
+                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as flood:
+        try:
+            flood.stdout.readline()
+            time.sleep(0.5)
+            client, began = served.client(), time.monotonic()
+            for _ in range(20):
+                assert client.statuses() == {1: 0}
+            assert time.monotonic() - began < 2.0  # of which the intervals are 0.04 s
+            assert flood.poll() is None  # it was served meanwhile
+        finally:
+            flood.kill()
 
 
 VANISHING_CLIENTS = r"""

@@ -38,10 +38,6 @@ CLIENT_SILENCE = 5.0
 """Seconds without a request after which a client, which is one connection, counts as gone: its
 breakpoints must not hold the robot."""
 
-REQUEST_INTERVAL = 0.002
-"""The shortest time between two requests of a client, in seconds: one that floods must not slow the
-others."""
-
 LONGEST_REQUEST = 32_768
 """The most bytes of a request."""
 
@@ -131,7 +127,6 @@ class Groot2Publisher:
         if b"" in frames[:-1]:
             start = frames.index(b"") + 1
             await peer.send(*frames[:start], *self._answer(frames[start:], peer))
-        await asyncio.sleep(REQUEST_INTERVAL)
 
     async def _check_clients(self) -> None:
         """Remove the hooks of a client that is gone, also while others ask: they must not hold the

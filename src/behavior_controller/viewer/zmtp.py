@@ -22,6 +22,10 @@ HANDSHAKE_LIMIT = 5.0
 REPLY_LIMIT = 60.0
 """Seconds without the client reading a reply until it is disconnected; ZeroMQ reconnects."""
 
+INTERVAL = 0.002
+"""The shortest time between two messages or commands of a client, in seconds: one that floods must
+not slow the others."""
+
 MORE, LONG, COMMAND_FRAME = 1, 2, 4
 """Flags of a frame: others of its message follow, its length has eight bytes, it is a command."""
 
@@ -61,6 +65,7 @@ class Peer:
         frames: List[bytes] = []
         room = self._most_bytes
         while True:
+            await asyncio.sleep(0)  # reading what is there already lets no other client run
             flags, = await self.stream.read_bytes(1)
             size = await self.stream.read_bytes(8 if flags & LONG else 1)
             room -= 1 + len(size) + int.from_bytes(size, "big")
@@ -72,9 +77,12 @@ class Peer:
                 if not flags & MORE:
                     self._heard = time.monotonic()
                     return frames
-            elif body.startswith(b"\x04PING"):
+                continue
+            if body.startswith(b"\x04PING"):
                 await self.stream.write(_frame(COMMAND_FRAME, b"\x04PONG" + body[7:]))
-                room += len(body) if not frames else 0
+            if not frames:
+                room = self._most_bytes
+            await asyncio.sleep(INTERVAL)
 
     async def send(self, *frames: bytes) -> None:
         """Send a message. Raises StreamClosedError, and TimeoutError if it is not taken."""
@@ -128,5 +136,6 @@ class ZmtpServer(TCPServer):
                     frames = await peer.receive()
                     self._connections.use(stream)
                     await self._take(peer, frames)
+                    await asyncio.sleep(INTERVAL)
             finally:
                 self.peers.discard(peer)
