@@ -27,6 +27,7 @@ from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, Say
 from behavior_controller.leaves import registry
 from behavior_controller.config.settings import KEYS
+from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode, header
 from behavior_controller.run.state import State
 from behavior_controller.text import Source
@@ -539,11 +540,18 @@ def test_the_clock_of_another_computer_makes_nothing_old(capsys, ahead):
 def run(tmp_path, monkeypatch):
     """A run that is written to the default folder, whose page would have the port 9."""
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    with written_run("tour", 9) as record:
+        yield record
+
+
+@contextlib.contextmanager
+def written_run(mission, port):
+    """A run of that mission whose page has that port, as it is written to the default folder."""
     record = FileRecord(folders.records()).open()
     rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
-    record(RunStarted("tour.xml", [], {"monitorPort": 9}, Sources(
+    record(RunStarted(mission + ".xml", [], {"monitorPort": port}, Sources(
         (Source("m.xml", "<m/>"),), Source("", ""), Source("", ""), "")))
     rig.tick()
     yield record
@@ -572,6 +580,37 @@ def test_the_record_of_another_mission_is_not_shown(run, arguments):
     status_until("tour", "--port", "9")
     done = command(*arguments)
     assert done.returncode == 1 and done.stdout == b"" and b"no mission answers" in done.stderr
+
+
+@pytest.mark.parametrize("port, shown", [("9", "mission tour: "), ("10", "mission other: ")])
+def test_of_two_runs_the_one_with_that_port_is_shown_or_else_the_one_without_a_page(
+        run, port, shown):
+    with written_run("other", 0):
+        done = status_until(shown, "--port", port)
+    assert done.stdout.decode().startswith(shown)
+
+
+def test_a_record_that_cannot_be_read_hides_no_other(run):
+    with written_run("other", 9) as newer:
+        status_until("mission other", "--port", "9")
+        with open(newer.path, "ab") as file:
+            file.write(b"{}\n")
+        done = command("--port", "9")
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert done.stdout.decode().startswith("mission tour: ")
+
+
+def test_a_further_file_of_a_record_does_not_take_away_what_went_wrong(run, monkeypatch):
+    run(Noticed("error", "the lamp is broken"))
+    status_until("the lamp is broken", "--port", "9")
+    further, ends = files.part(run.path, 1), time.monotonic() + 10.0
+    with monkeypatch.context() as small:
+        small.setattr(files, "FILE_BYTES", 1)
+        run(SignOfLife())
+        while not os.path.exists(further) and time.monotonic() < ends:
+            time.sleep(0.05)
+    assert os.path.exists(further)
+    assert b"the lamp is broken" in command("--port", "9").stdout
 
 
 @pytest.mark.parametrize("limit, code", [(60.0, 0), (0.0, 1)])

@@ -59,8 +59,9 @@ NO_MESSAGE_LIMIT = 30.0
 LONGEST_LINE_READ = 10_000_000
 """Bytes of a line from the viewer."""
 
-FILES_SHOWN = 1
-"""Number of the newest files of a record that are read; each begins with what was so before."""
+ENOUGH_BYTES = 1_000_000
+"""The size from which the newest file of a record, which begins with what was so before, is read
+alone; else the one before it is read too: the viewer has at least 5000 lines for a late reader."""
 
 MAX_INDENT = 30
 """Levels of the tree that are indented."""
@@ -193,17 +194,18 @@ def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]],
 
 
 def _of_record(address: str, port: int) -> Iterator[View]:
-    """Yield the view of a run that is written on this computer and whose page has that port, again
-    and again until the run ends, its record cannot be read, or lags, as on a disk that is full."""
+    """Yield the view of a run that is written on this computer and whose page has that port, or
+    else of one without a page, again and again until the run ends, its record cannot be read, or
+    lags, as on a disk that is full."""
     places = files.runs(folders.records()) if is_loopback(address) else []
-    with contextlib.suppress(OSError, MissionError):
-        for path in filter(files.is_written, reversed(places)):
+    for page, path in itertools.product((port, 0), reversed(places)):
+        with contextlib.suppress(OSError, MissionError):
             view, is_shown = View(), False
-            for line in follow(path, FILES_SHOWN):
+            for line in follow(path, _files_shown(path)) if files.is_written(path) else ():
                 if line is not None:
                     view.take(line.time, line.event)
                     continue
-                is_shown = _is_current(view.state, port)
+                is_shown = _is_current(view.state, page)
                 if not is_shown:
                     break
                 yield view
@@ -213,9 +215,14 @@ def _of_record(address: str, port: int) -> Iterator[View]:
                 return
 
 
+def _files_shown(path: str) -> int:
+    """Return how many of the newest files of a run are read."""
+    return 1 if os.path.getsize(files.parts(path)[-1]) >= ENOUGH_BYTES else 2
+
+
 def _is_current(state: State, port: int) -> bool:
     return (state.started is not None and unix_now() - state.at < HANGS
-            and state.started.settings.get("monitorPort") in (0, port))
+            and state.started.settings.get("monitorPort") == port)
 
 
 def _of_viewer(address: str, port: int) -> Iterator[View]:
