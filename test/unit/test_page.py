@@ -886,11 +886,13 @@ rig = one_leaf("<Sleep msec='900000'/>")
 shown = Show(rig)
 rig.mission.events.emit(RUN)
 print(shown.port, flush=True)
+ticked = time.monotonic()
 while True:
     rig.tick()
     rig.mission.health.last_arrivals[FACES.name] = time.monotonic()
     time.sleep(0.1)
-    rig.clock.advance(0.1)
+    rig.clock.advance(time.monotonic() - ticked)  # so that its signs of life are in time
+    ticked = time.monotonic()
 """
 
 
@@ -901,13 +903,13 @@ def test_a_controller_that_is_frozen_does_not_look_live(browser):
                           env=dict(os.environ, PYTHONPATH=path)) as served:
         try:
             browser.get("http://127.0.0.1:{}/".format(served.stdout.readline().strip()))
-            wait_until(lambda: "last message 0." in text(browser, "#health"))
-            assert doubt(browser) == "" and not is_stale(browser)
+            wait_until(lambda: re.search(r"last message [01]\.", text(browser, "#health")))
+            wait_until(lambda: doubt(browser) == "" and not is_stale(browser))
             os.kill(served.pid, signal.SIGSTOP)
             wait_until(lambda: is_stale(browser), 5.0)
             assert doubt(browser).startswith(
                 "No message from the mission. What is shown may be old. Since ")
-            wait_until(lambda: ", 4 s ago." in doubt(browser))
+            wait_until(lambda: re.search(r", [4-9] s ago\.", doubt(browser)))
             # the age that the server told last goes on growing
             assert float(re.search(r"last message ([\d.]+) s ago", text(browser,
                                                                         "#health"))[1]) >= 3.0
