@@ -279,6 +279,20 @@ def test_a_further_file_in_the_middle_of_a_visit_has_all_of_the_visit(tmp_path):
     assert compared > 5
 
 
+def test_a_further_file_knows_where_the_visits_before_have_left_the_robot(tmp_path):
+    where = operator.attrgetter("place", "last_place", "goal_name", "way", "is_lost")
+    outset, run, told = Outset(), Run(), set()
+    path = recorded(tmp_path, visitor_who(says="yes"), runs=6, failure_rate=0.2, seed=2)
+    for number, line in enumerate(read_record(path), 1):
+        outset.take(line.time, line.event)
+        run.take(line)
+        if number % 20 == 0 or isinstance(line.event, PassFinished):
+            late = Run(Decoder("-").read_all(outset.head(number, line.time)))
+            assert where(late.state.robot) == where(run.state.robot)
+            told.add((late.state.robot.last_place == "home", late.state.robot.is_lost))
+    assert told == {(False, False), (False, True), (True, False)}
+
+
 def test_a_file_of_a_user_beside_a_record_is_no_part_of_it(tmp_path):
     path = recorded(tmp_path, visitor_who(says="no"))
     before = events_of(path)

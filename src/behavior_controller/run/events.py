@@ -11,7 +11,7 @@ from typing import (TYPE_CHECKING, Any, Callable, Dict, List, Literal, Optional,
 from msgspec import Struct
 
 from behavior_controller.robot.gateway import Failure
-from behavior_controller.robot.requests import Answer, Request
+from behavior_controller.robot.requests import Answer, Location, Request
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.text import Source, clean, count
 
@@ -345,10 +345,22 @@ class Tick(BaseEvent, frozen=True):
     changes: List[Tuple[int, Letter]]
 
 
+class Whereabouts(Struct, frozen=True):
+    """Where the robot is: see ``state.Robot``."""
+
+    place: Optional[Location] = None
+    last_place: str = ""
+    goal_name: str = ""
+    way: str = ""
+    is_lost: bool = False
+
+
 class TreeStatuses(BaseEvent, frozen=True):
-    """The status of each node of the tree where a further file begins: see ``state.NOT_TICKED``."""
+    """The status of each node of the tree where a further file begins: see ``state.NOT_TICKED``;
+    and where the robot is, which visits before may have left so."""
 
     letters: str
+    whereabouts: Optional[Whereabouts] = None
 
 
 class Asked(BaseEvent, frozen=True):

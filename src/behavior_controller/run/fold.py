@@ -6,7 +6,7 @@ reads a ``State``, or a ``history.Run``, which has all of them.
 """
 from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar
 
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from behavior_controller.run.events import (
     BEGUN, DONE, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged,
@@ -586,7 +586,10 @@ def _tree_statuses(state: State, event: TreeStatuses) -> State:
     count = len(state.nodes)
     letters = event.letters[:count].ljust(count, NOT_TICKED)
     running = {uid: state.at for uid, letter in enumerate(letters, 1) if letter == "R"}
-    return replace(state, letters=letters, running=running)
+    state = replace(state, letters=letters, running=running)
+    if event.whereabouts is not None:
+        state = _change_robot(state, **asdict(event.whereabouts))
+    return state
 
 
 def _entries_written(state: State, event: EntriesWritten) -> State:

@@ -7,6 +7,8 @@ from typing import Any, Callable, Deque, Dict, List
 from msgspec.structs import replace
 
 from behavior_controller.run import events
+from behavior_controller.run.fold import fold
+from behavior_controller.run.state import State
 from behavior_controller.run.record.codec import encode, header
 
 LASTING: Dict[type, Callable[[Any], Any]] = {
@@ -18,8 +20,11 @@ LASTING: Dict[type, Callable[[Any], Any]] = {
     events.Asked: lambda event: type(event.request)}
 """The events that hold until another one of the same kind with the same key."""
 
-SUMMED_UP = (events.TreeShown, events.RunStarted, events.EntriesWritten, events.Tick,
-             events.Message, events.RecognitionPending, events.SignOfLife)
+FREQUENT = (events.EntriesWritten, events.Tick, events.Message, events.RecognitionPending,
+            events.SignOfLife)
+"""The kinds of events that do not tell where the robot is."""
+
+SUMMED_UP = (events.TreeShown, events.RunStarted, *FREQUENT)
 """The kinds of events of which a head has the outcome; it repeats all others of the visit."""
 
 MOST_REPEATED = 1000
@@ -38,10 +43,13 @@ class Outset:
         self._written = events.EntriesWritten([])  # what the entries of the blackboard are
         self._letters: Dict[int, str] = {}  # of the nodes that were ticked in this pass
         self._nodes = 0  # of the tree
+        self._state = State()  # without what ``FREQUENT`` events say
 
     def take(self, time: float, event: events.Event) -> None:
         """Note the next event."""
         kind, key_of, line = type(event), LASTING.get(type(event)), events.Line(time, event)
+        if kind not in FREQUENT:
+            self._state = fold(self._state, time, event)
         if isinstance(event, events.TreeShown):
             self._written, self._nodes = events.EntriesWritten([]), len(event.nodes)
         if kind in (events.TreeShown, events.PassStarted):
@@ -88,9 +96,12 @@ class Outset:
         known += self._visit
         if self._written.entries:
             known.append(events.Line(at, self._written))
-        if self._letters:
+        robot = self._state.robot
+        whereabouts = events.Whereabouts(
+            robot.place, robot.last_place, robot.goal_name, robot.way, robot.is_lost)
+        if self._letters or whereabouts != events.Whereabouts():
             letters = (self._letters.get(uid, "-") for uid in range(1, self._nodes + 1))
-            known.append(events.Line(at, events.TreeStatuses("".join(letters))))
+            known.append(events.Line(at, events.TreeStatuses("".join(letters), whereabouts)))
         texts = [encode(line.time, replace(line.event, read=1)
                         if isinstance(line.event, events.Message) else line.event)
                  for line in known]
