@@ -33,6 +33,7 @@ RELEASE = {"interface": "release-1.1"}
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
 GESTURE, MODE = "/gestureExecution/perform_gesture", "/overtAttention/mode"
 ACTION, TEXT = "/speechEvent/recognise_speech_action", "/speechEvent/text"
+LANGUAGE, ENABLED = "/speechEvent/set_language", "/speechEvent/set_enabled"
 ACTIONS = ["action " + name for name in (GESTURE, DRIVE, SAY)]
 GOAL = Location(1.0, 2.0, 90.0)
 SETTLED = 0.5
@@ -276,6 +277,15 @@ class TestStart(unittest.TestCase):
         lacking = {GESTURE: "absent", "action " + GESTURE: "absent"}
         self.check_other(dict(RELEASE, **lacking), "release-1.1",
                          "this is a robot of release 1.0: set robotInterface release-1.0")
+
+    def test_a_service_that_the_releases_share_does_not_decide_between_them(self):
+        others = {each.name: "absent" for each in release_1_0.INTERFACE.offers
+                  if each.name != LANGUAGE}
+        recognition = Robot(dict(others, **{"interface": "release-1.0", "__name:": "recognition"}))
+        self.addCleanup(recognition.stop)
+        for configured in ("release-1.0", "D5.4.3"):
+            self.check_other(dict(RELEASE, **{ENABLED: "absent"}), configured,
+                             "this is a robot of release 1.1: set robotInterface release-1.1")
 
     def test_a_mission_on_mixed_parts_says_once_what_stands_in(self):
         self.mission("<SayTextAsync name='4'/><SayTextAsync name='1'/><RetrieveListOfExhibits/>"

@@ -202,7 +202,8 @@ class StartUpCheck:
     def _look_for_another_robot(self, missing: Dict[Offer, Trouble]) -> None:
         """Raise ``NodesMissing`` if more of another robot is there than of the configured one.
 
-        What hangs is there. Actions do not count: a robot may do without them.
+        What hangs is there. What is there with another type counts against a robot. Actions do not
+        count: a robot may do without them.
         """
         if not self._needed(missing):
             return
@@ -214,8 +215,11 @@ class StartUpCheck:
                   if trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED)}
         there = _keys(offer for offer in offers.values()
                       if not (offer in absent or isinstance(offer, Action)))
-        robot = max(INTERFACES.values(),
-                    key=lambda robot: (len(there & _keys(robot.offers)), robot is ours))
+        differing = _keys(offer for offer, trouble in lacking.items()
+                          if trouble.cause is Cause.TYPE_MISMATCH)
+        robot = max(INTERFACES.values(), key=lambda robot: (
+            len(there & _keys(robot.offers)) - len(differing & _keys(robot.offers)),
+            robot is ours))
         names = sorted(f"{resolved(offer)} as {offer.type}" for key, offer in offers.items()
                        if key in _keys(robot.offers) - _keys(ours.offers)
                        and offer not in lacking)
