@@ -144,6 +144,20 @@ class TestActions(unittest.TestCase):
             self.assertEqual((result.cause, result.resource), (Cause.REFUSED, "/turn/refuse"))
             self.assertIn(reason, result.message)
 
+    def test_a_goal_that_its_server_forgets_may_have_been_carried_out(self):
+        goals = []
+        server = actionlib.ActionServer("/turn/forgotten", TestAction, goals.append,
+                                        auto_start=False)
+        server.start()
+        self.use(action("/turn/forgotten"))
+        call = self.start(Turn(1))
+        self.until(lambda: goals)
+        goals[0].set_accepted()
+        with server.lock:
+            server.status_list.clear()
+        self.until(lambda: call.result is not None)
+        self.assertEqual(call.result.cause, Cause.CONNECTION_LOST)
+
     def test_a_result_may_have_a_field_with_the_outcome(self):
         Server("/turn/outcome")
         self.use(action("/turn/outcome", success=Success("result", 2, 3)))

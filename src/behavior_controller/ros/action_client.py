@@ -171,7 +171,10 @@ class GoalThread(RequestThread):
 
 
 def _refusal(goal: Any) -> Trouble:
-    """Return in words how a goal ended, and why if its server says so."""
+    """Return in words how a goal ended, and why if its server says so. One that its server does not
+    know any more, as after a restart, may have been carried out."""
+    if goal.get_goal_status() == GoalStatus.LOST:
+        return Trouble(Cause.CONNECTION_LOST, "its server does not know the goal any more")
     how, why = GoalStatus.to_string(goal.get_goal_status()).lower(), goal.get_goal_status_text()
     return Trouble(Cause.REFUSED, f"{how} ({why})" if why else how)
 
