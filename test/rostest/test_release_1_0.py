@@ -297,7 +297,9 @@ class TestHearing(unittest.TestCase):
         action = dataclasses.replace(SPEECH.action, deadline=1.0)
         TYPES[action] = TYPES[SPEECH.action]
         self.addCleanup(TYPES.pop, action)
-        hearing = SpeechActionClient(action, lambda: False, self.fail, lambda: None, self.fail)
+        warnings = []
+        hearing = SpeechActionClient(action, lambda: False, self.fail, lambda: None,
+                                     warnings.append)
         self.wait_until(lambda: hearing.is_there)
         asked = time.monotonic()
         hearing.listen(0.5)
@@ -306,6 +308,8 @@ class TestHearing(unittest.TestCase):
         robot.lines.wait_for(lambda line: "cancelled" in line, 5)
         self.assertGreaterEqual(time.monotonic() - asked, 1.5)
         self.assertFalse(hearing.is_under_way)
+        self.wait_until(lambda: warnings)
+        self.assertEqual(warnings, ["the action {} has given no result in time".format(ACTION)])
 
     def test_a_round_that_was_silent_wakes_the_tree_when_the_time_is_over(self):
         robot = self.start()

@@ -138,6 +138,8 @@ class TestGateway(unittest.TestCase):
         self.assertEqual(self.reached(robot), ["action " + DRIVE])
         for request in (Say("a"), SayGoal("a")):
             self.assertEqual(self.ask(request).cause, Cause.NOT_ADVERTISED)
+        self.assertEqual(self.told, [  # once used, and nothing of what is not there either
+            "no node offers the service {0}: the action {0} is used in its place".format(DRIVE)])
 
     def test_a_name_is_gone_when_neither_its_service_nor_its_action_is_there(self):
         robot = self.robot(**{"action " + DRIVE: "absent"})

@@ -256,7 +256,7 @@ class SpeechActionClient(GoalThread):
         result was lost, as the first one of a server that was started anew: the next goal brings
         another.
         """
-        self._is_busy = True
+        self._is_busy, due = True, self._until + self._action.deadline
         try:
             wish = Listen(round(max(0.0, self._until - self._now()), 1))
             utterance = self._action.answer(self.achieve(wish, self._is_late)).response
@@ -265,7 +265,9 @@ class SpeechActionClient(GoalThread):
                 self._receive(utterance)
             return bool(utterance)
         except Trouble as trouble:
-            if not self._is_late():  # otherwise the mission listens no longer
+            if time.monotonic() >= due:
+                self._warn_once("has given no result in time")
+            elif not self._is_late():  # otherwise the mission listens no longer
                 self._warn_once(f"failed: {trouble}")
                 # after a lost goal or result another goal is sent
                 if trouble.cause not in (Cause.NO_ANSWER, Cause.UNUSABLE_ANSWER):

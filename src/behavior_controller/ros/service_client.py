@@ -21,7 +21,7 @@ import rospy
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.robot.gateway import (
-    Call, Cause, Failure, Gateway, NO_SUBSCRIBER, result_of, waited)
+    Call, Cause, Failure, Gateway, NO_SUBSCRIBER, UNSENT, result_of, waited)
 from behavior_controller.run.health import Health, SLOW_SHARE
 from behavior_controller.robot.declarations import (Action, Interface, Offer, Publication, Service)
 from behavior_controller.robot.requests import Answer, Request
@@ -311,10 +311,13 @@ class RosGateway(Gateway):
         held = self._release(call, is_dropped)
         if held is None or self._has_substituted(call, held.thread.service, result):
             return
-        thread, is_failure = held.thread, isinstance(result, Failure)
+        thread, cause = held.thread, result.cause if isinstance(result, Failure) else None
+        own = self._interface.service(type(call.request))
+        if thread.service is not own and cause not in UNSENT:
+            self._tell_once(own, in_place_of(own, thread.service))
         if not thread.is_short:  # its server was not asked
             self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
-                               is_failure, thread.service.kind)
+                               cause is not None, thread.service.kind)
         call.finish(result)
 
     def _has_substituted(self, call: Call, service: Service,
@@ -326,7 +329,6 @@ class RosGateway(Gateway):
         is_own = service is self._interface.service(type(call.request))
         if is_offered or other is None or not is_own:
             return False
-        self._tell_once(service, in_place_of(service, other))
         self._send(call, other)
         return True
 
