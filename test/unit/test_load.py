@@ -93,7 +93,7 @@ def test_a_phrase_that_the_culture_file_lacks_is_told_with_the_file():
                        documents=[parse(text, "m.xml")])
     fault, = loaded.warnings
     assert (fault.line, fault.column, fault.code) == (2, 10, "phrase-missing")
-    assert fault.hint == folders.data("cultureKnowledgeBase.dat")
+    assert folders.data("cultureKnowledgeBase.dat") + ": utilityPhraseEnglish8 " in fault.hint
 
 
 def test_a_mission_that_is_missing_is_told_with_those_that_are_there():

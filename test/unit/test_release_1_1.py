@@ -331,6 +331,8 @@ def test_a_phrase_that_the_file_lacks_is_a_mistake_before_the_start():
             Rig(file(body.format(node)), robotInterface=RELEASE)
         fault, = caught.value.faults
         assert (fault.line, fault.text) == (2, "the culture file has no utility phrase 8")
+        assert fault.hint.startswith("there are: 1, 2, 3, 4, 5, 6, 7; or add a line to ")
+        assert fault.hint.endswith("cultureKnowledgeBase.dat: utilityPhraseEnglish8 <text>")
     assert len(Rig(file(body.format("SayText")), robotInterface="release-1.0").tree.warnings) == 1
 
 

@@ -157,8 +157,10 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
         if (knowledge and isinstance(spec, MissionSpec) and spec.says_phrase
                 and int(number) not in knowledge.phrases):
             text = f"the culture file has no utility phrase {number}"
-            fault = node.element.fault(
-                rules.PHRASE_MISSING, text, knowledge.sources[1].file, "name")
+            file, known = knowledge.sources[1].file, map(str, sorted(knowledge.phrases))
+            hint = (f"there are: {', '.join(known) or 'none'}; or add a line to {file}: "
+                    f"utilityPhrase{knowledge.language}{number} <text>")
+            fault = node.element.fault(rules.PHRASE_MISSING, text, hint, "name")
             faults.append(fault._replace(is_warning=settings.interface.numbers_phrases))
     return list(dict.fromkeys(faults)) + foresee(tree, settings)
 
