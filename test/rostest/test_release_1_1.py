@@ -288,6 +288,11 @@ class TestStart(unittest.TestCase):
         for configured in ("release-1.0", "D5.4.3"):
             self.check_other(dict(RELEASE, **{ENABLED: "absent"}), configured,
                              "this is a robot of release 1.1: set robotInterface release-1.1")
+        code, text, _ = self.run_node(dict(RELEASE, **{  # the robot's other nodes start later
+            each.name: "absent" for each in INTERFACE.offers}, **{
+                name: "absent" for name in ACTIONS}))
+        self.assertEqual(code, 1, text)
+        self.assertNotIn("this is a robot of", text)
 
     def test_a_mission_on_mixed_parts_says_once_what_stands_in(self):
         self.mission("<SayTextAsync name='4'/><SayTextAsync name='1'/><RetrieveListOfExhibits/>"

@@ -203,13 +203,14 @@ class StartUpCheck:
         """Raise ``NodesMissing`` if more of another robot is there than of the configured one.
 
         What hangs is there. What is there with another type counts against a robot. Actions do not
-        count: a robot may do without them.
+        count, since a robot may do without them, nor what some robot offers and is never asked for.
         """
         if not self._needed(missing):
             return
         ours = self.plan.settings.interface
-        offers = {key: offer for robot in INTERFACES.values()
-                  for offer in robot.offers for key in _keys([offer])}
+        unasked = {kind for robot in INTERFACES.values() for kind in robot.never_asked}
+        offers = {key: offer for robot in INTERFACES.values() for offer in robot.offers
+                  if getattr(offer, "request", None) not in unasked for key in _keys([offer])}
         lacking = self._unusable(list(offers.values()))
         absent = {offer for offer, trouble in lacking.items()
                   if trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED)}
