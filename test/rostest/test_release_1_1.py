@@ -202,7 +202,7 @@ class TestHearing(unittest.TestCase):
     def test_without_the_action_the_topic_is_heard_and_that_is_told_once(self):
         robot = self.robot()
         self.topics.listen(self.speech, 10.0, True)
-        robot.publish(TEXT, "yes by topic")
+        robot.publish(TEXT, "yes by topic", hertz=10)
         self.until(lambda: self.heard() == "yes by topic" and self.warnings)
         time.sleep(0.3)
         self.assertEqual(self.warnings, [

@@ -210,6 +210,10 @@ def board_of(rig):
     return board
 
 
+LOADED = 30.0
+"""Seconds for threads that have other work before them."""
+
+
 class FileRecord(Record):
     """A record that is written below ``folder`` after ``open``."""
 
@@ -226,6 +230,13 @@ class FileRecord(Record):
     @property
     def path(self):
         return self.files.path
+
+    def close(self):
+        """Close it, and wait on a loaded machine for longer than the product does."""
+        self._is_over.set()
+        self._thread.join(LOADED)
+        super().close()
+        self.files._thread.join(LOADED)
 
     @property
     def is_kept(self):
