@@ -246,3 +246,28 @@ def test_the_published_parts_give_the_whole_tour():
                                        "/tabletEvent/prompt_and_get_response"))
     end, names = stops(of_test)
     assert (end, len(names)) == ("SUCCESS", 7) and objections(of_test) == ()
+
+
+@pytest.mark.parametrize("press, number", [("yes", 7), ("done", 0)])
+def test_a_press_on_the_tablet_gives_the_tour_if_it_may_count_as_a_yes(press, number):
+    """Fault 6: the release stores no answer of the tablet, and so never gives a tour by it."""
+    chosen = settings.defaults(robotInterface=ROBOT, scenarioSpecification="release_1_0_tour",
+                               asrEnabled=False, tabletSuccessIs=press)
+    of_test = facts(on=LoadedMission(chosen), call_times="real")
+    assert len(stops(of_test)[1]) == number and objections(of_test) == ()
+
+
+def test_a_mission_that_fails_while_the_robot_drives_ends_by_itself():
+    """Fault 12: after its last question the release's program may stay until it is killed."""
+    of_test = of_steps("""<Parallel success_count="2" failure_count="1"><NavigateAsync/>
+        <Sequence><Sleep msec="2000"/><AlwaysFailure/></Sequence></Parallel>""")
+    assert (of_test.exit_code, of_test.cut_off) == (3, "") and objections(of_test) == ()
+
+
+@pytest.mark.parametrize("node", ["PerformDeicticGesture", "PerformDeicticGestureAsync"])
+def test_a_target_whose_coordinates_add_up_to_zero_is_pointed_at(node):
+    """Fault 13: the release takes it for none."""
+    of_test = of_steps(f'<{node} target="1.0;-1.5;0.5"/>')
+    pointed, = [line.content for line in calls(of_test, "gestureExecution")]
+    assert [pointed["location_" + axis] for axis in "xyz"] == [1.0, -1.5, 0.5]
+    assert objections(of_test) == ()
