@@ -265,7 +265,7 @@ class SpeechActionClient(GoalThread):
                 self._receive(utterance)
             return bool(utterance)
         except Trouble as trouble:
-            if time.monotonic() >= due:
+            if self._now() >= due:
                 self._warn_once("has given no result in time")
             elif not self._is_late():  # otherwise the mission listens no longer
                 self._warn_once(f"failed: {trouble}")
