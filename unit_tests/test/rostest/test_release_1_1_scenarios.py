@@ -7,9 +7,11 @@ import os
 import signal
 import subprocess
 import sys
+import time
 import unittest
 from concurrent.futures import ThreadPoolExecutor
 
+import rosgraph
 import rospy
 import rostest
 
@@ -76,7 +78,12 @@ class TestRelease11Scenarios(unittest.TestCase):
         robot = subprocess.Popen(
             ["roslaunch", "unit_tests", "simulatedRobot.launch", "robotInterface:=release-1.0"],
             env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        master = rosgraph.Master("/test", environment["ROS_MASTER_URI"])
+        ends = time.monotonic() + 30.0
         try:
+            while not master.is_online():
+                self.assertLess(time.monotonic(), ends)
+                time.sleep(0.1)
             ended = subprocess.run(
                 ["rosrun", "cssr_system", "behaviorController", "_robotInterface:=release-1.1",
                  "_scenarioSpecification:=release_1_1_tour", "_startupTimeout:=40",
