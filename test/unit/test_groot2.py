@@ -812,12 +812,12 @@ def test_a_client_that_pings_is_answered(served):
 
 @pytest.mark.parametrize("last, is_taken", [(b"\x00\x00", True), (b"\x00\x01x", False)])
 def test_a_message_may_have_as_many_bytes_as_are_allowed(last, is_taken):
-    taken = asyncio.Queue()
-
-    async def take(peer, frames):
-        await taken.put(frames)
-
     async def serve():
+        taken = asyncio.Queue()
+
+        async def take(peer, frames):
+            await taken.put(frames)
+
         server = zmtp.ZmtpServer(b"ROUTER", 1000, take, id)
         listener, = bind_sockets(0, "127.0.0.1")
         server.add_sockets([listener])
