@@ -14,8 +14,7 @@ EXAMPLE = os.path.join(HERE, "../../../examples/receptionist")
 PATHS = {name: os.pathsep.join([folder, os.environ.get(name, "")])
          for name, folder in (("ROS_PACKAGE_PATH", EXAMPLE),
                               ("PYTHONPATH", os.path.join(EXAMPLE, "src")))}
-VISITS = (("engages", "true"), ("engages", "false"), ("declines", "false"), ("unclear", "true"),
-          ("noGaze", "true"))
+VISITS = (("engages", "true"), ("engages", "false"), ("unclear", "true"), ("noGaze", "true"))
 
 
 def visit(arguments):
@@ -33,7 +32,7 @@ class TestReceptionist(WholeTest):
             self.assert_passed(result, "FAILURE" if "noGaze" in arguments[-1] else "SUCCESS")
 
     def test_runs_with_faults_are_judged(self):
-        visits = [("failureRate:=0.3", "randomSeed:=1"), ("failureRate:=0.3", "randomSeed:=2"),
+        visits = [("failureRate:=0.3", "randomSeed:=1"),
                   ("failureRate:=0.3", "randomSeed:=3", "asrEnabled:=false")]
         for _, result in self.results(visits):
             self.assertEqual(result.code, 0, "\n".join(result.report) or result.printed)
