@@ -245,8 +245,8 @@ class Interface:
     ``tells_pressed``: the tablet's answer says which button was pressed. ``takes_arm``: a deictic
     gesture has an arm and a shape of the hand. ``numbers_phrases``: the number of a utility phrase
     says what it is about. ``ends_location``: after the mode ``location`` attention is switched off.
-    ``never_asked``: the kinds of requests that are left out for this robot. Raises ValueError if two
-    services carry out the same kind of request, or kinds of the same name.
+    ``never_asked``: the kinds of requests that are left out for this robot. Raises ValueError if
+    two services carry out the same kind of request, or kinds of the same name.
     """
 
     name: str

@@ -180,9 +180,9 @@ def _refusal(goal: Any) -> Trouble:
 
 
 class SpeechActionClient(GoalThread):
-    """The action in place of a topic: while a mission listens and the topic has no publisher, or the
-    mission prefers the action, the action gets one goal after the other, and each result becomes a
-    message of the topic.
+    """The action in place of a topic: while a mission listens and the topic has no publisher, or
+    the mission prefers the action, the action gets one goal after the other, and each result
+    becomes a message of the topic.
 
     ``listen`` is for the tick thread and never waits; results arrive on this thread.
     """
