@@ -1,13 +1,18 @@
-"""The command ``replayMission``: runs a record again, or writes its report or story."""
+"""The command ``replayMission``: runs a record again, writes its report or story, or lists runs."""
 import sys
 from typing import List, Optional
 
+import msgspec
+
 from behavior_controller import exit_codes, folders, ros_arguments
-from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.errors import BehaviorControllerError, MissionError
 from behavior_controller.missions.replay import replay
 from behavior_controller.viewer.report import COMMAND, story_lines, to_html
 from behavior_controller.run.record.reader import (
     LATEST, find_record, read_record, stream_record)
+from behavior_controller.run.statistics import statistics
+from behavior_controller.viewer.run_index import all_runs
+from behavior_controller.viewer.runs_text import text_lines
 from behavior_controller.output_files import is_standard_output, page_of
 from behavior_controller.text import clean
 
@@ -33,7 +38,15 @@ def main(arguments: Optional[List[str]] = None) -> int:
                               "file, or in place of an earlier report")
     instead.add_argument("--story", action="store_true",
                          help="print what happened instead, a line each")
+    instead.add_argument("--runs", action="store_true",
+                         help="list the runs of the folder instead, with their visits, the robot's "
+                              "faults and the days")
+    parser.add_argument("--json", action="store_true", help="with --runs: all of it as JSON")
     chosen = ros_arguments.parse(parser, arguments)
+    if chosen.json and not chosen.runs:
+        parser.error("--json goes with --runs")
+    if chosen.runs:
+        return _list_runs(chosen.record, chosen.json)
     try:
         if chosen.report is not None:
             _REPORT.check(chosen.report)
@@ -52,3 +65,21 @@ def main(arguments: Optional[List[str]] = None) -> int:
         return exit_codes.WRONG_INPUT
     print(outcome)
     return exit_codes.FAILURE if outcome.divergence else exit_codes.SUCCESS
+
+
+def _list_runs(record: str, as_json: bool) -> int:
+    """Print the runs below a folder."""
+    place = folders.records() if record == LATEST else record
+    listed = all_runs(place)
+    if not listed:
+        error = MissionError.of(place, "there is no record of a run below it",
+                                f"name a folder of runs, or {LATEST}")
+        print(error, file=sys.stderr)
+        return exit_codes.WRONG_INPUT
+    if as_json:
+        figures = statistics(each.digest for each in listed)
+        data = {"figures": figures, "runs": listed}
+        print(msgspec.json.format(msgspec.json.encode(msgspec.to_builtins(data))).decode())
+    else:
+        print("\n".join(text_lines(listed)))
+    return exit_codes.SUCCESS

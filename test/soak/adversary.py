@@ -19,7 +19,7 @@ import rosgraph
 
 from behavior_controller.run.events import Asked
 from behavior_controller.folders import RECORDS
-from behavior_controller.run.record.files import MOST_RUNS, is_written, runs
+from behavior_controller.run.record.files import is_written, runs
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.robot.requests import GoTo
 
@@ -309,16 +309,18 @@ def clock_set_back(trial, starts):
     living = trial.node("__name:=waits", "_scenarioSpecification:=waiting")
     living.lines.wait_for(re.compile(" record: ").search, A_START)
     first, = runs(place)
+    started = 1
     for number in range(starts):
         nodes = [trial.node(f"__name:=run_{number}_{other}", TZ=f"X{number}")
                  for other in range(trial.draw.choice((1, 1, 3)))]
         for node in nodes:
             trial.require(node.wait(A_START) == 0, node.lines.text())
+        started += len(nodes)
         newest = [line.split(" record of this run: ")[1] for node in nodes
                   for line in node.lines.text().split("\n") if " record of this run: " in line]
         trial.require(runs(place)[-1] in newest, f"start {number + 1}: the newest run is another")
     trial.require(os.path.exists(first) and is_written(first), "the running node has no record")
-    trial.require(len(runs(place)) == MOST_RUNS + 1, f"{len(runs(place))} records are kept")
+    trial.require(len(runs(place)) == started, f"{len(runs(place))} records are kept")
     with open(kept) as file:
         trial.require(file.read() == "a user's", "the user's file has changed")
     found = subprocess.run(("rosrun", "cssr_system", "replayMission", "latest"), timeout=A_TOUR,

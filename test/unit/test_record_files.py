@@ -29,7 +29,7 @@ from behavior_controller.run.record.reader import read_record
 from mission_rig import FileRecord, recorded, visitor_who
 
 HEADER = '{"format": "behaviorController record", "version": 11, "pid": 7, "time": 1.5}\n'
-EARLIER = "20260101-0000{:02}_1"
+EARLIER = "20260101-{:06}_1"
 
 
 def run(place, name, text=HEADER):
@@ -46,7 +46,7 @@ def below(place):
 # ---------------------------------------------------------------------------------- folders of runs
 
 
-@pytest.mark.parametrize("there, kept", [(0, 0), (19, 19), (20, 19), (30, 19)])
+@pytest.mark.parametrize("there, kept", [(0, 0), (999, 999), (1000, 999), (1010, 999)])
 def test_the_oldest_records_make_room_for_a_new_one(tmp_path, there, kept):
     names = [EARLIER.format(number) for number in range(there)]
     for name in names:
@@ -66,7 +66,9 @@ def test_a_clock_that_was_set_back_costs_no_newer_record(tmp_path, monkeypatch):
         record = FileRecord(str(tmp_path), pytest.fail).open()
         record.close()
         made.append(record.path)
-    assert runs(str(tmp_path)) == made[-20:] and len(below(tmp_path)) == 20
+    assert runs(str(tmp_path)) == made
+    make_room(str(tmp_path), 3 * os.path.getsize(made[0]))
+    assert runs(str(tmp_path)) == made[-3:] and len(below(tmp_path)) == 3
 
 
 def test_a_record_that_a_process_writes_stays_however_old_it_is(tmp_path):
@@ -76,9 +78,9 @@ def test_a_record_that_a_process_writes_stays_however_old_it_is(tmp_path):
             if number in (0, 3):
                 file = held.enter_context(open(folder / "mission.jsonl", "a"))
                 fcntl.flock(file, fcntl.LOCK_EX)
-        make_room(str(tmp_path))
+        make_room(str(tmp_path), 19 * len(HEADER))
         assert below(tmp_path) == [EARLIER.format(number) for number in (0, 3, *range(21, 40))]
-    make_room(str(tmp_path))
+    make_room(str(tmp_path), 19 * len(HEADER))
     assert len(below(tmp_path)) == 19
 
 
@@ -111,7 +113,7 @@ def test_what_a_user_keeps_among_the_records_stays_and_does_not_count(tmp_path):
     for number in range(10, 40):
         run(place, EARLIER.format(number))
     (place / EARLIER.format(10) / "report.html").write_text("a report")
-    make_room(str(place))
+    make_room(str(place), 19 * len(HEADER))
     assert below(place) == sorted(users + [EARLIER.format(10)] +
                                   [EARLIER.format(number) for number in range(21, 40)])
     assert below(place / EARLIER.format(10)) == ["report.html"]

@@ -1,4 +1,5 @@
 """What is kept and shown of a run: the files of its record, the viewer, and the ROS interface."""
+import os
 from typing import Any, Callable, Mapping, Optional
 
 import rosgraph.network
@@ -50,7 +51,8 @@ class Outputs:
         self._page = _url(values["monitorAddress"], page)
         self._viewer = ViewerProcess(
             ["--port", str(page), "--address", values["monitorAddress"],
-             "--groot2-port", str(groot2), "--groot2-address", values["groot2Address"]],
+             "--groot2-port", str(groot2), "--groot2-address", values["groot2Address"],
+             "--records", place and os.path.abspath(place)],
             self._breakpoints.change,
             lambda: self._breakpoints.remove_all(": the viewer has ended"), self._warn,
             lambda: self._tell("info", f"page: {self._page}"))

@@ -64,6 +64,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
     parser.add_argument("--groot2-port", type=_port, default=1667,
                         help="of Groot2's protocol, and the one after it; 0: none (default "
                              "%(default)s)")
+    parser.add_argument("--records", default="", help="folder of the runs that the page lists "
+                        "(default: the one of the record)")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     chosen = ros_arguments.parse(parser, arguments)
     if not chosen.port and not chosen.groot2_port:
@@ -89,7 +91,7 @@ class Viewer:
         self._page: Optional[Page] = None
         self._groot2: Optional[Groot2Publisher] = None
         if chosen.port:
-            self._page = Page(chosen.address, chosen.port, self._new_board(), warn)
+            self._page = Page(chosen.address, chosen.port, self._new_board(), warn, chosen.records)
         if chosen.groot2_port:
             self._groot2 = Groot2Publisher(chosen.groot2_address, chosen.groot2_port, warn, send)
         self.has_page = self._page is not None and self._page.is_served
@@ -225,13 +227,14 @@ def _end_when_free(ports: List[Port], send: Callable[[FromViewer], None]) -> Non
 
 def _show_record(chosen: argparse.Namespace) -> int:
     """Show a record, what is added to it meanwhile, and each newer run, until Ctrl-C."""
+    chosen.records = chosen.records or _place_of(chosen.record)
     viewer = Viewer(chosen, _print)
     if not viewer.is_serving:
         return exit_codes.UNAVAILABLE
     if chosen.record == "-":
         return _show_input(viewer)
     is_place = chosen.record == LATEST or bool(runs(chosen.record))
-    place = folders.records() if chosen.record == LATEST else chosen.record
+    place = _place_of(chosen.record)
     shown = told = ""
     with contextlib.ExitStack() as stack:
         trouble = is_place and stack.enter_context(watched(place))
@@ -251,6 +254,16 @@ def _show_record(chosen: argparse.Namespace) -> int:
                 told = str(error)
             shown = path
             time.sleep(NEWER_RUN_POLL)
+
+
+def _place_of(record: str) -> str:
+    """Return the folder of runs that a record is in, or that it is."""
+    if record in (LATEST, "-"):
+        return folders.records()
+    if runs(record):
+        return record
+    folder = record if os.path.isdir(record) else os.path.dirname(record)
+    return os.path.dirname(os.path.abspath(folder))
 
 
 def _show_input(viewer: Viewer) -> int:

@@ -5,6 +5,7 @@ import itertools
 import json
 import os
 import re
+import sys
 from time import localtime, strftime
 from types import SimpleNamespace
 from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
@@ -14,12 +15,14 @@ from tornado.template import Template
 
 from behavior_controller.run import events
 from behavior_controller.run.history import with_tree
+from behavior_controller.run.record.reader import stream_record
 from behavior_controller.run.state import UNDER_WAY, NodeResult, Step, Visit, step_over
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.run import story
 from behavior_controller.run.moment import robot_line
 from behavior_controller.viewer.timeline import Bar, Lanes
+from behavior_controller.viewer.runs_text import seconds
 from behavior_controller.viewer.report_moments import Moments
 from behavior_controller.viewer.report_frame import encodable, file_text, framed
 from behavior_controller.viewer.view import View, clock
@@ -143,7 +146,7 @@ def to_html(lines: Iterable[events.Line], verdict: str = "", generator: str = CO
     settings = [tuple(map(encodable, setting)) for setting in run.started.settings.items()]
     live = file_text("page_files", "index.html")
     content = Template(file_text("report_files", "report.html")).generate(
-        clock=clock, seconds=_seconds, sign=_sign, story=story, letter_of=_letter, verdict=verdict,
+        clock=clock, seconds=seconds, sign=_sign, story=story, letter_of=_letter, verdict=verdict,
         choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
         rows=_rows(run), settings=settings, documents=documents,
         moment=_between(live, '<div id="card">', "</section>"),
@@ -185,14 +188,6 @@ def _between(text: str, begin: str, end: str) -> str:
 # ---------------------------------------------------------------------------------- parts of a page
 
 
-def _seconds(seconds: float) -> str:
-    """Return a duration as text, such as ``2 min 5 s``."""
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else "{} h {} min".format(*divmod(minutes, 60))
-
-
 def _sign(letter: str, word: str) -> str:
     return '<b class="{}" title="{}">{}</b>'.format(letter, word, ICONS[letter])
 
@@ -207,7 +202,7 @@ def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
     ending = "the record ends before the run: the node was killed, or the disk full"
     if state.finished is not None:
         ending = "ended: " + story.run_end(state)
-    yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}; "
+    yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {seconds(run.ended - run.began)}; "
            f"{story.counted(state)}; {ending}")
     yield "Robot at the end: " + robot_line(state).text
     if earlier:
@@ -314,3 +309,7 @@ def story_lines(lines: Iterable[events.Line]) -> Iterator[str]:
     for line in lines:
         for sentence in run.take(line.time, line.event):
             yield f"{clock(sentence.at)} {sentence.text}"
+
+
+if __name__ == "__main__":  # for the list of runs: a report of a long run takes time and memory
+    sys.stdout.buffer.write(to_html(stream_record(sys.argv[1])).encode("utf-8", "replace"))

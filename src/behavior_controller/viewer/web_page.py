@@ -7,21 +7,20 @@ lie beside this module.
 import asyncio
 import math
 import os
-import socket
 import time
-from typing import Any, Callable, Dict, Optional, Set, cast
+from typing import Any, Callable, Dict, Optional, Set
 
 import msgspec
-from tornado.http1connection import HTTP1Connection
 from tornado.httpserver import HTTPServer
-from tornado.httputil import HTTPServerRequest, split_host_and_port
 from tornado.iostream import IOStream, StreamClosedError
-from tornado.web import Application, RequestHandler, StaticFileHandler
+from tornado.web import Application, StaticFileHandler
 
 from behavior_controller.run.events import unix_now
 from behavior_controller.viewer.backlog import Backlog, Batch
 from behavior_controller.viewer.board import Board
-from behavior_controller.viewer.addresses import ip_of, is_loopback
+from behavior_controller.viewer.answers import PageAnswer, host_names, stream_of
+from behavior_controller.viewer.earlier_runs import EarlierRuns
+from behavior_controller.viewer import runs_answers
 from behavior_controller.viewer.server import Connections, LoopThread, opened
 from behavior_controller.viewer.view import PARTS
 
@@ -42,11 +41,14 @@ LONGEST_IDLE = 30.0
 class Page:
     """Serves ``board`` at ``http://address:port/`` on a separate thread."""
 
-    def __init__(self, address: str, port: int, board: Board, warn: Callable[[str], None]):
-        """Start to serve; if the port is taken, ``warn`` gets one line and nothing is served."""
+    def __init__(self, address: str, port: int, board: Board, warn: Callable[[str], None],
+                 records: str = ""):
+        """Start to serve; if the port is taken, ``warn`` gets one line and nothing is served.
+        ``records`` is the folder of the runs that are listed; empty: there is none."""
         self.board = board
+        self._runs = EarlierRuns(records)
         self.streams: Set[_Pushed] = set()
-        self.host_names = _host_names(address.lower())
+        self._host_names = host_names(address.lower())
         self.connections = Connections(MOST_CONNECTIONS)
         self.is_closing = False
         self._sockets = opened(address, [port], "no page in the browser", "monitorPort", warn)
@@ -78,9 +80,10 @@ class Page:
     def _begin(self) -> None:
         data = [(path, _Data, {"find": find}) for path, find in DATA.items()]
         application = Application(
-            [(r"/events", _Changes), (r"/lines", _Lines), *data,
+            [(r"/events", _Changes), (r"/lines", _Lines), *data, *runs_answers.ROUTES,
              (r"/(.*)", _File, {"path": PAGE_FILES, "default_filename": "index.html"})],
-            log_function=lambda handler: None, compress_response=True, page=self)
+            log_function=lambda handler: None, compress_response=True, page=self,
+            connections=self.connections, host_names=self._host_names, runs=self._runs)
         self._server = _Server(application, max_body_size=1024, max_buffer_size=64 * 1024,
                                max_header_size=16 * 1024, idle_connection_timeout=LONGEST_IDLE,
                                body_timeout=LONGEST_IDLE)
@@ -106,77 +109,20 @@ class _Server(HTTPServer):
             super().handle_stream(stream, address)
 
 
-def _host_names(address: str) -> Set[str]:
-    """Return the names, besides localhost, under which a browser may ask for the page."""
-    own = socket.gethostname().lower()
-    names = {address} if ip_of(address) is None else set()
-    return names if is_loopback(address) else names | {own, own + ".local"}
-
-
-def _stream(request: HTTPServerRequest) -> IOStream:
-    """Return the connection that a request came on."""
-    return cast(HTTP1Connection, request.connection).stream
-
-
-class _Quiet(RequestHandler):
-    """The common part of all answers."""
-
-    @property
-    def page(self) -> Page:
-        return self.settings["page"]
-
-    def note_use(self) -> None:
-        """Keep the connection's place."""
-        self.page.connections.use(_stream(self.request))
-
-    def prepare(self) -> None:
-        """Refuse a request for another computer's name.
-
-        A foreign site can point a name of its own at this computer and then read, in the operator's
-        browser, whatever answers to that name (DNS rebinding). So the page answers to no name that
-        it does not know to be this computer's.
-        """
-        self.note_use()
-        if not self._is_for_this_computer():
-            self.set_status(403)
-            self.set_header("Content-Type", "text/plain; charset=utf-8")
-            self.finish("This page answers to the address of its computer and to localhost, and to "
-                        "the name that monitorAddress gives, but not to the name that was asked "
-                        "for.\n")
-
-    def _is_for_this_computer(self) -> bool:
-        """Whether the host that is asked for is the address that the request came to, or a name of
-        this computer."""
-        asked = self.request.headers.get("Host", "").lower()
-        host = split_host_and_port(asked)[0].strip("[]")
-        if host in self.page.host_names or is_loopback(host):
-            return True
-        stream = _stream(self.request)
-        if stream.closed() or ip_of(host) is None:
-            return False
-        return ip_of(host) == ip_of(stream.socket.getsockname()[0].split("%")[0])
-
-    def set_default_headers(self) -> None:
-        """Forbid content from other sites, caching, and frames of other pages around this one."""
-        self.set_header("Content-Security-Policy", "default-src 'self'; frame-ancestors 'none'")
-        self.set_header("X-Frame-Options", "DENY")
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Cache-Control", "no-store")
-
-
-class _File(_Quiet, StaticFileHandler):
+class _File(PageAnswer, StaticFileHandler):
     """The page itself."""
 
 
-class _Data(_Quiet):
+class _Data(PageAnswer):
     """Answers with what ``find`` knows of the board, as JSON; None: there is no such thing."""
 
     def initialize(self, find: Callable[..., Optional[Dict[str, Any]]]) -> None:
         self._find = find
 
     def get(self, *arguments: str) -> None:
-        self.page.board.refresh()
-        data = self._find(self.page.board, *arguments)
+        board: Board = self.settings["page"].board
+        board.refresh()
+        data = self._find(board, *arguments)
         if data is None:
             self.set_status(404)
         self.set_header("Content-Type", "application/json; charset=utf-8")
@@ -192,11 +138,15 @@ DATA: Dict[str, Callable[..., Any]] = {
 """What is answered as JSON, by path."""
 
 
-class _Pushed(_Quiet):
+class _Pushed(PageAnswer):
     """A stream of what is new of the run. A slow client gets the newest state, not a backlog."""
 
     content = ""
     _board: Optional[Board] = None  # of which something was sent
+
+    @property
+    def page(self) -> Page:
+        return self.settings["page"]
 
     async def get(self) -> None:
         """Send until the client disconnects, or everything was sent at the end."""
@@ -206,7 +156,7 @@ class _Pushed(_Quiet):
         self.set_header("Content-Type", self.content)
         self.page.streams.add(self)
         try:
-            while not _stream(self.request).closed():
+            while not stream_of(self.request).closed():
                 is_last, board = self.page.is_closing, self.page.board
                 board.refresh()
                 news, self._board = self.news(board, board is not self._board), board
@@ -218,7 +168,7 @@ class _Pushed(_Quiet):
                 self.note_use()
                 await asyncio.sleep(PUSH_INTERVAL)
         except (StreamClosedError, asyncio.TimeoutError):
-            _stream(self.request).close()
+            stream_of(self.request).close()
         finally:
             self.page.streams.discard(self)
 

@@ -18,14 +18,17 @@ from behavior_controller.run.record.codec import FORMAT
 FILE_NAME = "mission.jsonl"
 """The first file of a run; the further ones are ``mission.1.jsonl``, ``mission.2.jsonl`` …"""
 
-MOST_RUNS = 20
-"""Number of runs that are kept in a folder."""
+MOST_RUNS = 1000
+"""The most runs that are kept in a folder."""
 
 FILE_BYTES = 10_000_000
 """The most bytes of a file of a run, besides what it repeats from the files before."""
 
 RUN_BYTES = 50_000_000
 """The most bytes of all files of a run; the oldest file goes first."""
+
+PLACE_BYTES = 20 * RUN_BYTES
+"""The most bytes of all runs in a folder, when a new one begins and has its ``RUN_BYTES``."""
 
 _RUN = re.compile(r"(?:(\d{6,})_)?\d{8}-\d{6}_\d+")
 """A run's folder: its number, when it began, and the process. Without a number it is of an earlier
@@ -125,15 +128,28 @@ def new_folder(place: str) -> str:
     return folder
 
 
-def make_room(place: str) -> None:
-    """Remove the records of all runs below a folder but the newest ``MOST_RUNS - 1``, and of none
-    that is being written. What else is in a run's folder stays."""
-    for path in runs(place)[:1 - MOST_RUNS]:
+def make_room(place: str, most_bytes: int = PLACE_BYTES - RUN_BYTES) -> None:
+    """Remove the oldest records below a folder until at most ``MOST_RUNS - 1`` are left, of
+    ``most_bytes`` together, and none that is being written. What else is in a run's folder stays.
+    """
+    kept, total = 0, 0
+    for path in reversed(runs(place)):
+        kept, total = kept + 1, total + size(path)
+        if kept >= MOST_RUNS or total > most_bytes:
+            with contextlib.suppress(OSError):
+                if not is_written(path):
+                    for file in reversed(parts(path)):
+                        os.unlink(file)
+                    os.rmdir(os.path.dirname(path))
+
+
+def size(path: str) -> int:
+    """Return the bytes of all files of the run with this first file."""
+    total = 0
+    for file in parts(path):
         with contextlib.suppress(OSError):
-            if not is_written(path):
-                for file in reversed(parts(path)):
-                    os.unlink(file)
-                os.rmdir(os.path.dirname(path))
+            total += os.stat(file).st_size
+    return total
 
 
 class RunFiles:

@@ -83,4 +83,6 @@ byId("story").addEventListener("click", event => {
 listenToScrubber();
 put(byId("live"), "End");
 byId("then").hidden = false;
-travel(end);
+// a link to a visit shows how it ended
+const [, linked] = /^#v(\d+)$/.exec(location.hash) || [], linkedVisit = data.visits.find(([number]) => String(number) === linked);
+travel(linkedVisit ? (data.began + linkedVisit[3]) / 1000 : end);

@@ -1,0 +1,72 @@
+"""The server's answers about earlier runs."""
+from typing import Any, List, Tuple
+
+import msgspec
+from tornado.iostream import StreamClosedError
+
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.run.statistics import Choice
+from behavior_controller.viewer.answers import PageAnswer
+from behavior_controller.viewer.earlier_runs import EarlierRuns
+
+
+class _OfRuns(PageAnswer):
+    @property
+    def runs(self) -> EarlierRuns:
+        return self.settings["runs"]
+
+    def send(self, data: Any) -> None:
+        """PageAnswer with data as JSON."""
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        self.write(msgspec.json.encode(data))
+
+    def refuse(self, error: BehaviorControllerError) -> None:
+        """PageAnswer with why something cannot be sent."""
+        self.set_status(404)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.write(f"{error}\n")
+
+
+class _List(_OfRuns):
+    """``/runs``: figures and visits, as the query chooses them."""
+
+    async def get(self) -> None:
+        chosen = Choice(*(self.get_query_argument(field, "") or "" for field in Choice._fields))
+        first = self.get_query_argument("first", "") or "0"
+        self.send(await self.runs.list(chosen, int(first) if first.isdecimal() else 0))
+
+
+class _Compared(_OfRuns):
+    """``/compared/RUN/NUMBER/RUN/NUMBER``: two visits."""
+
+    async def get(self, *visits: str) -> None:
+        one, number, other, second = visits
+        try:
+            self.send(await self.runs.compare([(one, int(number)), (other, int(second))]))
+        except BehaviorControllerError as error:
+            self.refuse(error)
+
+
+class _Report(_OfRuns):
+    """``/report/RUN``: the report of a run, a page that has its style and script in itself."""
+
+    async def get(self, run: str) -> None:
+        self.set_header("Content-Security-Policy", "frame-ancestors 'none'")  # the page has more
+        try:
+            async for data in self.runs.report(run):
+                self.write(data)
+                self.note_use()
+                await self.flush()
+        except BehaviorControllerError as error:
+            self.refuse(error)
+        except StreamClosedError:
+            return
+
+
+_RUN = r"([0-9A-Za-z_-]{1,80})"
+_NUMBER = r"([0-9]{1,9})"
+
+ROUTES: List[Tuple[str, Any]] = [
+    (r"/runs", _List), (rf"/compared/{_RUN}/{_NUMBER}/{_RUN}/{_NUMBER}", _Compared),
+    (rf"/report/{_RUN}", _Report)]
+"""The addresses of the answers."""

@@ -1,0 +1,61 @@
+"""The list of runs on a terminal."""
+from typing import Iterator, List, Sequence
+
+from behavior_controller.run.digest import COMPLETE, IN_PART
+from behavior_controller.run.statistics import statistics
+from behavior_controller.text import clean, count
+from behavior_controller.viewer.run_index import Listed
+from behavior_controller.viewer.view import clock
+
+
+def text_lines(listed: Sequence[Listed]) -> Iterator[str]:
+    """Yield the figures of the runs, and a line for each run, the newest first."""
+    figures = statistics(each.digest for each in listed)
+    number = sum(figures.visits.values())
+    results = ", ".join(f"{many} {result}" for result, many in figures.visits.items())
+    runs = f"{count(number, 'visit', 'visits')} in {count(figures.runs, 'run', 'runs')}"
+    yield f"{runs}: {results}" if results else runs
+    yield from _table(["day", "runs", "visits", "complete", "broken off", "could be served"], [
+        [day.day, day.runs, sum(day.visits.values()),
+         day.visits.get(COMPLETE, 0) + day.visits.get(IN_PART, 0),
+         day.visits.get("broken off", 0), f"{int(100 * day.served)} %"] for day in figures.days])
+    yield from _table(["fault of the robot", "visits that met it", "that it ended"], [
+        [fault.fault, fault.visits, fault.ended] for fault in figures.faults])
+    yield from _table(["node", "times not well", "once in", "back after", "at the longest"], [
+        [node.node, node.outages, seconds(node.between),
+         "not yet" if node.back is None else seconds(node.back),
+         "" if node.longest is None else seconds(node.longest)] for node in figures.nodes])
+    yield ""
+    for each in reversed(listed):
+        yield _run(each)
+
+
+def seconds(length: float) -> str:
+    """Return a duration as text, such as ``2 min 5 s``."""
+    if length < 60:
+        return f"{length:.1f} s"
+    minutes, rest = divmod(round(length), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else "{} h {} min".format(*divmod(minutes, 60))
+
+
+def _table(head: List[str], rows: List[List[object]]) -> Iterator[str]:
+    """Yield the lines of a table after an empty one; nothing without rows."""
+    if not rows:
+        return
+    texts = [head] + [[clean(str(cell)) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*texts)]
+    yield ""
+    for row in texts:
+        cells = [row[0].ljust(widths[0])] + [
+            cell.rjust(width) for cell, width in zip(row[1:], widths[1:])]
+        yield "  ".join(cells).rstrip()
+
+
+def _run(listed: Listed) -> str:
+    digest = listed.digest
+    ending = digest.ending or "the record ends before the run"
+    if listed.goes_on:
+        ending = "goes on"
+    facts = [digest.mission, f"{clock(digest.began)} to {clock(digest.ended)}",
+             count(len(digest.visits), "visit", "visits"), listed.trouble or ending]
+    return clean(f"{listed.name}  " + ", ".join(filter(None, facts)))
