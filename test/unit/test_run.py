@@ -79,7 +79,7 @@ def test_a_visit_has_its_times_and_its_end():
             visit.ended) == (1, 102, 103, 104, 105, 107)
     assert (visit.answer, visit.outcome) == ("yes", "SUCCESS")
     assert (visit.waited, visit.seconds) == (7.0, 23.0)  # of the 30 s of the mission's clock
-    assert run.state.visits == (visit,) and run.state.outcomes == {"SUCCESS": 1}
+    assert run.state.visits == (visit,) and run.state.visit_results == {"complete": 1}
 
 
 def test_the_exhibits_of_a_visit_have_their_state_and_their_cause():
@@ -105,8 +105,8 @@ def test_only_the_newest_visits_are_in_a_state_and_all_of_them_in_a_run():
         for event in (PassStarted(number, 0.0), PassFinished(number, "FAILURE", 1.0))
     ]
     run = after(*events)
-    assert len(
-        run.state.visits) == KEPT_VISITS and len(run.visits) == 60 == run.state.outcomes["FAILURE"]
+    assert len(run.state.visits) == KEPT_VISITS
+    assert len(run.visits) == 60 == run.state.visit_results["broken off"]
     assert run.state.visit_count == 60 == run.state.visits[-1].number
 
 

@@ -11,10 +11,10 @@ import urllib.request
 import pytest
 
 from behavior_controller.replay_cli import main
-from behavior_controller.run.digest import (
-    BROKEN_OFF, COMPLETE, IN_PART, KILLED, NO_REACTION, VISITOR_DECLINED, VISITOR_LEFT, Digest,
-    EndedVisit, Outage)
+from behavior_controller.run.digest import KILLED, Digest, EndedVisit, Outage
 from behavior_controller.run.record.files import FILE_NAME
+from behavior_controller.run.state import (
+    BROKEN_OFF, COMPLETE, IN_PART, NO_REACTION, VISITOR_DECLINED, VISITOR_LEFT)
 from behavior_controller.run.statistics import Choice, FaultCount, NodeFigures, statistics
 from behavior_controller.viewer import web_page
 from behavior_controller.viewer.board import Board

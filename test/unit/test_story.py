@@ -15,13 +15,13 @@ from behavior_controller.run.events import (
     PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted, SafePart,
     SafeStateReported, Sources, StepStarted, StopChanged, Suspended, LeafSummary)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.run.health import FAILING, GONE, NEW
+from behavior_controller.run.health import FAILING, GONE, NEW, SILENT
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Say, SetAttention)
 from behavior_controller.run.fold import KEPT_VISITS
 from behavior_controller.run.state import (
-    BROKEN_OFF, DONE_ALL, FAILED, GAVE_UP, LEFT, LEFT_OUT, COMPLETED, NOTICED, UNDER_WAY,
-    Reason, State, Step, Stop, Visit)
+    BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT, LEFT_OUT, COMPLETED, NOTICED,
+    SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Reason, State, Step, Stop, Visit)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.run.story import (
     KINDS, Story, completed, condition, conditions, counted, degree, stop_name, how_it_ended,
@@ -100,12 +100,12 @@ def test_a_visit_under_way_counts():
     counts = []
 
     def visitor(rig):
-        counts.append((teller.story.state.visit_count, dict(teller.story.state.outcomes)))
+        counts.append((teller.story.state.visit_count, dict(teller.story.state.visit_results)))
         visitor_who("no")(rig)
 
     teller.run(visitor, 2)
-    assert counts[0] == (1, {}) and counts[-1] == (2, {"SUCCESS": 1})
-    assert teller.story.state.outcomes == {"SUCCESS": 2}
+    assert counts[0] == (1, {}) and counts[-1] == (2, {"declined": 1})
+    assert teller.story.state.visit_results == {"declined": 2}
 
 
 def test_the_step_under_way_with_its_time_and_its_limit():
@@ -456,7 +456,7 @@ def test_a_visit_is_complete_without_the_stops_that_were_left_out():
     rig.run(looks_away)
     visit = story.state.visit
     assert how_it_ended(visit) == "complete without exhibit 1, 1 of 2 exhibits completed"
-    assert degree(visit) == "complete without exhibit 1" and story.state.incomplete == 1
+    assert degree(visit) == "complete without exhibit 1" and story.state.visit_results == {"complete without steps": 1}
 
 
 @pytest.mark.parametrize("says, ending", [
@@ -706,7 +706,7 @@ def test_ordinals(words):
 
 def test_it_keeps_a_bounded_number_of_visits_and_steps():
     story = Story()
-    assert (story.state.visit_count, story.state.outcomes) == (0, {})
+    assert (story.state.visit_count, story.state.visit_results) == (0, {})
     for number in range(1, KEPT_VISITS + 10):
         story.take(1.0, PassStarted(number, 0.0))
         story.take(1.0, StepStarted(number, "x", "x", "doing", "", 0.0, False))
@@ -714,7 +714,7 @@ def test_it_keeps_a_bounded_number_of_visits_and_steps():
         assert story.state.step is None
     assert len(story.state.visits) == KEPT_VISITS
     assert story.state.visits[-1].number == KEPT_VISITS + 9
-    assert story.state.outcomes == {"SUCCESS": KEPT_VISITS + 9}
+    assert story.state.visit_results == {"complete": KEPT_VISITS + 9}
 
 
 FAILURE = Failure(Cause.REFUSED, "\x1b[2J\n", "/x\x1b")
@@ -780,7 +780,7 @@ def test_no_text_of_a_story_s_records_does_anything_to_what_shows_it(ends):
     ]
     visit = story.state.visit
     records += [how_it_ended(visit), tuple(each.name for each in visit.stops),
-                now_of(story.state, 3.0), tuple(story.state.outcomes)]
+                now_of(story.state, 3.0), tuple(story.state.visit_results)]
     assert any("\\x1b" in text for text in texts(tuple(records)))
     assert [text for text in texts(tuple(records)) if not text.isprintable()] == []
 
@@ -916,13 +916,33 @@ def test_the_troubles_of_the_robot_in_few_words(changes, words):
     assert conditions(changes) == words
 
 
-@pytest.mark.parametrize("outcomes, incomplete, words", [
-    ({}, 0, "no visit completed"), ({"SUCCESS": 1}, 0, "1 visit, none failed"),
-    ({"SUCCESS": 2, "FAILURE": 1}, 0, "3 visits, 1 failed"),
-    ({"SUCCESS": 2, "FAILURE": 1}, 2, "3 visits, 1 failed, 2 complete without some steps"),
-    ({"FAILURE": 2, "": 1}, 0, "3 visits, 2 failed, the last one was stopped")])
-def test_how_many_visits_there_were(outcomes, incomplete, words):
-    assert counted(State(outcomes=outcomes, incomplete=incomplete)) == words
+@pytest.mark.parametrize("results, words", [
+    ({}, "no visit completed"), ({"complete": 1}, "1 visit: 1 complete"),
+    ({"broken off": 1, "complete": 2}, "3 visits: 2 complete and 1 broken off"),
+    ({"left": 1, "complete without steps": 2, "declined": 1},
+     "4 visits: 2 complete without steps, 1 declined and 1 left"),
+    ({"no reaction": 2, "stopped": 1}, "3 visits: 2 no reaction and 1 stopped")])
+def test_how_many_visits_there_were(results, words):
+    assert counted(State(visit_results=results)) == words
+
+
+REFUSED_NO = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/faces")
+
+
+@pytest.mark.parametrize("outcome, why, skipped, result", [
+    ("SUCCESS", Reason(DONE_ALL), {}, "complete"),
+    ("SUCCESS", Reason(DONE_ALL), {"Say": 1}, "complete without steps"),
+    ("SUCCESS", Reason(DECLINED), {}, "declined"), ("SUCCESS", Reason(UNCLEAR), {}, "no reaction"),
+    ("SUCCESS", Reason(SILENT_VISITOR), {}, "no reaction"), ("FAILURE", HAS_GONE, {}, "left"),
+    ("FAILURE", Reason(FAILED, "IsSeen", REFUSED_NO), {}, "no reaction"),
+    ("FAILURE", Reason(GAVE_UP, "Go", BUSY), {}, "broken off"),
+    ("FAILURE", Reason(FAILED), {}, "broken off"), ("", Reason(STOPPED), {}, "stopped"),
+    # the robot could not see or hear: that is its fault
+    ("FAILURE", Reason(LEFT, blind=ill("topic", "/faces", SILENT)), {}, "broken off"),
+    ("SUCCESS", Reason(SILENT_VISITOR, blind=ill("topic", "/speech", GONE)), {}, "broken off")])
+def test_the_result_of_a_visit(outcome, why, skipped, result):
+    visit = Visit(1, 0.0, outcome=outcome, why=why, skipped=skipped, ended=1.0)
+    assert visit.result == result
 
 
 ARM = Stop(1, 3, "arm", COMPLETED, None, 1.0)
@@ -972,7 +992,7 @@ def test_a_mute_tour_is_no_complete_visit():
     assert visit.outcome == "SUCCESS" and sum(visit.skipped.values()) == number > 5
     assert degree(visit).startswith(f"complete without {number} steps (DescribeExhibitSpeech ")
     assert "0 of 2 exhibits completed, 2 in part" in how_it_ended(visit)
-    assert counted(state) == "1 visit, none failed, 1 complete without some steps"
+    assert counted(state) == "1 visit: 1 complete without steps"
     assert degree(visit) in run_over and run_over.endswith("(exit code 0)")
     assert [each.severity for each in teller.sentences if "is completed without" in each.text] == [
         "warning", "warning"]

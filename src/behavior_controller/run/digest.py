@@ -10,28 +10,15 @@ from behavior_controller.run import story
 from behavior_controller.run.events import Line, Paused
 from behavior_controller.run.fold import fold
 from behavior_controller.run.health import GONE, NEW, SLOW
-from behavior_controller.run.state import (
-    DECLINED, LEFT, SILENT_VISITOR, STOPPED, UNCLEAR, LeafFailure, Reason, State, Visit)
-from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.run.state import BROKEN_OFF, STOPPED, LeafFailure, State, Visit
+from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean
 
 Period = Tuple[float, float]
 """When something began and ended: Unix seconds."""
 
-COMPLETE, IN_PART, BROKEN_OFF = "complete", "complete without steps", "broken off"
-VISITOR_DECLINED, VISITOR_LEFT, NO_REACTION = "declined", "left", "no reaction"
-STOPPED_VISIT = "stopped"
-RESULTS = (COMPLETE, IN_PART, BROKEN_OFF, VISITOR_DECLINED, VISITOR_LEFT, NO_REACTION,
-           STOPPED_VISIT)
-"""How a visit can end. The visitor chose ``declined``, ``left`` and ``no reaction``."""
-
 KILLED = "the record ends before the visit: the controller was killed, or the disk full"
 """How a visit ended that the record does not end."""
-
-_RESULT_OF = {DECLINED: VISITOR_DECLINED, LEFT: VISITOR_LEFT, SILENT_VISITOR: NO_REACTION,
-              UNCLEAR: NO_REACTION, STOPPED: STOPPED_VISIT}
-"""The results of a visit that ended for a reason of these kinds, if the robot could see it."""
-
 
 class EndedVisit(Struct, frozen=True, gc=False, array_like=True):
     """A visit that is over. ``words`` say how it ended, ``faults`` which faults of the robot it
@@ -103,11 +90,11 @@ class Digester:
         if visit.arrived is None and visit.why is not None and visit.why.kind == STOPPED:
             return  # nobody had come
         decisive = ""
-        if reason is not None and result(visit) == BROKEN_OFF:
+        if reason is not None and visit.result == BROKEN_OFF:
             failure = reason.failure
             decisive = fault(reason.node, failure) if failure is not None else story.why(reason)
         self._visits.append(EndedVisit(
-            visit.number, visit.arrived or visit.began, round(visit.seconds, 1), result(visit),
+            visit.number, visit.arrived or visit.began, round(visit.seconds, 1), visit.result,
             story.how_it_ended(visit), faults, decisive))
 
     def _note_health(self) -> None:
@@ -145,20 +132,6 @@ class Digester:
             {name: str(value) for name, value in started.settings.items()} if started else {},
             began, state.at, story.run_end(state), tuple(visits),
             (*self._outages, *self._open.values()), tuple(unserved))
-
-
-def result(visit: Visit) -> str:
-    """Return one of ``RESULTS``."""
-    reason = visit.why or Reason("")
-    if reason.blind is None:
-        if reason.kind in _RESULT_OF:
-            return _RESULT_OF[reason.kind]
-        failure = reason.failure
-        if failure is not None and failure.cause is Cause.CONDITION_FALSE:
-            return NO_REACTION
-    if visit.outcome != "SUCCESS":
-        return BROKEN_OFF
-    return IN_PART if visit.skipped else COMPLETE
 
 
 def serves(state: State) -> bool:

@@ -98,8 +98,8 @@ def _run_finished(state: State, event: RunFinished) -> State:
 def _end_visit(state: State, outcome: str, why: Reason, seconds: float, waited: float) -> State:
     state = _change_visit(state, outcome=outcome, why=why, seconds=seconds, waited=waited,
                           ended=state.at)
-    count = state.outcomes.get(outcome, 0) + 1
-    state = replace(state, outcomes={**state.outcomes, outcome: count})
+    result, counts = state.visits[-1].result, state.visit_results
+    state = replace(state, visit_results={**counts, result: counts.get(result, 0) + 1})
     return _conclude(_end_steps(state), state.visits[-1])
 
 
@@ -120,8 +120,6 @@ def _pass_finished(state: State, event: PassFinished) -> State:
     why, robot = _why_done(state) if is_success else _why_failed(state), state.robot
     is_where_sent = robot.place is not None and robot.last_place == robot.goal_name
     is_lost = robot.is_away and (robot.is_lost or not (is_success and is_where_sent))
-    if is_success and state.visits[-1].skipped:
-        state = replace(state, incomplete=state.incomplete + 1)
     return _end_visit(_change_robot(state, is_lost=is_lost), clean(event.outcome), why,
                       event.seconds - waited, waited)
 

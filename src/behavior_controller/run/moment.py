@@ -11,8 +11,8 @@ from behavior_controller.run.events import HealthChanged, Paused
 from behavior_controller.run.health import FAILING, GONE, NEW, SHORT, SILENT
 from behavior_controller.run.state import HOME, Robot, State, Step
 from behavior_controller.run.story import (
-    STOP_BUTTON, cause, condition, conditions, few, listed, may_be_under_way, may_move, run_end,
-    safe_parts, stop_name, step_words, switched_off, under_way_warning)
+    STOP_BUTTON, cause, condition, conditions, end_headline, few, listed, may_be_under_way,
+    may_move, run_end, safe_parts, stop_name, step_words, switched_off, under_way_warning)
 from behavior_controller.robot.requests import SetAnimation, SetAttention
 from behavior_controller.text import clean
 
@@ -83,7 +83,8 @@ def card(state: State) -> Card:
     """Return what the run does."""
     where = _where(state)
     if state.finished is not None:
-        return Card("ended", run_end(state), where, state.at)
+        what, run = end_headline(state), run_end(state)
+        return Card("ended", what, where, state.at, trouble=run if run != what else "")
     if state.held:
         uid, since = list(state.held.items())[-1]
         return Card("held", f"held by a breakpoint of Groot2 at {_name(state, uid)}", where,

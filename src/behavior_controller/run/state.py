@@ -27,6 +27,15 @@ FAILED, GAVE_UP, LEFT, STOPPED, NOTICED = "failed", "gave up", "left", "stopped"
 DECLINED, DONE_ALL, UNCLEAR, SILENT_VISITOR = "declined", "done", "unclear", "silent"
 """The kinds of reasons for which a visit or a stop ends."""
 
+COMPLETE, IN_PART = "complete", "complete without steps"
+VISITOR_DECLINED, VISITOR_LEFT, NO_REACTION = "declined", "left", "no reaction"
+RESULTS = (COMPLETE, IN_PART, BROKEN_OFF, VISITOR_DECLINED, VISITOR_LEFT, NO_REACTION, STOPPED)
+"""How a visit can end. The visitor chose ``declined``, ``left`` and ``no reaction``."""
+
+_RESULT_OF = {DECLINED: VISITOR_DECLINED, LEFT: VISITOR_LEFT, SILENT_VISITOR: NO_REACTION,
+              UNCLEAR: NO_REACTION, STOPPED: STOPPED}
+"""The results of a visit that ended for a reason of these kinds, if the robot could see and hear."""
+
 RESPECTS = (GONE, SHORT, NEW, SILENT, FAILING, SLOW)
 """The respects in which a service or topic may not be well, the strongest first."""
 
@@ -103,6 +112,20 @@ class Visit(Struct, frozen=True):
     def has_visitor(self) -> bool:
         """Whether a visitor has come, and the visit goes on."""
         return self.arrived is not None and self.ended is None
+
+    @property
+    def result(self) -> str:
+        """One of ``RESULTS`` for a visit that has ended."""
+        reason = self.why or Reason("")
+        if reason.blind is not None:
+            return BROKEN_OFF
+        if reason.kind in _RESULT_OF:
+            return _RESULT_OF[reason.kind]
+        if reason.failure is not None and reason.failure.cause is Cause.CONDITION_FALSE:
+            return NO_REACTION
+        if self.outcome != "SUCCESS":
+            return BROKEN_OFF
+        return IN_PART if self.skipped else COMPLETE
 
 
 class Step(Struct, frozen=True):
@@ -315,8 +338,7 @@ class State(Struct, frozen=True):
     finished: Optional[RunFinished] = None
     visits: Tuple[Visit, ...] = ()  # the newest
     visit_count: int = 0
-    outcomes: Dict[str, int] = {}  # of all visits that ended: how many of each; empty: stopped
-    incomplete: int = 0  # visits that succeeded without a step
+    visit_results: Dict[str, int] = {}  # of all visits that ended: how many had each result
     steps: Tuple[Step, ...] = ()  # under way, the newest last
     exchanges: Tuple[Exchange, ...] = ()  # without a result
     recoveries: Tuple[RecoveryRound, ...] = ()  # under way

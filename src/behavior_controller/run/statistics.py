@@ -6,8 +6,8 @@ from typing import Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional
 
 from msgspec import Struct
 
-from behavior_controller.run.digest import (
-    BROKEN_OFF, RESULTS, Digest, EndedVisit, Outage, Period)
+from behavior_controller.run.digest import Digest, EndedVisit, Outage, Period
+from behavior_controller.run.state import RESULTS
 
 ROBOT = "robot"
 """The setting that names the robot of a run."""

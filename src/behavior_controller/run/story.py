@@ -14,8 +14,8 @@ from behavior_controller.run.events import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.run.fold import fold, why_recovered
 from behavior_controller.run.health import NEW, SIMULATED_TIME
 from behavior_controller.run.state import (
-    BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, SILENT_VISITOR, STOPPED,
-    UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
+    BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, RESULTS, SILENT_VISITOR,
+    STOPPED, UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
 from behavior_controller.robot.requests import MOTION
@@ -245,15 +245,13 @@ def _ending(visit: Visit) -> str:
 
 
 def counted(state: State) -> str:
-    """Return how many visits there were, how many of them failed, and how many went without steps.
-    """
-    number, failed = sum(state.outcomes.values()), state.outcomes.get("FAILURE", 0)
+    """Return how many visits there were, and how many of them had each result."""
+    counts = state.visit_results
+    number = sum(counts.values())
     if not number:
         return "no visit completed"
-    text = f"{count(number, 'visit', 'visits')}, {failed or 'none'} failed"
-    if state.incomplete:
-        text += f", {state.incomplete} complete without some steps"
-    return text + ", the last one was stopped" if "" in state.outcomes else text
+    results = listed([f"{counts[result]} {result}" for result in RESULTS if result in counts])
+    return f"{count(number, 'visit', 'visits')}: {results}"
 
 
 def run_end(state: State) -> str:
@@ -264,6 +262,21 @@ def run_end(state: State) -> str:
     if outcome and visit is not None and visit.outcome == "SUCCESS" and visit.skipped:
         return f"{outcome}, {degree(visit)}"
     return outcome
+
+
+def end_headline(state: State) -> str:
+    """Return for people how a run ended: its last visit, or when it was stopped; empty while it
+    goes on."""
+    finished, visit = state.finished, state.visit
+    if finished is None or visit is None:
+        return run_end(state)
+    if not visit.outcome:
+        if visit.arrived is None:
+            return "stopped before a visitor came"
+        return f"stopped in the visit of visitor {visit.number}"
+    if finished.outcome.startswith("stopped"):
+        return "stopped between two visits"
+    return how_it_ended(visit) or run_end(state)
 
 
 def recovering(event: events.Recovering) -> str:

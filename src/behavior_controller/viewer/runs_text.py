@@ -1,7 +1,7 @@
 """The list of runs on a terminal."""
 from typing import Iterator, List, Sequence
 
-from behavior_controller.run.digest import COMPLETE, IN_PART
+from behavior_controller.run.state import BROKEN_OFF, COMPLETE, IN_PART
 from behavior_controller.run.statistics import statistics
 from behavior_controller.text import clean, count
 from behavior_controller.viewer.run_index import Listed
@@ -18,7 +18,7 @@ def text_lines(listed: Sequence[Listed]) -> Iterator[str]:
     yield from _table(["day", "runs", "visits", "complete", "broken off", "could be served"], [
         [day.day, day.runs, sum(day.visits.values()),
          day.visits.get(COMPLETE, 0) + day.visits.get(IN_PART, 0),
-         day.visits.get("broken off", 0), f"{int(100 * day.served)} %"] for day in figures.days])
+         day.visits.get(BROKEN_OFF, 0), f"{int(100 * day.served)} %"] for day in figures.days])
     yield from _table(["fault of the robot", "visits that met it", "that it ended"], [
         [fault.fault, fault.visits, fault.ended] for fault in figures.faults])
     yield from _table(["node", "times not well", "once in", "back after", "at the longest"], [

@@ -11,7 +11,7 @@ from behavior_controller.folders import mission_name
 from behavior_controller.run.events import (
     Event, HealthChanged, PassStarted, PortText, TreeNode, TreeShown, clock_shift, unix_now)
 from behavior_controller.run.state import (
-    Exchange, NodeResult, State, Step, Visit, rank, step_over)
+    Exchange, LeafFailure, NodeResult, State, Step, Visit, rank, step_over)
 from behavior_controller.viewer import parts
 from behavior_controller.run import story
 from behavior_controller.run.moment import card, robot_line
@@ -61,7 +61,8 @@ class View(story.Story):
         super().__init__(before)
         self._sentences: Deque[parts.SentenceRow] = collections.deque(maxlen=SENTENCES)
         self._count = 0  # of all sentences
-        self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
+        # of this visit, that ended, and whether each failed
+        self._steps: Deque[Tuple[Step, bool]] = collections.deque(maxlen=STEPS)
         self._results: Dict[int, Deque[Tuple[NodeResult, int]]] = {}  # and how often in a row
         self.calls: Dict[str, Calls] = {}
         """The calls of each service so far."""
@@ -80,7 +81,9 @@ class View(story.Story):
             self._results.clear()
         ended_step = step_over(before, self.state)
         if ended_step is not None:
-            self._steps.append(ended_step)
+            has_failed = any(failed.uid == ended_step.uid and not failed.is_false_condition
+                             for failed in self.state.concluded(LeafFailure))
+            self._steps.append((ended_step, has_failed))
         for ended in self.state.concluded(NodeResult):
             self._end(ended)
         for exchange in self.state.concluded(Exchange):
@@ -161,7 +164,7 @@ class View(story.Story):
 
     def timeline(self) -> List[Dict[str, Any]]:
         """Return the steps of the visit that ended: when each began, and how long it took."""
-        return list(map(_step, self._steps))
+        return [_step(*ended) for ended in self._steps]
 
     def blackboard(self) -> Dict[str, str]:
         return {name: self._value(name, text) for name, text in sorted(self.state.entries.items())}
@@ -200,8 +203,9 @@ class View(story.Story):
         age = None
         if self.state.alive is not None and not self.ended:
             age = round(unix_now() - self.state.alive, 1)
-        return parts.Alive(age, age is not None and age >= HANGS, unix_now(),
-                           clock_shift=clock_shift())
+        # a run that is over stands at its end
+        at = self.state.at if self.ended else unix_now()
+        return parts.Alive(age, age is not None and age >= HANGS, at, clock_shift=clock_shift())
 
     def node(self, uid: int) -> Optional[Dict[str, Any]]:
         """Return the details of a node: its place, ports with values, last results; None if it does
@@ -229,7 +233,7 @@ PARTS: Dict[str, Tuple[str, ...]] = {
     "now": ("starting", "started", "finished", "held", "suspended", "due", "steps", "exchanges",
             "robot", "visits", "safe_state", "tree", "failures"),
     "story": ("visits",),
-    "visits": ("outcomes", "incomplete", "finished"),
+    "visits": ("visit_results", "finished"),
     "timeline": ("steps", "visit_count"),
     "blackboard": ("entries", "tree"),
     "health": ("started", "robot"),
@@ -268,10 +272,10 @@ def _are_alike(one: NodeResult, other: NodeResult) -> bool:
     return is_instant and (one.letter, one.failure) == (other.letter, other.failure)
 
 
-def _step(step: Step) -> Dict[str, Any]:
+def _step(step: Step, has_failed: bool) -> Dict[str, Any]:
     seconds = round((step.ended or step.began) - step.began, 2)
     return {"words": story.step_words(step), "began": step.began, "uid": step.uid,
-            "is_wait": step.is_wait, "seconds": seconds}
+            "is_wait": step.is_wait, "failed": has_failed, "seconds": seconds}
 
 
 def _result(last: NodeResult, times: int) -> Dict[str, Any]:

@@ -48,7 +48,7 @@ let travels = null;  // {stretch: returns moments up to one, show: shows these p
 
 function seconds() { return performance.now() / 1000; }
 
-const nodeTime = () => frozen === null ? seconds() + ahead : frozen;
+const nodeTime = () => frozen !== null ? frozen : travels.end || seconds() + ahead;
 
 async function travel(at) {
   [frozen, wanted] = [at, at];
@@ -128,10 +128,9 @@ function showNow(part) {
 function showRobot(robot) {
   const texts = {alive: robot.alive, place: robot.place, attention: "attention " + robot.attention,
                  movement: "lifelike movement " + robot.movement, safe: robot.safe, instruction: robot.instruction};
-  for (const [id, text] of Object.entries(texts)) {
-    put(byId(id), text);
-    byId(id).title = text;  // a long one is cut
-  }
+  if (robot.safe) texts.attention = texts.movement = "";  // the safe state says it
+  for (const [id, text] of Object.entries(texts)) put(byId(id), text);
+  byId("robot").title = byId("robot-state").textContent;  // a long one is cut
   byId("robot").classList.toggle("ill", !robot.is_well);
 }
 
@@ -153,9 +152,10 @@ function showElapsed() {
   const left = card.until === null ? null : Math.max(0, card.until - nodeTime()).toFixed(0) + " s";
   const limit = card.until === null ? 0 : card.until - card.since;
   let text = "";
-  if (card.kind === "asleep" && left) text = "until " + timeOfDay(card.until) + ", " + left + " more";
+  if (card.kind === "ended") text = "at " + timeOfDay(card.since);
+  else if (card.kind === "asleep" && left) text = "until " + timeOfDay(card.until) + ", " + left + " more";
   else if (card.kind === "step" && left) text = since.toFixed(0) + " s of at most " + +limit.toFixed(1) + " s";
-  else if (since !== null && card.kind !== "ended") text = "for " + duration(1000 * since).replace(/\.\d/, "") + (left ? ", at most " + left + " more" : "");
+  else if (since !== null) text = "for " + duration(1000 * since).replace(/\.\d/, "") + (left ? ", at most " + left + " more" : "");
   put(byId("elapsed"), text);
   byId("limit").classList.toggle("none", !limit);
   if (limit) [byId("limit").max, byId("limit").value] = [limit, Math.min(since, limit)];

@@ -14,8 +14,8 @@ let alive = {age: null, hangs: false};  // the tick thread's last sign of life, 
 let parts = {};           // of the board, as of the last message
 let steps = [];           // of the visit that ended
 let step = null;          // the one on the card
-let tallest = {height: 0, at: 0};  // of the instruction, and when it took that height
-let measured = null;      // the instruction when its height was last asked for
+let tallest = {height: 0, at: 0};  // of the header's part for the robot, and when it took that height
+let measured = null;      // what it said when its height was last asked for
 let ages = [];            // elements that show the age of a topic's last message
 
 function showVisits(visits) {
@@ -37,7 +37,7 @@ function showVisits(visits) {
 const MARKS = {failure: "error", recovery: "r"};
 let drawnAt = 0, drawnVisit = 0;
 const timeline = new Timeline(byId("lanes"), 0, {
-  clock: sinceBegin, least: 80, words: {R: "", w: "waited", error: "failure", r: "recovery"},
+  clock: sinceBegin, least: 80, words: {R: "", F: "failed", w: "waited", error: "failure", r: "recovery"},
   choose: (lane, bar) => travel(visit.began + bar.begin / 1000),
   drawn: () => put(byId("stretch"), sinceBegin(timeline.from, timeline.tick) + " to " + sinceBegin(timeline.to, timeline.tick))});
 
@@ -52,7 +52,7 @@ function showTimeline() {
   };
   for (const sentence of sentences)
     if (sentence.visit === visit.number && sentence.kind in MARKS) add("Failures", sentence.at, 0, MARKS[sentence.kind], sentence.text);
-  for (const each of all) add(laneOf(each), each.began, each.seconds, each.is_wait ? "w" : "R", each.words);
+  for (const each of all) add(laneOf(each), each.began, each.seconds, each.failed ? "F" : each.is_wait ? "w" : "R", each.words);
   seeUntil(Math.max(1000, ...[...lanes.values()].flatMap(lane => lane.bars.map(bar => bar.end))));
   timeline.setLanes([...lanes.values()]);
   if (step && follow && timeline.isWhole) keepInView(lanes.get(laneOf(step)).row);
@@ -183,24 +183,26 @@ function showHealth(offers) {
 }
 
 function showStep(now) {
+  travels.end = now.ended && frozen === null ? alive.at : 0;
   showNow(now);
   keepHeight();
   const isStep = ["step", "wait", "retry", "paused"].includes(card.kind);
   step = isStep ? {words: card.what, began: card.since, uid: card.uid, is_wait: card.kind !== "step"} : null;
 }
 
-// in this order: what is shown first is there for what follows
-// a long instruction moves the page below it once, not to and fro; a header that takes half of the window scrolls with the page
+// what a person has to do moves the page below it once if it needs more lines than are kept for it, not to and fro; a header that
+// takes half of the window scrolls with the page
 function keepHeight() {
-  const text = byId("instruction"), header = document.querySelector("header");
-  if (text.textContent === measured && seconds() - tallest.at < KEPT) return;
-  measured = text.textContent;
-  text.style.minHeight = "";
-  if (text.offsetHeight >= tallest.height || seconds() - tallest.at > KEPT) tallest = {height: text.offsetHeight, at: seconds()};
-  else text.style.minHeight = tallest.height + "px";
+  const head = byId("head"), text = byId("instruction").textContent + byId("safe").textContent, header = document.querySelector("header");
+  if (text === measured && seconds() - tallest.at < KEPT) return;
+  measured = text;
+  head.style.minHeight = "";
+  if (head.offsetHeight >= tallest.height || seconds() - tallest.at > KEPT) tallest = {height: head.offsetHeight, at: seconds()};
+  else head.style.minHeight = tallest.height + "px";
   header.classList.toggle("tall", header.offsetHeight > innerHeight / 2);
 }
 
+// in this order: what is shown first is there for what follows
 const SHOW = {
   alive: part => { alive = part; [ahead, shift] = [part.at - seconds(), part.clock_shift]; }, mission: showMission, statuses: showStatuses,
   now: showStep, story: story => { showStory(story); showAlarms(); }, timeline: part => { steps = part; },

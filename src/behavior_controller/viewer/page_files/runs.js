@@ -10,6 +10,7 @@ const AGAIN = 5000;   // milliseconds to the next question; while runs are read 
 let shown = [];       // the visits in the list
 let chosen = [];      // those to be compared
 let asked = 0;
+let drawn = "";       // the answer that is shown
 
 const plural = (number, one, more) => number + " " + (number === 1 ? one : more);
 const nameOf = visit => visit.day + " " + visit.time + ", visitor " + visit.number + (visit.robot ? " of " + visit.robot : "");
@@ -28,10 +29,11 @@ async function ask(first = 0) {
   try {
     const answer = await fetch(query(first));
     if (!answer.ok) throw new Error();
-    const found = await answer.json();
+    const text = await answer.text(), found = JSON.parse(text);
     if (number !== asked) return;
     if (found.reading) wait /= 10;
-    show(found, first);
+    if (text !== drawn) show(found, first);  // else a reader would lose what has the focus
+    drawn = text;
   } catch (error) {
     byId("place").textContent = "the viewer does not answer";
   }
