@@ -1,0 +1,306 @@
+"""The topics, with publishers in this process: which messages count, and which connections do."""
+import contextlib
+import struct
+import time
+
+import pytest
+
+pytest.importorskip("rospy", reason="needs ROS")
+
+from behavior_controller.bt.engine.clock import Clock  # noqa: E402
+from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.robot import release_1_0  # noqa: E402
+from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH  # noqa: E402
+from behavior_controller.robot.requests import AttentionStatus  # noqa: E402
+from behavior_controller.ros.subscriber import (  # noqa: E402
+    BUFFER_BYTES, FLOOD_GAP, PAUSE, PAUSE_WHEN_AWAITED, TopicBuffer)
+from ros_peers import Publisher, until  # noqa: E402
+
+
+def text(words):
+    """Return a text as its bytes in a message."""
+    data = words.encode()
+    return struct.pack("<I", len(data)) + data
+
+
+def framed(content):
+    """Return a message as it travels: its length, and its bytes."""
+    return struct.pack("<I", len(content)) + content
+
+
+def status(state, value):
+    return framed(text(state) + struct.pack("<q", value))
+
+
+def said(words):
+    return framed(text(words))
+
+
+@pytest.fixture
+def reading():
+    """Return a function that makes the buffer of a topic, which reads from these publishers."""
+    with contextlib.ExitStack() as ends:
+        def read(topic, *publishers):
+            wake = WakeUp()
+            warnings = []
+            buffer = TopicBuffer(topic, wake.emit, warnings.append, Clock())
+            buffer.wake, buffer.warnings = wake, warnings
+            buffer.set_publishers([publisher.uri for publisher in publishers])
+            for publisher in publishers:
+                ends.callback(publisher.close)
+                until(lambda: publisher.ready)
+            ends.callback(lambda: [link.end() for link in buffer._links.values()])
+            until(lambda: buffer.is_searched)
+            return buffer
+        yield read
+
+
+def values(buffer):
+    return [sample.value for sample in buffer.recent()]
+
+
+# -------------------------------------------------------------------------- which messages count
+
+SEEKING, FOUND, IDLE = ("seeking", 2), ("scanning", release_1_0.FOUND), ("none", 0)
+EVENTS = next(topic for topic in release_1_0.INTERFACE.topics if topic.is_event is not None)
+
+
+@pytest.mark.parametrize("topic, burst, kept", [
+    (ATTENTION, [IDLE, SEEKING], [SEEKING]),
+    (ATTENTION, [SEEKING, IDLE], [IDLE]),
+    (ATTENTION, [SEEKING, IDLE, SEEKING], [SEEKING]),
+    (EVENTS, [FOUND, IDLE, IDLE], [FOUND, IDLE]),
+    (EVENTS, [IDLE, FOUND, SEEKING], [FOUND, SEEKING]),
+    (EVENTS, [IDLE, SEEKING, FOUND], [FOUND])])
+def test_of_a_burst_the_newest_state_counts_and_no_event_is_skipped(reading, topic, burst, kept):
+    publisher = Publisher(topic)
+    buffer = reading(topic, publisher)
+    publisher.send(b"".join(status(*each) for each in burst))
+    until(lambda: buffer.rhythm.count and values(buffer)[-1] == burst[-1])
+    assert values(buffer) == [AttentionStatus(*each) for each in kept]
+
+
+def test_of_a_burst_no_utterance_is_skipped_not_even_the_same_again(reading):
+    publisher = Publisher(SPEECH)
+    buffer = reading(SPEECH, publisher)
+    publisher.send(said("no") + said("yes") + said("yes") + said(""))
+    until(lambda: len(buffer.recent()) == 4)
+    assert values(buffer) == ["no", "yes", "yes", ""]
+    times = [sample.arrived for sample in buffer.recent()]
+    assert times == sorted(set(times))
+
+
+def test_a_burst_that_is_read_at_once_rings_for_each_event_and_for_the_newest_state(reading):
+    for topic, burst, rings in ((SPEECH, [text("yes"), text("hm")], True),
+                                (ATTENTION, [status(*SEEKING)[4:], status(*IDLE)[4:]], False)):
+        buffer = reading(topic)
+        buffer.set_alarm("a", lambda value: value in ("yes", SEEKING))
+        buffer.receive(burst)
+        assert buffer.wake.is_set is rings
+
+
+@pytest.mark.parametrize("size", [1, 3, 4, 6, 10])
+def test_a_message_counts_when_its_last_byte_has_come(reading, size):
+    publisher = Publisher(SPEECH)
+    buffer = reading(SPEECH, publisher)
+    data = said("a") + said("bc")
+    whole = len(said("a")) <= size
+    publisher.send(data[:size])
+    until(lambda: len(buffer.recent()) == whole)
+    time.sleep(0.05)
+    assert values(buffer) == ["a"] * whole
+    publisher.send(data[size:] + said("d"))
+    until(lambda: len(buffer.recent()) == 3)
+    assert values(buffer) == ["a", "bc", "d"]
+
+
+def test_a_message_that_needs_many_reads_is_whole(reading):
+    publisher, words = Publisher(SPEECH), "x" * (3 * BUFFER_BYTES) + "end"
+    buffer = reading(SPEECH, publisher)
+    publisher.send(said(words) + said("next"))
+    until(lambda: len(buffer.recent()) == 2)
+    assert values(buffer) == [words, "next"]
+
+
+@pytest.mark.parametrize("topic, first, second, warned", [
+    (SPEECH, said("yes"), said("no"), True), (ATTENTION, status(*SEEKING), status(*IDLE), False)],
+    ids=["event", "state"])
+def test_the_first_message_of_a_latching_publisher_is_no_news(reading, topic, first, second,
+                                                             warned):
+    publisher = Publisher(topic, latching="1")
+    buffer = reading(topic, publisher)
+    for sent in (first, second):
+        buffer.set_alarm("a", lambda value: True)
+        publisher.send(sent)
+        if sent is second:
+            until(lambda: buffer.recent())
+            assert buffer.wake.is_set
+        else:
+            time.sleep(0.1)
+            assert not buffer.recent() and not buffer.wake.is_set
+    assert len(buffer.recent()) == 1
+    assert [("'yes'" in line, "/robot publishes it latched" in line)
+            for line in buffer.warnings] == [(True, True)] * warned
+
+
+def test_only_the_first_message_of_each_connection_may_be_stale(reading):
+    publisher = Publisher(SPEECH, latching="1")
+    buffer = reading(SPEECH, publisher)
+    publisher.send(said("old") + said("new"))
+    until(lambda: values(buffer) == ["new"])
+    publisher.peer.break_connections()
+    until(lambda: len(publisher.ready) == 2)
+    publisher.send(said("new") + said("newer"))
+    until(lambda: values(buffer) == ["new", "newer"])
+
+
+@pytest.mark.parametrize("alarm, pause", [(False, PAUSE), (True, PAUSE_WHEN_AWAITED)])
+def test_only_a_flood_of_the_same_message_slows_its_reader(reading, alarm, pause):
+    """Of a flood the thread reads as often as it has paused; without pauses, more than that."""
+    buffer = reading(ATTENTION)
+    if alarm:
+        buffer.set_alarm("a", lambda value: False)
+    same, rounds = [status(*IDLE)[4:]], 25
+    buffer.receive(same)
+    began = time.monotonic()
+    for _ in range(rounds):
+        assert buffer.receive(same)
+    assert rounds * pause <= time.monotonic() - began < 20 * rounds * pause
+    assert pause < FLOOD_GAP
+    fastest = 1.0
+    for number in range(10):
+        began = time.monotonic()
+        buffer.receive([status("seeking", number)[4:]])
+        fastest = min(fastest, time.monotonic() - began)
+    assert fastest < PAUSE_WHEN_AWAITED
+
+
+# ----------------------------------------------------------------------------- which connections
+
+
+def test_several_publishers_are_heard_and_one_is_enough(reading):
+    one, other = Publisher(SPEECH, "/one"), Publisher(SPEECH, "/other")
+    buffer = reading(SPEECH, one, other)
+    one.send(said("a"))
+    until(lambda: values(buffer) == ["a"])
+    other.send(said("b"))
+    until(lambda: values(buffer) == ["a", "b"])
+    assert buffer.connected_nodes == {"/one": one.uri, "/other": other.uri}
+    one.close()
+    until(lambda: list(buffer.connected_nodes) == ["/other"])
+    assert buffer.is_connected
+    other.close()
+    until(lambda: not buffer.is_connected)
+    until(lambda: one.uri in buffer.absence and other.uri in buffer.absence)
+
+
+def test_a_publisher_that_is_no_longer_listed_is_left_when_its_connection_ends(reading):
+    one, other = Publisher(SPEECH, "/one"), Publisher(SPEECH, "/other")
+    buffer = reading(SPEECH, one, other)
+    buffer.set_publishers([other.uri])
+    one.send(said("a"))
+    until(lambda: values(buffer) == ["a"])
+    one.close()
+    until(lambda: "/one" not in buffer.connected_nodes)
+    buffer.set_publishers([other.uri])
+    assert buffer.is_connected and list(buffer._links) == [other.uri]
+
+
+def test_a_publisher_of_another_type_counts_for_nothing(reading):
+    wrong = Publisher(SPEECH, "/wrong", type="std_msgs/Int8", md5sum="27ffa0c9c4b8fb84")
+    right = Publisher(SPEECH, "/right")
+    buffer = reading(SPEECH, wrong)
+    until(lambda: buffer.warnings)
+    wrong.send(said("yes"))
+    assert not buffer.is_connected
+    assert "published by /wrong as std_msgs/Int8" in buffer.absence
+    wrong.peer.break_connections()
+    until(lambda: len(wrong.ready) == 2)
+    buffer.set_publishers([wrong.uri, right.uri])
+    until(lambda: buffer.is_connected)
+    right.send(said("no"))
+    until(lambda: values(buffer) == ["no"])
+    line, = buffer.warnings  # told once, though it has connected again
+    assert "/wrong" in line and "std_msgs/Int8" in line and "std_msgs/String" in line
+    right.close()
+
+
+@pytest.mark.parametrize("spoil", [
+    lambda publisher: publisher.peer.break_connections(),
+    lambda publisher: publisher.send(b"\xff\xff\xff"),  # a length that no message has
+    lambda publisher: publisher.buffer.reconnect()])
+def test_a_connection_that_breaks_is_made_again(reading, spoil):
+    publisher = Publisher(SPEECH)
+    publisher.buffer = buffer = reading(SPEECH, publisher)
+    publisher.send(said("before") + b"\xff")  # and the beginning of another
+    until(lambda: values(buffer) == ["before"])
+    spoil(publisher)
+    until(lambda: len(publisher.ready) == 2)
+    publisher.send(said("after"))
+    until(lambda: values(buffer) == ["before", "after"])
+
+
+def test_a_publisher_that_refuses_or_publishes_no_longer_is_tried_again(reading):
+    buffer, publisher = reading(SPEECH), Publisher(SPEECH)
+    publisher.requestTopic = lambda *_: (-1, "no longer", 0)
+    buffer.set_publishers([publisher.uri])
+    until(lambda: buffer.is_searched)
+    assert not buffer.is_connected and publisher.uri in buffer.absence
+    del publisher.requestTopic
+    until(lambda: buffer.is_connected)
+    buffer._links[publisher.uri].end()
+    publisher.close()
+
+
+def test_messages_that_cannot_be_decoded_count_for_nothing_until_one_can(reading):
+    publisher = Publisher(ATTENTION)
+    buffer = reading(ATTENTION, publisher)
+    for _ in range(2):
+        publisher.send(framed(b"\xff\xff"))
+    until(lambda: buffer.warnings and not buffer.is_connected)
+    assert "no message of /robot can be decoded" in buffer.absence and not buffer.recent()
+    publisher.send(status(*SEEKING))
+    until(lambda: buffer.is_connected)
+    assert values(buffer) == [AttentionStatus(*SEEKING)]
+    assert len(buffer.warnings) == 1
+
+
+def test_a_topic_that_was_not_looked_up_is_not_missing_yet(reading):
+    buffer = TopicBuffer(FACES, lambda: None, print, Clock())
+    assert not buffer.is_searched and not buffer.is_connected
+    buffer.set_publishers([])
+    assert buffer.is_searched and buffer.absence == "no node publishes it"
+
+
+# ---------------------------------------------------------------------------------------- alarms
+
+
+def test_an_alarm_rings_once_for_what_is_wanted_also_if_it_came_since_the_last_look(reading):
+    buffer = reading(SPEECH)
+    hear = buffer.hear
+    hear("yes")
+    buffer.set_alarm("a", lambda value: value == "yes")
+    assert buffer.wake.test_and_clear()  # it was not read yet
+    buffer.recent()
+    buffer.set_alarm("a", lambda value: value == "yes")
+    hear("no")
+    assert not buffer.wake.is_set
+    hear("yes")
+    assert buffer.wake.test_and_clear()
+    hear("yes")
+    assert not buffer.wake.is_set
+    buffer.recent()
+    buffer.set_alarm("a", lambda value: True)
+    buffer.clear_alarm("a")
+    hear("yes")
+    assert not buffer.wake.is_set
+
+
+def test_a_message_that_is_ignored_is_told_once_for_each_reason(reading):
+    buffer = reading(SPEECH)
+    for reason in ("one", "two", ""):
+        buffer.ignoring = reason, lambda words: words == "yes"
+        for words in ("hm", "yes", "yes"):
+            buffer.receive([text(words)])
+    assert buffer.warnings == ["ignoring 'yes' on /speechEvent/text: one",
+                               "ignoring 'yes' on /speechEvent/text: two"]
