@@ -435,6 +435,22 @@ def test_a_number_that_is_not_read_to_its_end_is_told_with_what_is_read(
     load_text(main(body), REGISTRY)
 
 
+@pytest.mark.parametrize("body, hint", [
+    ('<Typed out="0,0"/>', "write 0.0"), ('<Typed out="2,5"/>', "write 2.5"),
+    ('<Typed out="-0,5"/>', "write -0.5"), ('<Typed out="1e"/>', "the type is double"),
+    ('<Typed number="0.0"/>', "the type is int: write 0"),
+    ('<Typed number="0,0"/>', "the type is int: write 0"),
+    ('<Typed number="3.0"/>', "the type is int: write 3"),
+    ('<Typed number="1.5"/>', "the type is int, without fraction"),
+    ('<Typed number="2 min"/>', "the type is int"),
+    ('<Typed number="-1,000"/>', "a number has no separators: write -1000"),
+    ('<Sleep msec="0 s"/>', "the number is of milliseconds: 0 s is 0"),
+    ('<Sleep msec="1,5 min"/>', "the number is of milliseconds: 1,5 min is 90000")])
+def test_what_is_meant_by_a_number_that_is_not_read_to_its_end(body, hint):
+    fault, = warned(main(body))
+    assert fault.hint == hint
+
+
 @pytest.mark.parametrize("queue", ["a;b", "{items}", "=", "1 a;2"])
 def test_a_list_that_is_no_list_of_numbers_is_not_judged_as_one(queue):
     assert warned(

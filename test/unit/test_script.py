@@ -73,6 +73,20 @@ def test_a_script_ends_as_it_was_recorded():
             check_run(name, compile_script(code, allow_empty=True), case)
 
 
+@pytest.mark.parametrize("text", ["", " ", "\n\t"])
+def test_an_empty_script_is_told_where_it_is_compiled(text):
+    with pytest.raises(ScriptSyntaxError, match="Empty Script"):
+        compile_script(text)
+
+
+def test_an_empty_script_that_a_port_may_bring_fails_each_time_that_it_runs():
+    script = compile_script("", allow_empty=True)
+    for _ in range(2):
+        with pytest.raises(ScriptError, match="bad_function_call: the script is empty"):
+            script.run(Blackboard(), {})
+    assert compile_script("0", allow_empty=True).run(Blackboard(), {}) == 0
+
+
 def check_run(name, script, case):
     blackboard = Blackboard()
     for key, value in case.get("blackboard", {}).items():
