@@ -126,6 +126,7 @@ class Rostest(pytest.Item):
             pytest.skip("needs the workspace's shell: source build/devel/setup.bash")
         environment = dict(os.environ, ROS_HOME=str(self._folder / "ros"))
         if self._python:
+            environment["REPEATED_ON"] = self._python  # cases may leave out what it does not touch
             python, modules = BUILD / f"venv-{self._python}" / "bin", BUILD / "ros_modules"
             if not python.exists() or not any(modules.iterdir()):
                 pytest.skip(f"there is no ROS for python{self._python}")

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import unittest
 
 import rosgraph
 
@@ -26,6 +27,9 @@ STAND_INS = {"/commanded_robot", "/peer"}
 MASTER_IS_GONE = ("master", "does not answer")
 """Words of the line about a master that is not heard of any more."""
 HERE = os.path.dirname(os.path.abspath(__file__))
+
+on_one_python = unittest.skipIf("REPEATED_ON" in os.environ, "it does not depend on the Python")
+"""Marks a case that takes long and is left out where its file is repeated on another Python."""
 
 
 def sentence(event):

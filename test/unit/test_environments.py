@@ -28,7 +28,7 @@ ASCII = {"LC_ALL": "C", "LANG": "C", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": 
          "PYTHONCOERCECLOCALE": "0"}
 ENVIRONMENTS = {
     "no docstrings": ({"PYTHONOPTIMIZE": "2"}, ""),
-    "warnings are errors": ({"PYTHONWARNINGS": "error", "PYTHONDONTWRITEBYTECODE": "1"}, ""),
+    "warnings are errors": ({"PYTHONWARNINGS": "error"}, ""),
     "small character set": (ASCII, ""),
     "no home": ({"HOME": None, "ROS_HOME": None}, ""),
     "a home that is not there": ({"HOME": "/proc/none", "ROS_HOME": "/proc/none",
@@ -69,8 +69,13 @@ def run(words, folder, changes, before=""):
         return done.returncode, output.read().decode("utf-8", "replace")
 
 
-@pytest.mark.parametrize("environment", [pytest.param(
-    name, marks=() if name == "much at once" else pytest.mark.long) for name in ENVIRONMENTS])
+ALONE = ("no docstrings", "no home", "closed streams", "all streams closed", "full output",
+         "no folder")
+"""What cannot be together with the others, or has calls of its own."""
+
+
+@pytest.mark.parametrize("environment", [
+    "much at once", *(pytest.param(name, marks=pytest.mark.long) for name in ALONE)])
 def test_no_program_shows_a_traceback(environment, tmp_path):
     record = str(recorded(tmp_path, visitor_who(says="no")))
     changes, before = ENVIRONMENTS[environment]

@@ -188,9 +188,8 @@ class TestBeforeItStarts(LivingRobot):
             node.kill()
             node.wait(LIMIT)
         self.assertIn("/behaviorController", self.registered())
-        for _ in range(2):
-            code, printed = self.run_to_end(*TEST, *QUICK)
-            self.assertEqual(code, 0, printed)
+        code, printed = self.run_to_end(*TEST, *QUICK)
+        self.assertEqual(code, 0, printed)
 
 
 class TestWhileItRuns(LivingRobot):
