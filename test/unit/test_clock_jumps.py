@@ -17,8 +17,7 @@ from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as console_module
 from behavior_controller.ros.console import ROSOUT_LOGGER, Console
 from mission_rig import FileRecord, Rig, visitor_who, written
-from test_page import (  # noqa: F401
-    browser, is_second_text, open_page, show, text, wait_until)
+from page_rig import is_second_text, open_page, text, wait_until
 
 HOUR, YEARS = 3600, 20 * 365 * 86400
 JUMPS = [-HOUR, HOUR, -YEARS, YEARS]

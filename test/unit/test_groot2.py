@@ -33,6 +33,7 @@ from behavior_controller.run.record.tree_shown import shown
 from behavior_controller.viewer import groot2, zmtp
 from behavior_controller.viewer.groot2 import Groot2Publisher
 from free_ports import free_port
+from groot2_client import Client, hook
 from mission_rig import Rig, visitor_who
 
 FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures",
@@ -70,43 +71,6 @@ SPECS = builtin_specs() + [
     NodeSpec("Act", Kind.ACTION, Act),
     NodeSpec("Cond", Kind.CONDITION, Cond)
 ]
-
-
-class Client:
-    """Groot2, as far as the wire can tell."""
-
-    def __init__(self, port):
-        self.context = zmq.Context()
-        self.requests = self.context.socket(zmq.REQ)
-        self.news = self.context.socket(zmq.SUB)
-        for sock in (self.requests, self.news):
-            sock.setsockopt(zmq.LINGER, 0)
-            sock.setsockopt(zmq.RCVTIMEO, 5000)
-        self.news.subscribe(b"")
-        self.requests.connect("tcp://127.0.0.1:{}".format(port))
-        self.news.connect("tcp://127.0.0.1:{}".format(port + 1))
-
-    def raw(self, *frames):
-        self.requests.send_multipart(list(frames))
-        return self.requests.recv_multipart()
-
-    def ask(self, kind, payload=None):
-        """Return the payload of a reply, or the text of an error."""
-        frames = [struct.pack("<BBI", 2, ord(kind), 7)
-                  ] + ([payload.encode()] if payload is not None else [])
-        reply = self.raw(*frames)
-        if reply[0] == b"error":
-            return reply[1].decode()
-        assert reply[0][:6] == frames[0] and len(reply[0]) == 22
-        self.uuid = reply[0][6:]
-        return reply[1] if len(reply) > 1 else None
-
-    def statuses(self):
-        data = self.ask("S")
-        return dict(struct.unpack_from("<HB", data, place) for place in range(0, len(data), 3))
-
-    def close(self):
-        self.context.destroy(0)
 
 
 class Served(Groot2Publisher):
@@ -270,13 +234,6 @@ def same_xml(ours):
 
 
 # -------------------------------------------------------------------------------------------- hooks
-
-
-def hook(uid, position=0, mode=1, once=False, enabled=True, status="SUCCESS"):
-    return json.dumps({
-        "enabled": enabled, "uid": uid, "mode": mode, "once": once, "desired_status": status,
-        "position": position
-    })
 
 
 @pytest.mark.parametrize("leaf, uid", [('<Act name="a"/>', 2), ('<Cond name="a"/>', 2),

@@ -1,7 +1,6 @@
 """The types of services and topics: the fields' names, types and order decide whether the robot
 understands us."""
 import dataclasses
-import hashlib
 import math
 import os
 from types import SimpleNamespace
@@ -16,6 +15,7 @@ from behavior_controller.robot.requests import (
     AttentionStatus, Exhibit, Faces, GoTo, Listen, Location, PerformGesture, Point, Prompt,
     QueryKnowledge, Request, Say, SetAnimation, SetAttention, SetPose, SetRecognition,
     SetRecognitionLanguage)
+from ros_md5 import md5, md5_of_service
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -137,18 +137,6 @@ PUBLISHED = {
         "float32 wait", "---", "string transcription", "---", "int8 progress"
     ],
 }
-
-
-def md5(*lines):
-    """Return the md5 of a message: a field of another message stands there with that one's md5 in
-    place of its type."""
-    return hashlib.md5("\n".join(lines).encode()).hexdigest()
-
-
-def md5_of_service(lines):
-    split = lines.index("---")
-    return hashlib.md5(
-        ("\n".join(lines[:split]) + "\n".join(lines[split + 1:])).encode()).hexdigest()
 
 
 def md5s_of_action(lines):

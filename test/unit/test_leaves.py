@@ -31,13 +31,9 @@ from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
 from behavior_controller.config.node_facts import MissionSpec, whole_mission
 from behavior_controller.config.phrases import SPEECHES
 from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
+from table_4 import TABLE_4
 
-TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
-FollowMeSpeech GoodbyeGesture HandleFallBack HereIsTheDoorSpeech IsASREnabled IsListWithExhibit IsMutualGazeDiscovered
-IsVisitorDiscovered IsVisitorResponseYes IsYesNoUttered LookUpEntrance LookUpHome MaybeAnotherTimeSpeech Navigate
-PerformDeicticGesture PressYesNoDialogue PressYesNoSpeech QueryTourSpeech RetrieveListOfExhibits SayGoodByeSpeech
-SayYesNoSpeech ScanningOvertAttentionMode SelectExhibit SocialOvertAttentionMode START_OF_TREE WelcomeGesture
-WelcomeSpeech""".split()
+
 EXTENSIONS = """SeekOvertAttentionMode SeekingOvertAttentionMode LocationOvertAttentionMode DescribeExhibitSpeech_1
 DescribeExhibitSpeech_2 SayGoodBye HandleFallback""".split()
 

@@ -6,7 +6,7 @@ import pytest
 from behavior_controller import folders, leaves
 from behavior_controller.config import recovery_policy
 from behavior_controller.robot.gateway import Cause
-from test_leaves import TABLE_4
+from table_4 import TABLE_4
 
 GUIDE = os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "operators_guide.md")
 SPEC = {spec.id: spec for spec in leaves.SPECS}

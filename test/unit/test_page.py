@@ -25,7 +25,6 @@ from behavior_controller.run.events import (HealthChanged, LeafFinished, Noticed
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
-from behavior_controller.leaves import registry
 from behavior_controller.run.state import LEFT_OUT, rank
 from behavior_controller.viewer import view
 from behavior_controller.run.record import recorder
@@ -34,113 +33,19 @@ from behavior_controller.viewer import web_page as page_module
 from behavior_controller.viewer.view import PARTS, SENTENCES
 from behavior_controller.run.story import condition, counted, how_it_ended, why
 from behavior_controller.viewer.web_page import Page
-from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
-from free_ports import free_port
+from browser import MODES, SCREENS, axe, findings, first
 from mission_rig import Rig, board_of, one_leaf, refusal, visitor_who
+from page_rig import Stop, is_second_text, open_page, text, until, wait_until
 from told_visits import RUNS, Teller, rig_of
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
 
 
-class Stop(Exception):
-    """The mission has come to the moment in question."""
-
-
-class Show:
-    """A mission on a page."""
-
-    def __init__(self, rig, address="127.0.0.1"):
-        self.rig, self.warnings = rig, []
-        self.port = free_port()
-        self.page = Page(address, self.port, board_of(rig), self.warnings.append)
-        self.url = "http://127.0.0.1:{}/".format(self.port)
-
-    def fetch(self, path="", method="GET", host=None):
-        """Return status, body and headers; ``host`` is the name that the page is asked for by,
-        empty for none."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=5)
-        connection.putrequest(method, "/" + path, skip_host=host is not None)
-        if host:
-            connection.putheader("Host", host)
-        connection.endheaders()
-        answer = connection.getresponse()
-        return answer.status, answer.read().decode(), answer.headers
-
-    def run_until(self, wanted):
-        """Run the lab tour until a request is ``wanted``, which stays unanswered."""
-        answer = self.rig.answer
-        self.rig.answer = lambda request: None if wanted(request) else answer(request)
-        with pytest.raises(Stop):
-            self.rig.run(until(lambda: any(map(wanted, self.rig.requests))))
-
-
-def until(is_so):
-    """Return a visitor who answers with yes, and stops the mission."""
-    def act(rig):
-        visitor_who(says="yes")(rig)
-        if is_so():
-            raise Stop
-    return act
-
-
-@pytest.fixture
-def show():
-    shows = []
-
-    def make(rig, **more):
-        shows.append(Show(rig, **more))
-        return shows[-1]
-
-    yield make
-    for each in shows:
-        each.page.close()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    opened = open_browser()
-    yield opened
-    opened.quit()
-
-
-def wait_until(is_so, seconds=8.0):
-    """The browser does not tell what it has drawn: look until it has."""
-    ends = time.monotonic() + seconds
-    while time.monotonic() < ends:
-        if is_so():
-            return
-        time.sleep(0.05)
-    raise AssertionError("not in {} s".format(seconds))
-
-
-def open_page(browser, shown, width=1280, height=800):
-    browser.set_window_size(width, height)
-    browser.get("about:blank")
-    browser.get_log("browser")  # the page of the test before may miss its server
-    browser.get(shown.url)
-    wait_until(lambda: browser.execute_script("return items.length") == len(shown.rig.tree.nodes))
-
-
-def text(browser, selector):
-    return browser.execute_script("return document.querySelector(arguments[0]).innerText", selector)
-
-
 IN_VIEW = """
 const row = document.querySelector(".tip > .row").getBoundingClientRect(), box = byId("tree").getBoundingClientRect();
 return row.height > 0 && row.top >= box.top && row.bottom <= box.bottom && row.left >= 0 && row.right <= innerWidth;"""
 NO_SIDEWAYS = "return document.documentElement.scrollWidth <= innerWidth"
-
-
-@pytest.fixture
-def screen(browser):
-    """Return what gives the page a screen: width, height, light or dark."""
-    yield lambda *wanted: set_screen(browser, *wanted)
-    reset_screen(browser)
-
-
-def is_second_text(request):
-    return isinstance(request, Say) and request.text == "second text 1"
 
 
 @pytest.mark.parametrize("width, height", [(1280, 800), (800, 1180)])
@@ -880,7 +785,7 @@ SERVED = """
 import sys, threading, time
 from mission_rig import one_leaf
 from test_board import RUN
-from test_page import Show
+from page_rig import Show
 from behavior_controller.robot.d543 import FACES
 rig = one_leaf("<Sleep msec='900000'/>")
 shown = Show(rig)

@@ -28,8 +28,9 @@ from behavior_controller.run.state import State
 from behavior_controller.run.story import Story, may_be_under_way
 from behavior_controller.text import Source
 from mission_rig import FileRecord, Rig, one_leaf, write, written
-from test_interfaces import ROOT, md5, md5_of_service
+from ros_md5 import md5, md5_of_service
 
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 RELEASE = "release-1.1"
 ENGLISH = "English"
 

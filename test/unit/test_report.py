@@ -34,7 +34,7 @@ from browser import (
     IS_WHOLE, MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen)
 from mission_rig import decode
 from recorded_tours import KINDS, recorded_day
-from test_page import wait_until
+from page_rig import wait_until
 
 FAILED = {
     "_type": "Failure", "cause": "refused", "message": "a chair is in the way", "resource": "/s"

@@ -39,7 +39,7 @@ from behavior_controller.robot.requests import (
     Answer, Faces, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention, SetPose)
 from browser import IS_WHOLE, SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
-from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
+from page_rig import Show, Stop, open_page, text, wait_until
 from told_visits import refusing, walks_off
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 

@@ -30,8 +30,8 @@ from behavior_controller.viewer import process as module
 from behavior_controller.viewer.process import ViewerProcess
 from free_ports import free_port
 from mission_rig import FileRecord, Rig, one_leaf
-from test_groot2 import Client, hook
-from test_page import Stop, until, wait_until
+from groot2_client import Client, hook
+from page_rig import Stop, until, wait_until
 
 ENVIRONMENT = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
 

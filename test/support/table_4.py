@@ -1,0 +1,8 @@
+"""The node types of D5.4.3, table 4."""
+
+TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
+FollowMeSpeech GoodbyeGesture HandleFallBack HereIsTheDoorSpeech IsASREnabled IsListWithExhibit IsMutualGazeDiscovered
+IsVisitorDiscovered IsVisitorResponseYes IsYesNoUttered LookUpEntrance LookUpHome MaybeAnotherTimeSpeech Navigate
+PerformDeicticGesture PressYesNoDialogue PressYesNoSpeech QueryTourSpeech RetrieveListOfExhibits SayGoodByeSpeech
+SayYesNoSpeech ScanningOvertAttentionMode SelectExhibit SocialOvertAttentionMode START_OF_TREE WelcomeGesture
+WelcomeSpeech""".split()
