@@ -143,11 +143,6 @@ class TestGateway(unittest.TestCase):
         self.robot({"/textToSpeech/say_text": "raise"})
         self.assert_fails(Say("hello"), Cause.HANDLER_EXCEPTION, "the robot was commanded to raise")
 
-    def test_an_entry_whose_node_is_dead(self):
-        self.robot().kill()
-        self.assert_fails(Say("hello"), Cause.NOT_REACHABLE, "the master lists it",
-                          "Connection refused")
-
     def test_another_type(self):
         self.robot({"/textToSpeech/say_text": "wrong"})
         self.assert_fails(Say("hello"), Cause.TYPE_MISMATCH, "md5sum")

@@ -210,41 +210,6 @@ class TestTopics(unittest.TestCase):
         self.assertEqual(["latched" in text for text in self.warnings], [True])
         self.assertEqual(self.topics.newest(SPEECH).value, "yes")
 
-    def test_no_utterance_of_many_at_once_is_skipped(self):
-        publisher = self.publisher(SPEECH)
-        texts = [str(number) for number in range(50)] + ["again", "again"]
-        self.topics.wake_when("last", SPEECH, lambda text: text == "again")
-        for text in texts:
-            publisher.publish(text)
-        self.wait_until(lambda: [sample.value for sample in self.topics.recent(SPEECH)][-52:] ==
-                        texts)
-        publisher.unregister()
-        times = [sample.arrived for sample in self.topics.recent(SPEECH)]
-        self.assertEqual(times, sorted(set(times)))
-
-    def test_utterances_that_a_lossy_link_has_merged_wake_the_tree_for_the_one_that_is_wanted(self):
-        latch = self.topics.buffers[SPEECH]
-        publisher = self.publisher(SPEECH)
-        self.topics.recent(SPEECH)
-        self.topics.wake_when("answer", SPEECH, lambda text: text == "yes")
-        self.wake.test_and_clear()
-        connection, = publisher.impl.connections
-        connection.socket.sendall(b"".join(
-            struct.pack("<II", 4 + len(text), len(text)) + text for text in (b"yes", b"hm")))
-        self.wake.wait(10)
-        self.assertTrue(self.wake.test_and_clear(), "the answer was skipped")
-        self.wait_until(lambda: [sample.value for sample in latch.recent()][-2:] == ["yes", "hm"])
-        publisher.unregister()
-
-    def test_an_answer_that_is_ignored_is_told_once_for_each_reason(self):
-        for reason in ("one", "two", ""):
-            self.topics.ignore(SPEECH, reason, lambda text: text == "yes")
-            for text in ("hm", "yes", "yes"):
-                self.publish(SPEECH, text)
-        self.assertEqual(self.warnings, [
-            "ignoring 'yes' on /speechEvent/text: one", "ignoring 'yes' on /speechEvent/text: two"
-        ])
-
     def test_a_publisher_of_which_no_message_can_be_decoded_counts_as_absent(self):
         self.robot.stop()
         latch = self.topics.buffers[FACES]
@@ -265,40 +230,6 @@ class TestTopics(unittest.TestCase):
             -1])
         publisher.unregister()
 
-    def test_a_check_of_another_package_that_fails_ends_no_connection(self):
-        self.topics.wake_when("broken", SPEECH, lambda text: text.no_such_attribute)
-        self.publish(SPEECH, "first")
-        self.assertEqual(self.publish(SPEECH, "second")[0].value, "second")
-
-    def test_the_same_message_again_counts_as_newer(self):
-        first, _ = self.publish(SPEECH, "yes")
-        second, sent = self.publish(SPEECH, "yes")
-        self.assertEqual(second.value, "yes")
-        self.assertLess(first.arrived, sent)
-        self.assertGreaterEqual(second.arrived, sent)
-
-    def test_an_alarm_rings_once_and_for_what_is_wanted_only(self):
-        self.topics.wake_when("a", ATTENTION, lambda status: status.value == 2)
-        self.publish(ATTENTION, "seeking", 1)
-        self.robot.publish("/overtAttention/mode", "seeking", 2)
-        self.wake.wait(10)
-        self.assertTrue(self.wake.test_and_clear())
-        self.robot.publish("/overtAttention/mode", "seeking", 1)
-        self.robot.publish("/overtAttention/mode", "seeking", 2)
-        self.wait_until(lambda: self.topics.newest(ATTENTION).value.value == 2)
-        self.wake.wait(0.2)
-        self.assertFalse(self.wake.test_and_clear())
-
-    def test_a_message_that_slips_in_between_the_look_and_the_alarm_rings_it(self):
-        self.publish(SPEECH, "no")
-        self.topics.newest(SPEECH)
-        self.topics.wake_when("it has come", SPEECH, lambda text: text == "yes")
-        self.robot.publish("/speechEvent/text", "yes")
-        self.wake.wait(10)
-        self.assertTrue(self.wake.test_and_clear(), "nothing arrived")
-        self.topics.wake_when("answer", SPEECH, lambda text: text == "yes")
-        self.assertTrue(self.wake.test_and_clear())
-
     def test_an_alarm_under_the_same_key_replaces_the_one_before(self):
         self.topics.wake_when("a", SPEECH, lambda text: True)
         self.topics.wake_when("a", ATTENTION, lambda status: True)
@@ -306,22 +237,6 @@ class TestTopics(unittest.TestCase):
         self.wait_until(lambda: getattr(self.topics.newest(SPEECH), "value", "") ==
                         "replaced alarm")
         self.assertFalse(self.wake.test_and_clear())
-
-    def test_a_publisher_of_another_type_is_named_once_and_does_no_harm(self):
-        other = rospy.Publisher("/overtAttention/mode", String, queue_size=10)
-        self.wait_until(lambda: other.get_num_connections() == 1)
-        before, _ = self.publish(ATTENTION, "social", 0)
-        for _ in range(3):
-            other.publish("seeking")
-        self.wait_until(lambda: self.warnings)
-        self.assertIs(self.topics.newest(ATTENTION), before)
-        self.assertEqual(
-            self.publish(ATTENTION, "social", 5)[0].value, AttentionStatus("social", 5))
-        other.unregister()
-        self.assertEqual(len(self.warnings), 1)
-        for word in (rospy.get_name(), "/overtAttention/mode", "std_msgs/String",
-                     "cssr_system/overtAttentionMessage"):
-            self.assertIn(word, self.warnings[0])
 
     def test_two_thousand_messages_per_second_cost_next_to_nothing(self):
         for is_awaited in (False, True):

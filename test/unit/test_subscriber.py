@@ -296,6 +296,16 @@ def test_an_alarm_rings_once_for_what_is_wanted_also_if_it_came_since_the_last_l
     assert not buffer.wake.is_set
 
 
+def test_a_check_that_fails_wakes_the_tick_which_reports_it_and_ends_no_connection(reading):
+    publisher = Publisher(SPEECH)
+    buffer = reading(SPEECH, publisher)
+    buffer.set_alarm("broken", lambda words: words.no_such_attribute)
+    publisher.send(said("first"))
+    until(lambda: buffer.wake.is_set)
+    publisher.send(said("second"))
+    until(lambda: values(buffer) == ["first", "second"])
+
+
 def test_a_message_that_is_ignored_is_told_once_for_each_reason(reading):
     buffer = reading(SPEECH)
     for reason in ("one", "two", ""):
