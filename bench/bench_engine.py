@@ -16,7 +16,7 @@ from py_trees.common import Status
 
 from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
-from behavior_controller.bt.engine.registry import Registry
+from behavior_controller.bt.engine.node_types import Registry
 
 REGISTRY = Registry(builtin_specs())
 ROUNDS = 7

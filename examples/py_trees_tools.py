@@ -7,7 +7,7 @@ import py_trees
 
 from behavior_controller import bt
 
-registry = bt.Registry(bt.builtin_specs() + [bt.NodeSpec(
+registry = bt.Registry([bt.NodeSpec(
     "Count", bt.Kind.ACTION, lambda name: py_trees.behaviours.TickCounter(
         name, 2, py_trees.common.Status.SUCCESS))])
 tree = py_trees.trees.BehaviourTree(bt.load(sys.argv[1], registry).root)

@@ -1,4 +1,5 @@
 """What code of other packages raised: in one line, with its place in Python."""
+import inspect
 import opcode
 import os
 import signal
@@ -8,6 +9,7 @@ from typing import List, Tuple
 
 _RAISE = opcode.opmap["RAISE_VARARGS"]
 
+OUR_PACKAGE = "behavior_controller."
 _OURS = os.path.dirname(os.path.abspath(__file__)) + os.sep
 _PYTHONS_OWN = os.path.dirname(os.path.abspath(traceback.__file__)) + os.sep
 
@@ -53,6 +55,7 @@ def _raised_at(error: BaseException, owner: object) -> str:
 def _defined_at(owner: object) -> List[Tuple[str, int]]:
     """Return where a foreign function, or the first one of a foreign class, is defined."""
     owner = getattr(owner, "func", owner)  # of a partial
+    owner = getattr(owner, "__func__", owner)  # of a method
     parts = list(vars(owner).values()) if isinstance(owner, type) else [owner]
     codes = [part.__code__ for part in parts if isinstance(part, FunctionType)]
     return [(code.co_filename, code.co_firstlineno) for code in codes[:1]
@@ -63,6 +66,18 @@ def defined_at(owner: object) -> str:
     """Return the place of a foreign function in brackets; of another one an empty text."""
     places = _defined_at(owner)
     return f" ({place(*places[0])})" if places else ""
+
+
+def takes(function: object, count: int) -> bool:
+    """Return whether a function can be called with so many arguments. Some of Python's own do not
+    tell; they count as if they could."""
+    try:
+        inspect.signature(function).bind(*[None] * count)  # type: ignore[arg-type]
+    except TypeError:
+        return False
+    except ValueError:
+        return True
+    return True
 
 
 def _is_foreign(file: str) -> bool:

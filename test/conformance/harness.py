@@ -22,7 +22,8 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.loader.document import Document, parse, read, with_includes
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.bt.values.status import BY_NAME, IDLE, NAMES
 from behavior_controller.errors import BehaviorControllerError
 

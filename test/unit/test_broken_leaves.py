@@ -12,7 +12,8 @@ from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import NodeError, TickError
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.bt.values.status import IDLE, RUNNING
 from behavior_controller.errors import MissionError
 
@@ -43,7 +44,7 @@ class Raises(SyncActionLeaf):
         raise KeyError("gripper")
 
 
-class Broken(SyncActionLeaf):
+class Broken(Raises):
     """Cannot be made."""
 
     def __init__(self, name):
@@ -51,7 +52,7 @@ class Broken(SyncActionLeaf):
         self.limit = int(name)
 
 
-class Leaves(SyncActionLeaf):
+class Leaves(Raises):
     """Ends the program where it is made."""
 
     def __init__(self, name):
@@ -59,7 +60,7 @@ class Leaves(SyncActionLeaf):
         sys.exit(3)
 
 
-class Unsettled(SyncActionLeaf):
+class Unsettled(Raises):
     """Can be made, and not configured."""
 
     def configure(self):
@@ -132,8 +133,9 @@ def test_a_rule_that_returns_no_status_is_an_error_at_its_node(monkeypatch, cont
     with pytest.raises(TickError) as raised:
         tree.tick_once()
     assert str(raised.value) == (
-        "Exception in node 'grip' [Forgetful]: m.xml:3:1: its rule returned {!r}; "
-        "it must be RUNNING, SUCCESS, FAILURE or SKIPPED".format(result))
+        "Exception in node 'grip' [Forgetful]: m.xml:3:1: its rule returned {!r} "
+        "(unit/test_broken_leaves.py:{}); it must be RUNNING, SUCCESS, FAILURE or SKIPPED".format(
+            result, Forgetful.update.__code__.co_firstlineno))
     assert isinstance(raised.value.cause, NodeError) and raised.value.node is tree.nodes[1]
 
 
@@ -146,7 +148,8 @@ def test_a_running_leaf_that_forgets_its_status_is_an_error_too():
 
 
 @pytest.mark.parametrize("result, words", [
-    (IDLE, "its rule returned IDLE; it must be RUNNING, SUCCESS, FAILURE or SKIPPED"),
+    (IDLE, "its rule returned IDLE (unit/test_broken_leaves.py:{}); it must be RUNNING, SUCCESS, "
+     "FAILURE or SKIPPED".format(Forgetful.update.__code__.co_firstlineno)),
     (RUNNING, "SyncActionNode MUST never return RUNNING")])
 def test_a_status_that_is_no_result_is_an_error_at_its_node(monkeypatch, result, words):
     monkeypatch.setattr(Forgetful, "result", result)

@@ -9,7 +9,8 @@ from behavior_controller.bt.loader.checks import check
 from behavior_controller.bt.mission import load_mission, load_text
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.errors import MissionError
 
 REGISTRY = Registry(builtin_specs() + [

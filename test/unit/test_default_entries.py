@@ -11,7 +11,8 @@ from behavior_controller.bt.engine.leaf import SyncActionLeaf
 from behavior_controller.bt.values import values
 from behavior_controller.bt.engine.ports import NoValue, PortError
 from behavior_controller.bt.values.values import PortType, ValueFault
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.bt.values.status import SUCCESS
 from behavior_controller.errors import MissionError
 from behavior_controller.run.record.tree_shown import full_tree

@@ -24,7 +24,8 @@ from tornado.netutil import bind_sockets
 from behavior_controller.bt.mission import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.run.record.codec import Decoder, encode, header

@@ -9,7 +9,8 @@ from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import TickError
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.run.events import BreakpointChanged
 from behavior_controller.run.from_viewer import (

@@ -16,7 +16,8 @@ from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.missions.load import load_tree
 
 REGISTRY = Registry(builtin_specs() + [

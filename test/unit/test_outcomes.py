@@ -9,7 +9,8 @@ from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.controls import Sequence
 from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 
 LEAVES = {
     "Win": SUCCEEDS, "Lose": FAILS, "Skip": SKIPS, "WinOrSkip": SUCCEEDS | SKIPS,

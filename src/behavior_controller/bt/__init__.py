@@ -44,12 +44,13 @@ from behavior_controller.bt.engine.controls import Control
 from behavior_controller.bt.engine.decorators import Decorator
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, NodeError, Result, TickError
+from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.engine.ports import NoValue, PortError
 from behavior_controller.bt.values.values import PortType, ValueFault
 from behavior_controller.bt.engine.possible_results import FAILS, SKIPS, SUCCEEDS
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 

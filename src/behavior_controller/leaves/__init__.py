@@ -4,13 +4,13 @@ the nodes of release 1.0 and 1.1.
 The nodes of other packages follow them: see ``extensions``.
 """
 import functools
-import inspect
 import re
 from typing import Any, Dict, Iterator, Tuple
 
 from behavior_controller import extensions
 from behavior_controller.bt import Direction, NodeSpec, Port, Registry, builtin_specs
 from behavior_controller.bt.engine import ports
+from behavior_controller.bt.engine.node_types import class_fault
 from behavior_controller.bt.loader.structure import STRUCTURE, is_port_name
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.leaves import (
@@ -32,7 +32,7 @@ _NAME = re.compile(r"[^\W\d][\w.-]*")
 def specs() -> Tuple[NodeSpec, ...]:
     """Return the node types of this package and of all others. Raises BrokenExtension."""
     owners: Dict[str, str] = {spec.id: "BehaviorTree.CPP" for spec in builtin_specs()}
-    known = Registry(builtin_specs() + list(SPECS))
+    known = Registry(SPECS)
     builtins = len(owners)
     owners.update((spec.id, extensions.TARGET) for spec in SPECS)
     for extension in extensions.exported("phrases"):
@@ -61,14 +61,12 @@ def _faults(spec: NodeSpec, owners: Dict[str, str], known: Registry) -> Iterator
     if unserved:
         yield (f"no service is declared for the request {unserved[0]} of {spec.id}; "
                "declare it in the module that the package exports as interface",)
+    made: Any = getattr(spec.factory, "func", spec.factory)
     try:
         known.extend([spec])
-    except (AttributeError, TypeError, ValueError) as error:  # of a wrong field
-        yield (str(error),)
-    made: Any = getattr(spec.factory, "func", spec.factory)
-    if inspect.isabstract(made):
-        yield (f"{made.__name__}, the class of {spec.id}, has no "
-               f"{min(made.__abstractmethods__)}()", "class " + made.__name__)
+    except (AttributeError, TypeError, ValueError) as error:
+        is_of_class = str(error) == class_fault(spec, made)  # and not of a field
+        yield (str(error), *(["class " + made.__name__] if is_of_class else ()))
     if not callable(made) or isinstance(made, type) and not issubclass(made, Behaviour):
         yield (f"{made} makes no nodes of the type {spec.id}: name a class of nodes",)
     if not _NAME.fullmatch(spec.id) or spec.id in STRUCTURE:
@@ -96,4 +94,4 @@ def mission_specs() -> Tuple[MissionSpec, ...]:
 
 def registry() -> Registry:
     """Return the node types that a mission may use: BehaviorTree.CPP's own and the mission's."""
-    return Registry(builtin_specs() + list(specs()))
+    return Registry(specs())

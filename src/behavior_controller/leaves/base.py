@@ -14,8 +14,9 @@ from typing import (Any, Callable, Deque, Dict, Generator, List, Mapping, NamedT
 import msgspec
 
 from behavior_controller.bt import (
-    ActionLeaf, Blackboard, Clock, ConditionLeaf, ConfigureError, Kind, NoValue, Node, Port,
-    PortError, Result, SyncActionLeaf, Tree, FAILURE, IDLE, RUNNING, SUCCESS)
+    ActionLeaf, Blackboard, Clock, ConditionLeaf, ConfigureError, Kind, NoValue, Node, NodeError,
+    Port, PortError, Result, SyncActionLeaf, Tree, FAILURE, IDLE, RUNNING, SUCCESS)
+from behavior_controller.foreign_code import defined_at
 from behavior_controller.thread_check import tick_thread_only
 from behavior_controller.bt.engine.registry import argument
 from behavior_controller.bt.values.status import NAMES
@@ -245,6 +246,16 @@ class MissionLeaf(Node):
         """Return the failure for a port that cannot be read or written."""
         return Failure(Cause.MISSING_DATA, str(error), self.resource)
 
+    def checked_end(self, method: str, failure: Optional[Failure]) -> Optional[Failure]:
+        """Return what a method returned. Raises NodeError if it is of a wrong kind."""
+        if failure is not None and not isinstance(failure, Failure):
+            raise NodeError(f"its {method}(){self._place(method)} returned {reprlib.repr(failure)};"
+                            " allowed: None if it is done, or a Failure")
+        return failure
+
+    def _place(self, method: str) -> str:
+        return defined_at(getattr(type(self), method))
+
     def succeeded(self) -> Result:
         """Report SUCCESS and return it."""
         return self.report(SUCCESS)
@@ -284,6 +295,8 @@ class MissionLeaf(Node):
 class InstantLeaf(MissionLeaf):
     """A leaf without a service: done within its tick."""
 
+    RULE = ("act",)
+
     @abstractmethod
     def act(self) -> Optional[Failure]:
         """Carry out the action; return its failure, if any."""
@@ -292,7 +305,7 @@ class InstantLeaf(MissionLeaf):
         """Act and report."""
         self.started_at = self.mission.clock.now()
         try:
-            return self.ended(_checked_end("act", self.act()))
+            return self.ended(self.checked_end("act", self.act()))
         except PortError as error:
             return self.failed(self.missing(error))
 
@@ -303,6 +316,8 @@ class InstantAction(InstantLeaf, SyncActionLeaf):
 
 class InstantCondition(InstantLeaf, ConditionLeaf):
     """A condition on the mission's own data."""
+
+    RULE = ("holds",)
 
     @abstractmethod
     def holds(self) -> bool:
@@ -315,6 +330,9 @@ class InstantCondition(InstantLeaf, ConditionLeaf):
 
 class WorkingLeaf(MissionLeaf, ActionLeaf):
     """An action of several ticks, as one function."""
+
+    RULE: Tuple[str, ...] = ("work",)
+    rule = Node.rule
 
     _under_way: Optional[Waiting[Result]] = None
     _awaited: Optional[Awaited] = None
@@ -360,31 +378,11 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
             timer.cancel()
 
 
-def _checked_end(method: str, failure: Optional[Failure]) -> Optional[Failure]:
-    """Return what a leaf's method returned. Raises TypeError if it is of a wrong kind."""
-    if failure is not None and not isinstance(failure, Failure):
-        raise TypeError(f"its {method}() returned {reprlib.repr(failure)}; allowed: None if it is "
-                        "done, or a Failure")
-    return failure
-
-
-def _check_request(asks: type, wanted: object) -> None:
-    """Raise TypeError if a leaf's request is not of the kind that it asks for, or has a field of a
-    wrong type."""
-    if not isinstance(wanted, asks):
-        raise TypeError(f"its request() returned {reprlib.repr(wanted)}, which is no "
-                        f"{asks.__name__}")
-    try:
-        msgspec.convert(msgspec.to_builtins(wanted), asks)
-    except msgspec.ValidationError as error:
-        raise TypeError(
-            f"the {asks.__name__} of its request() has a wrong field: {error}") from None
-
-
 class ServiceLeaf(WorkingLeaf):
     """An action that calls a service: RUNNING until the answer or the deadline, which the gateway
     keeps, and then for as long as ``lasts`` says."""
 
+    RULE = ("request", "work")
     asks: type  # the kind of request
     does_without = False  # it succeeds without a request on a robot that lacks the service
 
@@ -431,6 +429,19 @@ class ServiceLeaf(WorkingLeaf):
         """Make the request, and report how that ended."""
         return self.ended((yield from self.try_once()))
 
+    def _check_request(self, wanted: object) -> None:
+        """Raise NodeError if a request is not of the kind that the leaf asks for, or has a field of
+        a wrong type."""
+        method = f"its request(){self._place('request')}"
+        if not isinstance(wanted, self.asks):
+            raise NodeError(
+                f"{method} returned {reprlib.repr(wanted)}, which is no {self.asks.__name__}")
+        try:
+            msgspec.convert(msgspec.to_builtins(wanted), self.asks)
+        except msgspec.ValidationError as error:
+            raise NodeError(
+                f"{method} returned a {self.asks.__name__} with a wrong field: {error}") from None
+
     def try_once(self) -> Waiting[Optional[Failure]]:
         """Make the request once, and return its failure. A recovery calls this to retry the step.
         """
@@ -438,7 +449,7 @@ class ServiceLeaf(WorkingLeaf):
             wanted = None if self.does_without and not self.resource else self.request()
             if wanted is None or isinstance(wanted, Failure):
                 return wanted
-            _check_request(self.asks, wanted)
+            self._check_request(wanted)
             words = self.words(wanted)
             self.begin_step(words, self.limit(wanted))
             call = self.mission.gateway.start(wanted)
@@ -455,7 +466,7 @@ class ServiceLeaf(WorkingLeaf):
                 self.begin_step(words, seconds, goes_on=True)
                 yield from self.pause(seconds)
             self.summary = self.done(words)
-            failure = _checked_end("accept", self.accept(answer))
+            failure = self.checked_end("accept", self.accept(answer))
         except PortError as error:
             failure = self.missing(error)
         if failure is not None:

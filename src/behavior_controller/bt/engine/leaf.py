@@ -1,6 +1,7 @@
 """The kinds of leaf: stateful action, synchronous action, condition (BT.CPP section "Leaf kinds"),
 py_trees behaviour."""
-from typing import Any
+from abc import abstractmethod
+from typing import Any, Callable, Tuple
 
 from py_trees.behaviour import Behaviour
 
@@ -19,9 +20,12 @@ class ActionLeaf(Node):
     A leaf that has completed and was not reset returns its result again without running.
     """
 
+    KIND = Kind.ACTION
+    RULE: Tuple[str, ...] = ("on_start", "on_running")
+
+    @abstractmethod
     def on_start(self) -> Result:
         """Start the action."""
-        raise NotImplementedError
 
     def on_running(self) -> Result:
         """Continue the action."""
@@ -29,6 +33,11 @@ class ActionLeaf(Node):
 
     def on_halted(self) -> None:
         """Abort the action; called only when the leaf is RUNNING."""
+
+    @property
+    def rule(self) -> Callable[..., Any]:
+        """The method of this tick."""
+        return getattr(type(self), self.RULE[self.status is RUNNING])
 
     def update(self) -> Result:
         """Start, go on, or repeat the result."""
@@ -77,6 +86,7 @@ class SyncActionLeaf(Node):
     """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error,
     reported once it is stored."""
 
+    KIND = Kind.ACTION
     is_instant = True
 
 

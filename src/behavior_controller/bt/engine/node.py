@@ -21,9 +21,10 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.script.parser import Script, ScriptError, to_bool
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port
+from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port
 from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.foreign_code import defined_at
 from behavior_controller.text import clean
 
 Result = Union[Status, Skipped]
@@ -162,8 +163,9 @@ class Node(Behaviour):
     the tree, ``uid`` the number in depth-first order from 1 (BT.CPP section "UIDs and paths").
     """
 
-    KIND = Kind.ACTION
     PORTS: Tuple[Port, ...] = ()
+    RULE: Tuple[str, ...] = ("update",)
+    """The methods with which a sub-class gives its rule."""
     status: Status
     element: Any = None
     """The ``document.Element`` that the node was made from, if it was made from a file."""
@@ -265,11 +267,17 @@ class Node(Behaviour):
         old = self.status
         if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
             shown = "IDLE" if status is IDLE else repr(status)
-            allowed = "it must be RUNNING, SUCCESS, FAILURE or SKIPPED"
-            raise TickError(self, NodeError(f"its rule returned {shown}; {allowed}"))
+            returned = f"its rule returned {shown}{defined_at(self.rule)}"
+            raise TickError(self, NodeError(
+                f"{returned}; it must be RUNNING, SUCCESS, FAILURE or SKIPPED"))
         self.status = status
         if self.observer is not None and old is not status:
             self.observer(self, old, status)
+
+    @property
+    def rule(self) -> Callable[..., Any]:
+        """The function that returns the result of a tick."""
+        return getattr(type(self), self.RULE[-1])
 
     def place_in_file(self) -> str:
         """Return ``file:line:column: `` as a message begins with it, or nothing if the node was not
@@ -319,7 +327,7 @@ class Node(Behaviour):
 
     def get_input(self, name: str) -> Any:
         """Return the value of an input port. Raises PortError if it has no value or a wrong one."""
-        port = self._port(name)
+        port = self._port(name, Direction.OUT, "read")
         text = self.attributes.get(name, port.default)
         if text is None:
             raise ports.PortError(f"Missing parameter [{name}] in {self.registration_id}")
@@ -327,7 +335,7 @@ class Node(Behaviour):
 
     def set_output(self, name: str, value: Any) -> None:
         """Write to an output port. Raises PortError if it is not connected."""
-        port = self._port(name)
+        port = self._port(name, Direction.IN, "written")
         text = self.attributes.get(name)
         if text is None:
             raise ports.PortError(f"output port [{name}] is not connected")
@@ -335,14 +343,18 @@ class Node(Behaviour):
 
     def clear_output(self, name: str) -> None:
         """Empty the entry of an output port."""
-        ports.clear(self.attributes.get(name, ""), self._port(name), self.blackboard)
+        port = self._port(name, Direction.IN, "written")
+        ports.clear(self.attributes.get(name, ""), port, self.blackboard)
 
-    def _port(self, name: str) -> Port:
+    def _port(self, name: str, unfit: Direction, use: str) -> Port:
         port = self.spec.port_named.get(name)
         if port is None:
             declared = ", ".join(self.spec.port_named) or "none"
             raise LookupError(f"{self.registration_id} declares no port [{name}]; its ports: "
                               f"{declared}")
+        if port.direction is unfit:
+            raise LookupError(f"{self.registration_id} declares [{name}] as an {unfit.value}, which"
+                              f" cannot be {use}; declare Direction.INOUT")
         return port
 
     @property

@@ -1,19 +1,15 @@
-"""The node types that a mission may use: their names, kinds, ports, and how to make one."""
-import collections.abc
+"""One node type: its name, kind, ports, how it ends, and how to make a node of it."""
 import enum
 import sys
 from dataclasses import dataclass
 from functools import cached_property
-from typing import (Any, Callable, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional,
-                    Sequence, Tuple)
+from typing import Callable, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple
 
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.engine.possible_results import (
     ANY_RESULT, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, Attributes, Outcome, in_chain, in_rounds,
     of_branches)
-from behavior_controller.bt.values.values import PortType, TYPES
-from behavior_controller.text import did_you_mean
 
 
 class Kind(enum.Enum):
@@ -170,62 +166,7 @@ class NodeSpec:
         return self.description + (f" Named {', '.join(self.names)}." if self.names else "")
 
 
-_SPEC_FIELDS: Dict[str, Tuple[Any, ...]] = {
-    "kind": (Kind,), "id": (str,), "description": (str,), "advances_on": (int,),
-    "repeats_on": (int,), "outcome": (int, type(None), collections.abc.Callable)}
-_PORT_FIELDS = {"name": (str,), "type": (str,), "direction": (Direction,),
-                "default": (str, type(None)), "description": (str,)}
-
-
-def _check_fields(what: str, record: object, kinds: Mapping[str, Tuple[Any, ...]]) -> None:
-    """Raise ValueError, which names it, if a field of ``record`` has a value of another type."""
-    for field, allowed in kinds.items():
-        value = getattr(record, field)
-        if not isinstance(value, allowed):
-            wrong = f"the {field} of the {what} is {value!r}"
-            raise ValueError(f"{wrong}, and not of the type {allowed[0].__name__}")
-
-
 def argument(name: str) -> str:
     """Return the argument that an instance's name means: case and surrounding blanks are ignored.
     """
     return name.strip().lower()
-
-
-class Registry(Dict[str, NodeSpec]):
-    """Node types by name, in the order of registration; ``extend`` adds some."""
-
-    def __init__(self, specs: Iterable[NodeSpec] = ()):
-        super().__init__()
-        self._types: Dict[str, PortType] = {}
-        self.extend(specs)
-
-    def extend(self, specs: Iterable[NodeSpec]) -> None:
-        """Add each of ``specs``. Raises ValueError for a duplicate name, and for a field or a port
-        of a wrong type."""
-        for spec in specs:
-            if spec.id in self:
-                raise ValueError(f"the node type {spec.id} is registered twice")
-            _check_fields(f"node type {spec.id!r}", spec, _SPEC_FIELDS)
-            if isinstance(spec.ports, Port) or {type(port) for port in spec.ports} - {Port}:
-                wrong = f"the ports of the node type {spec.id} are not a tuple of Port"
-                raise ValueError(f"{wrong}; with one port it needs a comma")
-            for port in spec.ports:
-                _check_fields(f"port {port.name} of {spec.id}", port, _PORT_FIELDS)
-                self._check_type(port, spec)
-            if len(spec.port_named) < len(spec.ports):
-                raise ValueError(f"two ports of the node type {spec.id} have the same name")
-            self[spec.id] = spec
-
-    def _check_type(self, port: Port, spec: NodeSpec) -> None:
-        if isinstance(port.type, PortType):
-            if self._types.setdefault(port.type, port.type) is not port.type:
-                wrong = f"the type {port.type} of the port {port.name} of {spec.id}"
-                raise ValueError(f"{wrong} is not the one of that name that other ports have; "
-                                 "make one PortType and use it for all")
-        elif port.type not in TYPES:
-            # a float is no Location, though the names are a little alike
-            hint = did_you_mean(port.type, TYPES) or did_you_mean(port.type, self._types, 0.75)
-            hint = hint or "there are: " + " ".join(TYPES)
-            wrong = f"the port {port.name} of {spec.id} has the unknown type {port.type}"
-            raise ValueError(f"{wrong} ({hint}; a type of your own is a PortType)")

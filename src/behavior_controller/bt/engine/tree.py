@@ -137,6 +137,7 @@ class Tree:
         """
         if self._ticked is not None:
             self._ticked.clear()
+        if self._hidden:
             self.show_own_statuses()
         self._hand_over()
         clock = self.clock
@@ -158,10 +159,14 @@ class Tree:
 
     def tick_while_running(self, sleep_seconds: float = 0.01) -> Result:
         """Tick until the result is not RUNNING; sleep between ticks, at most until the next
-        wake-up."""
+        wake-up. Then the nodes show their results."""
+        if self.is_idle:
+            for node in self.nodes:
+                node.was = IDLE
         while True:
             result = self.tick_once()
             if result is not RUNNING:
+                self.show_results()
                 return result
             self.sleep(sleep_seconds)
 
@@ -208,6 +213,14 @@ class Tree:
                 self._hidden[node] = node.status
                 node.status = shown
         yield from ticked
+
+    def show_results(self) -> None:
+        """Let each node that is IDLE again show its last result to py_trees' tools, until the next
+        tick."""
+        for node in self.nodes:
+            if node.status is IDLE and node.was in (SUCCESS, FAILURE):
+                self._hidden[node] = IDLE
+                node.status = node.was
 
     def show_own_statuses(self) -> None:
         """Restore the statuses that the engine uses."""

@@ -5,7 +5,8 @@ from typing import Dict, Iterator, List, Mapping, Set, Tuple
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.node import DECISIONS
 from behavior_controller.bt.engine.possible_results import ENDS_BY_NAME
-from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.loader.flow import SUPPRESSED, TOUCHED, WRITTEN, Flow
 from behavior_controller.bt.loader.structure import Trees

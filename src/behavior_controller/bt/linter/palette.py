@@ -17,7 +17,8 @@ from behavior_controller.bt.engine.controls import Sequence as SequenceNode
 from behavior_controller.bt.engine.decorators import ForceSuccess
 from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
 from behavior_controller.bt.values.values import ANY, TYPES
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.errors import Fault
 from behavior_controller.text import did_you_mean, without_controls
 

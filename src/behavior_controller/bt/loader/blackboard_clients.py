@@ -14,7 +14,7 @@ from py_trees.common import Access
 from behavior_controller.bt.loader.flow import Flow
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.values.blackboard import Blackboard
-from behavior_controller.bt.engine.registry import Registry
+from behavior_controller.bt.engine.node_types import Registry
 
 _ShownEntry = Tuple[Blackboard, str, str]
 """An entry by its place and name here, and by its name there."""

@@ -12,8 +12,9 @@ from behavior_controller.bt.values import values
 from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.values.values import ValueFault
+from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.registry import (
-    Direction, Kind, NodeSpec, Port, Registry, Role, argument)
+    Direction, Kind, NodeSpec, Port, Role, argument)
 from behavior_controller.bt.loader.structure import (
     AROUND_THEM, CONDITIONS, Trees, is_port_name, remaps_all)
 from behavior_controller.text import did_you_mean

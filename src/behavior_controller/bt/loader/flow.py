@@ -7,7 +7,8 @@ from behavior_controller.bt.loader.structure import CONDITIONS, given, is_port_n
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.loader.document import Element
-from behavior_controller.bt.engine.registry import Direction, Kind, Port, Registry, Role
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Direction, Kind, Port, Role
 from behavior_controller.bt.script.parser import (
     Assignment, Operand, Script, compile_script)
 from behavior_controller.bt.values.values import GENERIC, TEXT, TYPES, ValueFault, real_from_text

@@ -6,7 +6,8 @@ from typing import Collection, Counter, Dict, Iterable, List, Optional, Set, Tup
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
-from behavior_controller.bt.engine.registry import Direction, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Direction, Port
 from behavior_controller.bt.values.values import TYPES
 from behavior_controller.errors import Fault
 from behavior_controller.text import did_you_mean, first_names

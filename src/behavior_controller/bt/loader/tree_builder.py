@@ -23,7 +23,8 @@ from behavior_controller.bt.loader.document import (
     Document, Element, garbage_collection_paused)
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.values.values import GENERIC, TEXT, ValueFault
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.engine.node_types import Registry, class_fault
+from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port
 from behavior_controller.errors import Fault, FaultsFound, MissionError
 from behavior_controller.text import Source
 
@@ -169,6 +170,10 @@ class _Compiler:
             if not isinstance(node, Node):
                 kind = "node of ours: a py_trees behaviour is a leaf" if is_foreign else "node"
                 raise TypeError(f"its factory returned {node!r}, which is not a {kind}")
+            fault = class_fault(spec, type(node))
+            if fault:
+                self.faults.append(element.fault(rules.NODE_BROKEN, fault))
+                return spec, None
             self._classes.add(type(node))
         except BaseException as error:  # a leaf may raise anything
             self.faults.append(element.broken(spec.id, "made", error, spec.factory))

@@ -133,6 +133,19 @@ class Blackboard:
         entry = self.read(key)
         return default if entry is None or entry.value is None else entry.value
 
+    def __getitem__(self, key: str) -> Any:
+        """Return the value of ``key``. Raises KeyError if it has none."""
+        value = self.get(key)
+        if value is None:
+            raise KeyError(key)
+        return value
+
+    def __setitem__(self, key: str, value: Any) -> None:
+        self.set(key, value)
+
+    def __contains__(self, key: str) -> bool:
+        return self.get(key) is not None
+
     def set(self, key: str, value: Any, value_type: Optional[str] = None) -> None:
         """Write as a port or the host does (BT.CPP ``Blackboard::set``). Raises ValueFault on a
         type clash.
