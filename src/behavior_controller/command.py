@@ -32,6 +32,7 @@ def run(name: str, module: str, function: str = "main", redraws: bool = False) -
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     for stream in (sys.stdout, sys.stderr):
         _make_safe(stream, redraws)
+    extensions.watch()
     main = _loaded(name, module, function, exit_codes.UNAVAILABLE)
     code, lines = exit_codes.UNAVAILABLE, []
     try:

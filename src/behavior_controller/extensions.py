@@ -4,6 +4,7 @@ their package.xml.
 ``<export><cssr_system leaves="my_robot.leaves" interface="my_robot.interface"
 phrases="my_robot.phrases"/></export>`` in the form of rqt and pluginlib.
 """
+import contextlib
 import functools
 import importlib
 import os
@@ -11,6 +12,7 @@ import re
 import reprlib
 import sys
 import threading
+import time
 import traceback
 from types import FrameType, ModuleType
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
@@ -31,8 +33,12 @@ PLAIN: Dict[Any, Tuple[type, ...]] = {
     str: (str,), bool: (bool,), int: (int,), float: (int, float), Tuple[str, ...]: (list, tuple)}
 """Types of fields that are checked, each with the types of values that it may have."""
 
-IMPORT_LIMIT = 10.0
-"""Seconds after which a tool gives up the import of an exported module, and ends."""
+CODE_LIMIT = 15.0
+"""Seconds after which a command gives up code of another package that has not returned, and ends.
+"""
+
+WATCH_INTERVAL = 0.25
+"""Seconds between two looks at that code."""
 
 doubts: List[Fault] = []
 """A warning for each package.xml, of those read so far, that may export something and cannot be
@@ -109,15 +115,44 @@ def late(seconds: float, frame: Optional[FrameType] = None) -> Optional[BrokenEx
 
     ``frame`` is where the work has got to. None if no extension holds it up.
     """
+    frames = frames_of_packages(frame)
+    where = place(frames[0].f_code.co_filename, frames[0].f_lineno) if frames else ""
     if _under_way:
+        package, export = _under_way[0]
+        where = where and f" ({where})"
         return BrokenExtension(
-            _under_way[0][0], f"{_under_way[0][1]}: its import has not ended within {seconds:g} s")
-    for caller, line in traceback.walk_stack(frame) if frame is not None else ():
-        package = _package_of(caller)
-        if package is not None:
-            return BrokenExtension(package, f"{place(caller.f_code.co_filename, line)} "
-                                            f"has not returned within {seconds:g} s")
+            package, f"{export}: its import has not ended within {seconds:g} s{where}")
+    if frames:
+        return BrokenExtension(
+            _package_of(frames[0]) or "", f"{where} has not returned within {seconds:g} s")
     return None
+
+
+def frames_of_packages(frame: Optional[FrameType]) -> List[FrameType]:
+    """Return the calls of extensions' code that are under way, the innermost first."""
+    return [caller for caller, _ in (traceback.walk_stack(frame) if frame is not None else ())
+            if _package_of(caller) is not None]
+
+
+def watch() -> None:
+    """From now on, end the program with a line if code of an extension on this thread has not
+    returned after ``CODE_LIMIT``."""
+    with contextlib.suppress(RuntimeError):  # no thread is left: nothing is watched
+        threading.Thread(target=_watch, args=(threading.get_ident(),), daemon=True).start()
+
+
+def _watch(thread: int) -> None:
+    before: object = None
+    checks = 0  # counted, not timed: a machine may have been suspended
+    while checks * WATCH_INTERVAL < CODE_LIMIT:
+        time.sleep(WATCH_INTERVAL)
+        frame = sys._current_frames().get(thread)
+        under_way = (*_under_way, *frames_of_packages(frame)[-1:])[:1]
+        checks = checks + 1 if under_way and under_way == before else 0
+        before = under_way
+    line = f"{os.path.basename(sys.argv[0])}: {late(CODE_LIMIT, frame)}\n"
+    os.write(2, line.encode("utf-8", "backslashreplace"))
+    os._exit(exit_codes.WRONG_INPUT)
 
 
 def raising(error: BaseException) -> Optional[str]:
@@ -145,44 +180,34 @@ def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
             hint = "; this module must not import leaves or phrases"
         raise BrokenExtension(
             package, f"{export} cannot be imported: {described(error)}{hint}") from error
-    _packages[name.partition(".")[0]] = package
     extension = Extension(package, folder, module)
     for wanted, value in values.items():
-        # a single record is a tuple too, of its fields
-        if not isinstance(value, (tuple, list)) or hasattr(value, "_fields"):
+        if not _is_list(value):
             raise extension.broken(
                 f"{wanted} is not a tuple; with one item it needs a comma: {wanted} = (…,)", wanted)
-    if not values:
-        near = [other for other in vars(module)
-                if other.isupper() and did_you_mean(other, EXPORTS[kind], 0.8)]
+    lacking = [wanted for wanted in EXPORTS[kind] if wanted not in values]
+    near = [other for other, value in vars(module).items()
+            if did_you_mean(other, lacking, 0.8)
+            and (_is_list(value) or not values and other.isupper())]
+    if near or not values:
         raise extension.broken("it has no {}{}".format(
-            " and no ".join(EXPORTS[kind]), ", but " + near[0] if near else ""), *near)
+            " and no ".join(lacking), ", but " + near[0] if near else ""), *near)
     return extension
 
 
-def _imported(package: str, export: str, name: str) -> ModuleType:
-    """Import a module on this thread; others would have to wait for each other's imports.
+def _is_list(value: object) -> bool:
+    """Whether it is a tuple of records. A single record is a tuple too, of its fields."""
+    return isinstance(value, (tuple, list)) and not hasattr(value, "_fields")
 
-    On the main thread a watch ends the program after the limit; whoever imports on another thread
-    has a limit, and asks ``late`` then.
-    """
+
+def _imported(package: str, export: str, name: str) -> ModuleType:
+    """Import a module on this thread; others would have to wait for each other's imports."""
     _under_way[:] = [(package, export)]
-    watch = threading.Timer(IMPORT_LIMIT, _give_up)
-    if threading.current_thread() is threading.main_thread():
-        watch.start()
+    _packages[name.partition(".")[0]] = package
     try:
         return importlib.import_module(name)
     finally:
-        watch.cancel()
         _under_way.clear()
-
-
-def _give_up() -> None:
-    error = late(IMPORT_LIMIT)
-    if error is not None:
-        line = f"{os.path.basename(sys.argv[0])}: {error}\n"
-        os.write(2, line.encode("utf-8", "backslashreplace"))
-        os._exit(exit_codes.WRONG_INPUT)
 
 
 @functools.lru_cache(maxsize=None)

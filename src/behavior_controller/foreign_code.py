@@ -23,7 +23,8 @@ def described(error: BaseException, owner: object = None) -> str:
     if is_ctrl_c(error):
         raise error
     try:
-        text = " ".join(str(error).split())
+        # the text of a syntax error names the file without its folder
+        text = " ".join(str(getattr(error, "msg", None) or error).split())
     except BaseException as another:  # even its text is foreign code
         text = f"its text raised {type(another).__name__}"
     raised_at = _raised_at(error, owner)
@@ -33,12 +34,9 @@ def described(error: BaseException, owner: object = None) -> str:
 
 def _raised_at(error: BaseException, owner: object) -> str:
     """Return the place in the foreign code that ours has called, also if a library raised that this
-    code uses.
-
-    It is empty for a syntax error, whose text names it.
-    """
-    if isinstance(error, SyntaxError):
-        return ""
+    code uses."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return place(error.filename, error.lineno or 0)
     places = [(frame.f_code.co_filename, line)
               for frame, line in traceback.walk_tb(error.__traceback__)
               if "importlib" not in frame.f_code.co_filename and
@@ -87,6 +85,7 @@ def _is_foreign(file: str) -> bool:
 
 def place(file: str, line: int) -> str:
     """Return ``folder/file.py:line``."""
+    file = os.path.join(os.getcwd(), file)
     return f"{'/'.join(file.split(os.sep)[-2:])}:{line}"
 
 

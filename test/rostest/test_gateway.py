@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Does the gateway distinguish every cause of failure, end each call in time, and free the
 resources of a hung call?"""
+import contextlib
 import dataclasses
 import os
 import sys
@@ -19,10 +20,10 @@ from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.run.safe_state import SafeState  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
-from behavior_controller.robot.declarations import Success  # noqa: E402
+from behavior_controller.robot.declarations import Publication, Success  # noqa: E402
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402
 from behavior_controller.robot.requests import (
-    Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Say,
+    Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
     SetAnimation, SetAttention)
 from behavior_controller.ros import types  # noqa: E402
 from behavior_controller.ros.service_client import RosGateway  # noqa: E402
@@ -307,6 +308,9 @@ class TestGateway(unittest.TestCase):
                          (Cause.NOT_ADVERTISED, "/elsewhere/say"))
 
     def test_a_declaration_without_its_type_or_its_outcome_is_told_by_name(self):
+        def one_text(request):
+            return request.text
+
         declared = INTERFACE.service(Say)
         for changed, told in (({"type": "cssr_system/songService"},
                                "the type cssr_system/songService of /textToSpeech/say_text is not "
@@ -316,6 +320,11 @@ class TestGateway(unittest.TestCase):
                                "the declaration of /textToSpeech/say_text reads a field that "
                                "cssr_system/textService does not have: 'textServiceResponse' "
                                "object has no attribute 'text'"),
+                              ({"fields": one_text},
+                               "/textToSpeech/say_text: its declaration: fields "
+                               "(rostest/test_gateway.py:{}) returned ''; cssr_system/textService "
+                               "has the fields message: return a tuple with a value for "
+                               "each".format(one_text.__code__.co_firstlineno)),
                               ({"success": Success("done", True, False)},
                                "the response of cssr_system/textService has no field done, which "
                                "is to tell the outcome of /textToSpeech/say_text; it has: success, "
@@ -325,8 +334,19 @@ class TestGateway(unittest.TestCase):
             self.assertEqual(str(raised.exception), told)
         self.assertIs(
             types.message_class(dataclasses.replace(
-                declared, answer=lambda response: response.response[0])),
-            types.TYPES[declared])  # an answer need not be readable while it is empty
+                declared, answer=lambda response: response.response[0],
+                fields=lambda request: (request.text[0],))),
+            types.TYPES[declared])  # neither need have a meaning while it is empty
+
+    def test_a_declaration_with_a_field_that_a_message_lacks_is_told_before_it_is_sent(self):
+        class Move(Request, frozen=True):
+            x: float
+
+        for name, told in ("position", ""), ("positon", "No field name"):
+            goal = Publication(Move, "/goal", "base", "geometry_msgs/PoseStamped", lambda move: (
+                {"stamp": "now"}, {name: {"x": move.x}}), None, 5.0, "the robot cannot drive")
+            with self.assertRaisesRegex(ImportError, told) if told else contextlib.nullcontext():
+                types.message_class(goal)
 
 
 def remap(*arguments):

@@ -1,7 +1,6 @@
 """Do missions find what other packages add, and is each way of exporting it wrong told in one line?
 """
-import contextlib
-import importlib.util
+import importlib
 import inspect
 import itertools
 import os
@@ -12,7 +11,7 @@ import sys
 import textwrap
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from unittest import mock
 from xml.etree import ElementTree
 
 import pytest
@@ -24,7 +23,7 @@ from behavior_controller.leaves.data import Datum
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
-PACKAGES = [os.path.join(EXAMPLES, name) for name in ("greeter", "receptionist")]
+PACKAGES = [os.path.join(EXAMPLES, name) for name in ("courier", "greeter", "receptionist")]
 SOURCES = [os.path.join(folder, "src") for folder in PACKAGES]
 MANIFEST = """<package format="2"><name>{0}</name><version>1.0.0</version><description>d</description>
 <maintainer email="a@example.org">a</maintainer><license>BSD</license><export><cssr_system {1}/></export></package>"""
@@ -69,8 +68,9 @@ def environment(packages, paths):
 
 def run(tool, *arguments, packages, paths=()):
     """Return the exit code of a tool and all that it prints, where these folders hold packages."""
+    command = [tool] if tool == "-c" else [os.path.join(ROOT, "src", "behavior_controller", tool)]
     done = subprocess.run(
-        [sys.executable, os.path.join(ROOT, "src", "behavior_controller", tool)] + list(arguments),
+        [sys.executable, *command, *arguments],
         env=environment(packages, paths), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         universal_newlines=True)
     return done.returncode, done.stdout
@@ -102,6 +102,11 @@ def test_an_example_adds_its_leaves_its_decorator_and_its_phrase():
     assert '<Decorator ID="EveryOther">' in palette
 
 
+def test_the_courier_is_rehearsed_with_every_fault():
+    code, text = run("rehearseMission", "deliver", packages=EXAMPLES, paths=SOURCES)
+    assert code == 0 and "nothing was found" in text, text
+
+
 def run_tests(folder, packages, paths):
     """Run the tests of a package."""
     return subprocess.run([sys.executable, "-m", "unittest", "discover", "-s", "test"],
@@ -110,7 +115,7 @@ def run_tests(folder, packages, paths):
 
 
 def test_the_examples_test_their_leaves_as_the_guide_says():
-    for folder, number in zip(PACKAGES, (7, 20)):
+    for folder, number in zip(PACKAGES, (6, 7, 20)):
         done = run_tests(folder, EXAMPLES, SOURCES)
         assert done.returncode == 0 and f"Ran {number} tests" in done.stdout, done.stdout
 
@@ -161,7 +166,7 @@ def test_without_the_package_its_nodes_are_those_of_another_robot(tmp_path):
     ('leaves="a.leaves"', None, ["package a", "a.leaves", "cannot be imported", "No module named"]),
     ('leaves=""', None, ["package a", 'leaves="" names no module']),
     ('leaves="a.leaves"', "SPECS = (",
-     ["package a", "cannot be imported", "SyntaxError", "leaves.py, line 1"]),
+     ["package a", "cannot be imported", "SyntaxError", "(a/leaves.py:1)"]),
     ('leaves="a.leaves"', "\n1 / 0", ["package a", "ZeroDivisionError", "(a/leaves.py:2)"]),
     ('leaves="a.leaves"', "import sys; sys.exit(0)",
      ["package a", "a.leaves", "SystemExit: 0 (a/leaves.py:1)"]),
@@ -402,7 +407,9 @@ COMMA = "{0} is not a tuple; with one item it needs a comma: {0} = (…,)"
     ("phrases", SPEECH + "SPEECHES = (Speech('Hi', False, 'Hi.'))",
      COMMA.format("SPEECHES") + " (a/leaves.py:2)"),
     ("leaves", "", "it has no SPECS"),
-    ("leaves", "COLOURS = ()\nspecs = ()", "it has no SPECS"),
+    ("leaves", "COLOURS = ()\nspecs = ()", "it has no SPECS, but specs (a/leaves.py:2)"),
+    ("interface", "TOPICS = ()\nservices = []", "it has no SERVICES, but services (a/leaves.py:2)"),
+    ("interface", "Service = service = int\nSPECS = ()", "it has no SERVICES and no TOPICS"),
     ("leaves", "COLOURS = ()\nSPEC = ()\nSPECES = ()",
      "it has no SPECS, but SPEC (a/leaves.py:2)"),
     ("interface", "SPECS = ()", "it has no SERVICES and no TOPICS"),
@@ -497,32 +504,6 @@ def test_a_doubt_is_told_once_and_the_other_packages_export(tmp_path, exports):
         "what it exports is left out".format(tmp_path)]
 
 
-def test_an_import_that_is_late_ends_the_program_with_its_name(monkeypatch, capfd):
-    monkeypatch.setattr(extensions.os, "_exit", sys.exit)
-    monkeypatch.setattr(sys, "argv", ["/opt/validateMission", "lab_tour"])
-    extensions._give_up()
-    assert capfd.readouterr().err == ""
-    monkeypatch.setattr(extensions, "_under_way", [("a", LEAVES)])
-    with pytest.raises(SystemExit) as caught:
-        extensions._give_up()
-    assert (caught.value.code, capfd.readouterr().err) == (
-        2, 'validateMission: package a: leaves="a.leaves": its import has not ended within 10 s\n')
-
-
-def test_an_import_is_watched_on_the_main_thread_alone(monkeypatch):
-    given_up = []
-    monkeypatch.setattr(extensions, "IMPORT_LIMIT", 0.02)
-    monkeypatch.setattr(extensions, "_give_up", lambda: given_up.append(1))
-    monkeypatch.setattr(extensions.importlib, "import_module",
-                        lambda name: threading.Event().wait(0.1))
-    thread = threading.Thread(target=extensions._imported, args=("a", LEAVES, "a.leaves"))
-    thread.start()
-    thread.join()
-    assert given_up == []
-    extensions._imported("a", LEAVES, "a.leaves")
-    assert given_up == [1]
-
-
 @pytest.mark.parametrize("text, words", [
     (None, ["file of phrases of the package a", "No such file"]),
     ("FixtureHi Hello\nFixtureHi Ho\n", ["phrases_English.ini:2:1", "FixtureHi"]),
@@ -556,36 +537,53 @@ def test_two_packages_with_a_node_of_the_same_name(tmp_path):
     assert "package b" in text and "the node FixtureTwice is declared by a already" in text
 
 
-TOOLS = [("validateMission", [os.path.join(ROOT, "data", "lab_tour.xml")]), ("exportNodeModel", []),
-         ("replayMission", ["mission.jsonl"])]
+TOUR = os.path.join(ROOT, "data", "lab_tour.xml")
+TOOLS = [("validateMission", [TOUR]), ("exportNodeModel", []), ("replayMission", ["mission.jsonl"]),
+         ("rehearseMission", ["lab_tour"]), ("../../unit_tests/nodes/runTest", [])]
+BLOCKED = "import threading; threading.Event().wait()"
 
 
-def test_an_import_that_does_not_end_is_one_line_within_its_limit(tmp_path):
-    package(tmp_path, 'interface="a.leaves"', "import threading; threading.Event().wait()")
-    tools = TOOLS + [("behaviorController", [])] * (importlib.util.find_spec("rospy") is not None)
-    began = time.monotonic()
-    with ThreadPoolExecutor(len(tools)) as pool:  # each waits for the limit
-        ended = list(pool.map(lambda tool: run(
-            tool[0], *tool[1], packages=tmp_path, paths=[tmp_path / "a" / "src"]), tools))
-    assert time.monotonic() - began < 30.0
-    for (tool, _), (code, text) in zip(tools, ended):
-        assert (code, text) == (2, tool + ': package a: interface="a.leaves": its import has not '
-                                "ended within 10 s\n")
+def run_briefly(tool, *arguments, packages, paths):
+    """As ``run``, with a limit of a second for code of packages."""
+    return run("-c", "import runpy, sys; from behavior_controller import extensions; "
+               "extensions.CODE_LIMIT = 1.0; sys.argv = sys.argv[1:]; "
+               "runpy.run_path(sys.argv[0], run_name='__main__')",
+               os.path.join(ROOT, "src", "behavior_controller", tool), *arguments,
+               packages=packages, paths=[*paths, os.path.join(ROOT, "unit_tests", "src")])
 
 
-@pytest.mark.parametrize("module, error", [("", None), ("1 / 0", ZeroDivisionError)])
-def test_an_import_that_has_ended_is_no_longer_watched(tmp_path, monkeypatch, module, error):
-    # its watch would end the program during a later import, long before that one's limit
-    name = "watched_" + ("badly" if module else "well")
-    (tmp_path / (name + ".py")).write_text(module)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    before = set(threading.enumerate())
-    with pytest.raises(error) if error else contextlib.nullcontext():
-        extensions._imported("a", LEAVES, name)
-    for watch in set(threading.enumerate()) - before:
-        watch.join(5.0)
-        assert not watch.is_alive()
-    assert extensions.late(10.0) is None
+@pytest.mark.parametrize("tool, arguments", TOOLS)
+def test_an_import_that_does_not_end_is_one_line_within_its_limit(tmp_path, tool, arguments):
+    package(tmp_path, 'interface="a.leaves"', "\n" + BLOCKED)
+    code, text = run_briefly(tool, *arguments, packages=tmp_path, paths=[tmp_path / "a" / "src"])
+    assert (code, text) == (
+        2, '{}: package a: interface="a.leaves": its import has not ended within 1 s '
+        '(a/leaves.py:2)\n'.format(os.path.basename(tool)))
+
+
+@pytest.mark.parametrize("method", ["__init__(self, name)", "configure(self)"])
+@pytest.mark.parametrize("tool", ["validateMission", "rehearseMission"])
+def test_a_leaf_that_is_not_made_in_time_is_one_line_with_its_place(tmp_path, tool, method):
+    package(tmp_path, LEAVES, RING + "    def {}: {}\n".format(method, BLOCKED) + RINGS)
+    (tmp_path / "m.xml").write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRing/>"
+                                    "</BehaviorTree></root>")
+    code, text = run_briefly(tool, str(tmp_path / "m.xml"), packages=tmp_path,
+                             paths=[tmp_path / "a" / "src"])
+    line = (RING + "x").count("\n") + 1
+    assert code == 2 and text.splitlines()[-1] == (
+        "{}: package a: a/leaves.py:{} has not returned within 1 s".format(tool, line))
+
+
+def test_code_that_returns_in_time_again_and_again_is_not_given_up(monkeypatch):
+    frames = [[sys._getframe()], []]
+    monkeypatch.setattr(extensions, "WATCH_INTERVAL", 0.001)
+    monkeypatch.setattr(extensions, "CODE_LIMIT", 0.001)
+    monkeypatch.setattr(extensions.os, "_exit", sys.exit)
+    looks = itertools.cycle(frames)
+    monkeypatch.setattr(extensions, "frames_of_packages", lambda frame: next(looks))
+    monkeypatch.setattr(extensions.time, "sleep", mock.Mock(side_effect=[None] * 20 + [EOFError]))
+    with pytest.raises(EOFError):  # and not SystemExit
+        extensions._watch(threading.get_ident())
 
 
 def test_what_holds_the_work_up_is_named_with_its_package(tmp_path, monkeypatch):
@@ -751,3 +749,79 @@ def test_the_former_places_of_the_names_still_have_them(line):
     module, names = line.split(": ")
     former = importlib.import_module("behavior_controller." + module)
     assert all(getattr(former, name) is getattr(extend, name) for name in names.split())
+
+
+THREAD = LEAF.replace("Kind,", "InstantAction, Kind,") + """import threading
+class FixtureRing(InstantAction):
+    def act(self):
+        thread = threading.Thread(target=self.ring)
+        thread.start()
+        thread.join()
+    def ring(self):
+        1 / 0
+"""
+
+
+def test_a_thread_of_a_leaf_that_fails_is_a_finding_of_the_rehearsal(tmp_path):
+    package(tmp_path, LEAVES, THREAD + RINGS)
+    (tmp_path / "m.xml").write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRing/>"
+                                    "</BehaviorTree></root>")
+    code, text = run("rehearseMission", str(tmp_path / "m.xml"), "--faults", "none",
+                     packages=tmp_path, paths=[tmp_path / "a" / "src"])
+    assert code == 4 and "Traceback" not in text
+    assert "m.xml:1:45): a thread of a leaf's code has failed: ZeroDivisionError: division by " \
+        "zero (a/leaves.py:11)" in text, text
+
+
+@pytest.mark.parametrize("declared, words", [
+    ("Evidence(BELL, lambda value: value)",
+     "is_given of the Evidence of /bell (a/leaves.py:5) does not take 2 arguments"),
+    ("Evidence(BELL, is_given_up=lambda value, gaze: value)",
+     "is_given_up of the Evidence of /bell (a/leaves.py:5) does not take 1 argument"),
+    ("Topic('/bell', 'bell', 'std_msgs/Bool', bool, lambda: True, 'none', False)",
+     "read of the Topic of /bell (a/leaves.py:5) does not take 1 argument"),
+    ("Service(Say, '/b', 'b', 'a/b', lambda: (), Success('done', True, False), 5.0, '')",
+     "fields of the Service of /b (a/leaves.py:5) does not take 1 argument"),
+    ("Action(Say, '/b', 'b', 'a/b', str, None, 5.0, '', feedback=lambda: '')",
+     "feedback of the Action of /b (a/leaves.py:5) does not take 1 argument")])
+def test_a_function_of_wrong_arity_is_told_at_the_import_with_its_place(
+        tmp_path, exports, declared, words):
+    module = ("from behavior_controller.extend import (\n"
+              "    Action, Evidence, Say, Service, Success, Topic)\n"
+              "BELL = Topic('/bell', 'bell', 'std_msgs/Bool', bool, bool, 'none', False)\n\n")
+    with pytest.raises(extensions.BrokenExtension) as raised:
+        exports("interface", INTERFACE, module + declared)
+    assert words in str(raised.value)
+
+
+def test_a_syntax_error_is_named_with_the_folder_of_its_file(exports):
+    with pytest.raises(extensions.BrokenExtension) as raised:
+        exports("leaves", LEAVES, "\nclass :")
+    assert str(raised.value).endswith("SyntaxError: invalid syntax (a/leaves.py:2)")
+
+
+@pytest.mark.parametrize("does, what", [
+    ("1 / 0", "ZeroDivisionError: division by zero"),
+    (BLOCKED, "TimeoutError: it has not returned for 1 s")])
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_declaration_that_fails_in_a_rehearsal_is_a_finding_with_its_place(
+        tmp_path, does, what, jobs):
+    package(tmp_path, 'interface="a.bell" leaves="a.leaves"', """from a.bell import BELL
+from behavior_controller.extend import Evidence, TopicCondition, leaf_spec
+class FixtureRang(TopicCondition):
+    own_evidence = Evidence(BELL)
+SPECS = (leaf_spec("FixtureRang", FixtureRang, "Has it rung?"),)
+""")
+    (tmp_path / "a" / "src" / "a" / "bell.py").write_text("""
+from behavior_controller.extend import Topic
+def value(seconds):
+    %s
+BELL = Topic("/bell", "bell", "std_msgs/Bool", bool, bool, "none", False, simulated_value=value)
+TOPICS = (BELL,)
+""" % does)
+    (tmp_path / "m.xml").write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRang/>"
+                                    "</BehaviorTree></root>")
+    code, text = run("rehearseMission", str(tmp_path / "m.xml"), "--faults", "none", "--jobs", jobs,
+                     packages=tmp_path, paths=[tmp_path / "a" / "src"])
+    assert code == 4 and "Traceback" not in text, text
+    assert what in text and "(a/bell.py:4)" in text, text

@@ -91,7 +91,7 @@ def test_the_text_of_a_syntax_error_has_its_place():
         compile("x = (", "leaves.py", "exec")
     except SyntaxError as error:
         text = described(error)
-    assert text.startswith("SyntaxError: ") and text.endswith("(leaves.py, line 1)")
+    assert text.startswith("SyntaxError: ") and text.endswith("/leaves.py:1)")
 
 
 @pytest.fixture(name="ctrl_c")

@@ -252,3 +252,25 @@ def test_groot2_sees_a_plain_tree_run_and_stops_it_at_a_breakpoint():
     assert board["M"] == {"b": 7}
     client.close()
     record.close()
+
+
+@pytest.mark.parametrize("direction, use, words", [
+    (bt.Direction.IN, lambda leaf: leaf.set_output("at", 1), "input_port, which cannot be written"),
+    (bt.Direction.IN, lambda leaf: leaf.clear_output("at"), "input_port, which cannot be written"),
+    (bt.Direction.OUT, lambda leaf: leaf.get_input("at"), "output_port, which cannot be read")])
+def test_a_port_is_used_in_its_direction(direction, use, words):
+    registry = bt.Registry()
+    registry.register_action("Move", lambda leaf: use(leaf) or bt.SUCCESS,
+                             [bt.Port("at", "int", direction)])
+    moves = tree("<Move at='{at}'/>", registry)
+    moves.blackboard["at"] = 0
+    with pytest.raises(bt.TickError, match=(
+            rf"Move declares \[at\] as an {words}; declare Direction.INOUT")):
+        moves.tick_once()
+    assert moves.blackboard["at"] == 0
+    registry = bt.Registry()
+    registry.register_action("Move", lambda leaf: use(leaf) or bt.SUCCESS,
+                             [bt.Port("at", "int", bt.Direction.INOUT)])
+    moves = tree("<Move at='{at}'/>", registry)
+    moves.blackboard["at"] = 0
+    assert moves.tick_once() is bt.SUCCESS

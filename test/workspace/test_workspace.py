@@ -12,7 +12,7 @@ from free_ports import free_port
 pytestmark = pytest.mark.long
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 ROS = "/opt/ros/noetic/setup.bash"
-EXAMPLES = ("greeter", "receptionist")
+EXAMPLES = ("courier", "greeter", "receptionist")
 BUILD_LIMIT, RUN_LIMIT = 300.0, 120.0
 ROBOTS_SPEECH = """#!/usr/bin/env python3
 import rospy
@@ -160,6 +160,10 @@ def test_another_packages_leaves(home, sourced):
         assert words in text, text
     assert text.count("SayTime::12): SUCCESS") == 1  # every other time, of two
     assert 'ID="EveryOther"' in shell.do("rosrun cssr_system exportNodeModel")
+    text = shell.do("roslaunch courier courier.launch")
+    for words in ("the hatch is open", "HandOver::11): SUCCESS", "the hatch is closed",
+                  "the robot is at 0, 0", "exit code 0"):
+        assert words in text, text
     assert "can be run" in shell.do("rosrun cssr_system validateMission receptionist")
     text = shell.do("roslaunch receptionist receptionist.launch")
     assert "showing the way to room B203" in text and "exit code 0" in text, text

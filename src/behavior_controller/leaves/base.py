@@ -331,15 +331,72 @@ class InstantCondition(InstantLeaf, ConditionLeaf):
 class WorkingLeaf(MissionLeaf, ActionLeaf):
     """An action of several ticks, as one function."""
 
-    RULE: Tuple[str, ...] = ("work",)
+    RULE: Tuple[str, ...] = ("try_once", "work")
     rule = Node.rule
-
+    asks: Union[type, Tuple[type, ...]] = ()  # the kinds of its requests
     _under_way: Optional[Waiting[Result]] = None
     _awaited: Optional[Awaited] = None
 
-    @abstractmethod
     def work(self) -> Waiting[Result]:
-        """Do the work, yield where it waits for another tick, and return the reported result."""
+        """Do the work, and return the reported result."""
+        failure = yield from self.try_once()
+        return self.ended(self.checked_end("try_once", failure))
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether a recovery can do the work again, by ``try_once``."""
+        return type(self).work is WorkingLeaf.work
+
+    def try_once(self) -> Waiting[Optional[Failure]]:
+        """Do the work once, yield where it waits for another tick, and return its failure.
+
+        A recovery calls this to retry the step. A class that overrides ``work`` cannot be retried.
+        """
+        raise NotImplementedError
+
+    def ask(self, request: Request) -> Waiting[Union[Answer, Failure]]:
+        """Have the robot carry out a request, and return its answer or failure. Raises NodeError
+        for a request that ``asks`` does not name."""
+        if not isinstance(request, self.asks):
+            raise NodeError(f"{reprlib.repr(request)} is no request that it asks for: name its kind"
+                            f" in asks of the class {type(self).__name__}")
+        self.summary = None
+        words = self.words(request)
+        self.begin_step(words, self.limit(request))
+        call = self.mission.gateway.start(request)
+        if call.result is None:
+            yield call
+        answer = call.result
+        assert answer is not None
+        if not isinstance(answer, Failure):
+            seconds = self.lasts(request)
+            if seconds:
+                self.begin_step(words, seconds, goes_on=True)
+                yield from self.pause(seconds)
+            self.summary = self.done(words)
+        return answer
+
+    def words(self, request: Request) -> Words:
+        """Return the words for ``request``: its own, or the name of the node."""
+        words = request.words or Words(self.registration_id, self.registration_id + " is done")
+        return self.mission.named(words)
+
+    def done(self, words: Words) -> Optional[LeafSummary]:
+        """Return the sentence for a request that was carried out."""
+        if not words.done:
+            return None
+        return LeafSummary(words.kind, " ".join(filter(None, (words.done, words.what))))
+
+    def limit(self, request: Request) -> float:
+        """Return the seconds that ``request`` may take; 0 if no service carries it out."""
+        try:
+            return self.mission.settings.deadline(self.mission.interface.service(type(request)))
+        except LookupError:
+            return 0.0
+
+    def lasts(self, request: Request) -> float:
+        """Return the seconds for which the robot goes on with ``request`` after its answer."""
+        return 0.0
 
     def on_start(self) -> Result:
         """Begin the work."""
@@ -382,7 +439,7 @@ class ServiceLeaf(WorkingLeaf):
     """An action that calls a service: RUNNING until the answer or the deadline, which the gateway
     keeps, and then for as long as ``lasts`` says."""
 
-    RULE = ("request", "work")
+    RULE = ("request", "try_once", "work")
     asks: type  # the kind of request
     does_without = False  # it succeeds without a request on a robot that lacks the service
 
@@ -400,34 +457,8 @@ class ServiceLeaf(WorkingLeaf):
         """Store the content of a positive answer; return its failure if it is wrong."""
         return None
 
-    def words(self, request: Request) -> Words:
-        """Return the words for ``request``: its own, or the name of the node."""
-        words = request.words or Words(self.registration_id, self.registration_id + " is done")
-        return self.mission.named(words)
-
-    def done(self, words: Words) -> Optional[LeafSummary]:
-        """Return the sentence for a request that was carried out."""
-        if not words.done:
-            return None
-        return LeafSummary(words.kind, " ".join(filter(None, (words.done, words.what))))
-
-    def limit(self, request: Request) -> float:
-        """Return the seconds that ``request`` may take; 0 if no service carries it out."""
-        try:
-            return self.mission.settings.deadline(self.mission.interface.service(type(request)))
-        except LookupError:
-            return 0.0
-
-    def lasts(self, request: Request) -> float:
-        """Return the seconds for which the robot goes on with ``request`` after its answer."""
-        return 0.0
-
     def attempt_failed(self) -> None:
         """Process that a request failed, the leaf's own or a retry."""
-
-    def work(self) -> Waiting[Result]:
-        """Make the request, and report how that ended."""
-        return self.ended((yield from self.try_once()))
 
     def _check_request(self, wanted: object) -> None:
         """Raise NodeError if a request is not of the kind that the leaf asks for, or has a field of
@@ -443,29 +474,16 @@ class ServiceLeaf(WorkingLeaf):
                 f"{method} returned a {self.asks.__name__} with a wrong field: {error}") from None
 
     def try_once(self) -> Waiting[Optional[Failure]]:
-        """Make the request once, and return its failure. A recovery calls this to retry the step.
-        """
+        """Make the request, and return its failure."""
         try:
             wanted = None if self.does_without and not self.resource else self.request()
             if wanted is None or isinstance(wanted, Failure):
                 return wanted
             self._check_request(wanted)
-            words = self.words(wanted)
-            self.begin_step(words, self.limit(wanted))
-            call = self.mission.gateway.start(wanted)
-            answer = call.result
-            if answer is None:
-                yield call
-                answer = call.result
-                assert answer is not None
+            answer = yield from self.ask(wanted)
             if isinstance(answer, Failure):
                 self.attempt_failed()
                 return answer
-            seconds = self.lasts(wanted)
-            if seconds:
-                self.begin_step(words, seconds, goes_on=True)
-                yield from self.pause(seconds)
-            self.summary = self.done(words)
             failure = self.checked_end("accept", self.accept(answer))
         except PortError as error:
             failure = self.missing(error)
@@ -486,9 +504,11 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
     """
     if not (isinstance(leaf, type) and issubclass(leaf, MissionLeaf)):
         raise ImportError(f"{leaf!r}, the leaf of {node_id}, is not a class of mission leaves")
-    asks: Any = getattr(leaf, "asks", None)
+    asks: Any = getattr(leaf, "asks", ())
+    calls = asks if isinstance(asks, tuple) else (asks,)
     is_service = issubclass(leaf, ServiceLeaf)
-    if is_service and not (isinstance(asks, type) and issubclass(asks, Request)):
+    if is_service and len(calls) != 1 or not all(
+            isinstance(kind, type) and issubclass(kind, Request) for kind in calls):
         raise ImportError(f"{leaf.__module__}.{leaf.__qualname__}, the leaf of {node_id}, does not "
                           "say what it asks for: asks = the kind of request")
     kind = Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION
@@ -503,7 +523,7 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
     sign = leaf.sense if evidence is None else evidence.topic
     return MissionSpec(node_id, kind, factory, (*leaf.PORTS, *ports), description,
                        names=tuple(choices or ()), is_instant=issubclass(leaf, InstantLeaf),
-                       may_fail_at_once=is_service, calls=(asks,) if is_service else (),
+                       may_fail_at_once=bool(calls), calls=calls,
                        does_without=getattr(leaf, "does_without", False),
                        listens=(sign,) if sign is not None else (), **facts)
 

@@ -90,8 +90,11 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def is_evidence(self, value: Any) -> bool:
         """Return whether a message with this value makes the condition true. Called on the
-        receiving thread too."""
+        receiving thread too: ports are read by ``read_ports``."""
         return self.evidence.is_given(value, self.mission.settings.gaze_value)
+
+    def read_ports(self) -> None:
+        """Read the ports that the condition depends on; called at each tick."""
 
     def not_before(self) -> float:
         """Return the time (monotonic seconds) that a message must be newer than."""
@@ -111,6 +114,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if self.status is not RUNNING:
             self.started_at = self.mission.clock.now()
         try:
+            self.read_ports()
             return self._answer()
         except PortError as error:
             self._stop_timers()

@@ -9,7 +9,7 @@ from behavior_controller.run.events import (
     DONE, GIVEN_UP, SKIPPED, SUBSTITUTED, Noticed, Recovered, Recovering, Retried)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.leaves.base import (
-    Failed, MissionLeaf, ServiceLeaf, Waiting, WorkingLeaf, leaf_spec)
+    Failed, MissionLeaf, Waiting, WorkingLeaf, leaf_spec)
 from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.recovery_policy import GIVE_UP, SKIP, Rule
@@ -72,7 +72,7 @@ class HandleFallBack(WorkingLeaf):
     def rule(self, leaf: MissionLeaf, cause: Cause) -> Rule:
         """Return what to do about the failure of ``leaf``."""
         rule = self.mission.policy.rule(leaf.spec, cause)
-        can_redo = leaf.parent is self.parent and isinstance(leaf, ServiceLeaf)
+        can_redo = leaf.parent is self.parent and isinstance(leaf, WorkingLeaf) and leaf.can_redo
         return rule if can_redo else rule._replace(retries=0, substitute=None)
 
     def _do_instead(self) -> Waiting[str]:

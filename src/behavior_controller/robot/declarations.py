@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import (Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional,
                     Sequence, Tuple, Type, TypeVar, Union)
 
-from behavior_controller.foreign_code import described
+from behavior_controller.foreign_code import defined_at, described, takes
 from behavior_controller.robot.requests import Answer, Listen, QueryKnowledge, Request
 
 
@@ -38,6 +38,20 @@ class Unusable(ValueError):
 class Unsendable(ValueError):
     """A declaration does not turn a request into a message; the text says why, and where in Python.
     """
+
+
+class WrongFields(Unsendable):
+    """A declaration returns other values than its type has fields."""
+
+
+def _check_functions(declared: object, owner: str, **counts: int) -> None:
+    """Raise TypeError if a function of a declaration does not take so many arguments."""
+    for piece, count in counts.items():
+        function = getattr(declared, piece)
+        if callable(function) and not takes(function, count):
+            raise TypeError(f"{piece} of the {type(declared).__name__} of {owner}"
+                            f"{defined_at(function)} does not take {count} "
+                            f"argument{'s' * (count > 1)}")
 
 
 class Success(NamedTuple):
@@ -101,6 +115,7 @@ class Service(Generic[Asked]):
             if not is_there:
                 raise TypeError(f"the declaration of {self.name} has no {piece}, but "
                                 f"{getattr(self, piece)!r} in its place")
+        _check_functions(self, self.name, fields=1, answer=1, simulated_answer=1, answers_early=1)
 
     @cached_property
     def deadline_key(self) -> str:
@@ -111,12 +126,13 @@ class Service(Generic[Asked]):
         """Return the values of the message's fields, which have these names. Raises Unsendable."""
         try:
             values = self.fields(request)
-            if not isinstance(values, (tuple, list)) or len(values) != len(names):
-                raise TypeError(f"fields returned {reprlib.repr(values)}; {self.type} has the "
-                                f"fields {', '.join(names) or '-'}: return a tuple with a value "
-                                "for each")
         except BaseException as error:  # that of another package may raise anything
             raise Unsendable(f"its declaration: {described(error, self.fields)}") from error
+        if not isinstance(values, (tuple, list)) or len(values) != len(names):
+            raise WrongFields(
+                f"its declaration: fields{defined_at(self.fields)} returned {reprlib.repr(values)};"
+                f" {self.type} has the fields {', '.join(names) or '-'}: return a tuple with a "
+                "value for each")
         return values
 
     def rehearse(self, request: Asked) -> Answer:
@@ -140,6 +156,10 @@ class Action(Service[Asked]):
     feedback: Callable[[Message], str] = lambda message: ""
 
     kind = "action"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_functions(self, self.name, feedback=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +198,9 @@ class Topic(Generic[Value]):
 
     kind = "topic"
     is_optional = False
+
+    def __post_init__(self) -> None:
+        _check_functions(self, self.name, read=1, is_event=1, simulated_value=1)
 
     def kept(self, messages: "Tuple[Sample[Value], ...]",
              newest: "Sample[Value]") -> "Tuple[Sample[Value], ...]":
@@ -231,6 +254,9 @@ class Evidence(Generic[Value]):
     wait: Optional[float] = None
     is_given_up: Callable[[Value], bool] = lambda value: False
     mode: str = ""
+
+    def __post_init__(self) -> None:
+        _check_functions(self, getattr(self.topic, "name", "?"), is_given=2, is_given_up=1)
 
 
 @dataclass(eq=False)

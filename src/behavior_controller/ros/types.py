@@ -5,12 +5,14 @@ import struct
 from typing import Any, Callable, Dict, Mapping, Tuple
 
 import genpy
+import msgspec
 import roslib.message
 import rospy
 
 from behavior_controller import extensions
 from behavior_controller.foreign_code import defined_at, is_ctrl_c
-from behavior_controller.robot.declarations import Action, Offer, Publication, Service, Topic
+from behavior_controller.robot.declarations import (
+    Action, Offer, Publication, Service, Topic, WrongFields)
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.interfaces import DECLARED_BY, INTERFACES
 from behavior_controller.robot.requests import Request
@@ -44,6 +46,8 @@ def message_class(offer: Offer) -> Any:
         names = ", ".join(message.__slots__) or "none"
         raise _broken(offer, f"the response of {offer.type} has no field {success.field}, which is "
                              f"to tell the outcome of {offer.name}; it has: {names}")
+    if isinstance(offer, Service):
+        _fill_empty(offer, _request_of(offer, kind))
     _read_empty(offer, offer.read if isinstance(offer, Topic) else offer.answer, message)
     if isinstance(offer, Action):
         _read_empty(offer, offer.feedback, kind().action_feedback.feedback)
@@ -55,6 +59,13 @@ def _answer_of(offer: Offer, kind: Any) -> Any:
     if isinstance(offer, Action):
         return kind().action_result.result
     return kind._response_class() if type(offer) is Service else kind()
+
+
+def _request_of(service: Service, kind: Any) -> Any:
+    """Return an empty message of those that are sent to the robot."""
+    if isinstance(service, Action):
+        return kind().action_goal.goal
+    return kind._request_class() if type(service) is Service else kind()
 
 
 def _broken(offer: Offer, text: str) -> Exception:
@@ -74,6 +85,24 @@ def _read_empty(offer: Offer, read: Callable[[Any], object], message: Any) -> No
             raise _broken(offer, f"the declaration of {offer.name} reads a field that {offer.type} "
                                  f"does not have: {error}")
     # an empty message may have no meaning, and other packages may raise anything
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
+
+
+def _fill_empty(service: Service, message: Any) -> None:
+    """Raise an error as ``message_class`` does if the declaration gives an empty request other
+    fields than those of the type."""
+    try:
+        fields = msgspec.structs.fields(service.request)
+        values = {field.name: _EMPTY[field.type] for field in fields if field.required}
+        filled(message, service, service.request(**values), genpy.Time)
+    except WrongFields as error:
+        raise _broken(service, f"{service.name}: {error}")
+    except Trouble as error:
+        if isinstance(error.__context__, genpy.MessageException):
+            raise _broken(service, str(error))
+    # an empty request may have no meaning, and other packages may raise anything
     except BaseException as error:
         if is_ctrl_c(error):
             raise
@@ -103,13 +132,17 @@ def type_mismatch(header: Mapping[str, str], wanted: Any) -> str:
             f"(md5 {wanted._md5sum})")
 
 
-def filled(message: Any, service: Service, request: Request) -> Any:
+_EMPTY: Dict[Any, Any] = {str: "", bool: False, int: 0, float: 0.0}
+
+
+def filled(message: Any, service: Service, request: Request,
+           now: Callable[[], Any] = rospy.get_rostime) -> Any:
     """Return ``message`` with the values of a request; nested ones are dicts or lists, and a stamp
     may be ``now``. Raises ``Trouble`` if they do not fit, and Unsendable."""
     values = service.values(request, message.__slots__)
     try:
         genpy.message.fill_message_args(message, [dict(zip(message.__slots__, values))],
-                                        {"now": rospy.get_rostime()})
+                                        {"now": now()})
         message.serialize(io.BytesIO())
     except (ValueError, TypeError, struct.error, genpy.MessageException) as error:
         raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {message._type}: {error}"

@@ -1,6 +1,5 @@
 """The kinds of leaf: stateful action, synchronous action, condition (BT.CPP section "Leaf kinds"),
 py_trees behaviour."""
-from abc import abstractmethod
 from typing import Any, Callable, Tuple
 
 from py_trees.behaviour import Behaviour
@@ -23,9 +22,9 @@ class ActionLeaf(Node):
     KIND = Kind.ACTION
     RULE: Tuple[str, ...] = ("on_start", "on_running")
 
-    @abstractmethod
     def on_start(self) -> Result:
         """Start the action."""
+        raise NotImplementedError
 
     def on_running(self) -> Result:
         """Continue the action."""

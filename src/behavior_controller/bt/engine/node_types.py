@@ -74,20 +74,23 @@ def class_fault(spec: NodeSpec, made: Any) -> str:
     if kind is not spec.kind:
         return (f"{made.__name__}, the class of {spec.id}, makes nodes of {kind}, and its NodeSpec "
                 f"says {spec.kind}")
+    base = _base_of_ours(made)
     for name in _RULES:
-        function, base = getattr(made, name, None), _base_of_ours(made)
+        function = getattr(made, name, None)
         usual = getattr(base, name, function)
-        if name not in base.RULE and function is not usual and not _calls_super(function):
+        if name not in base.RULE and function is not usual and not _names(made, name, "super"):
             return (f"{made.__name__}.{name}{defined_at(function)} bypasses the rule of the class "
                     f"{base.__name__}: write {', '.join(base.RULE)} instead")
     missing = sorted(made.__abstractmethods__)
-    if made.update is Node.update:
-        missing.append("update")
+    if all(getattr(made, name, None) is getattr(base, name, None) for name in base.RULE):
+        missing += [name for name in base.RULE[:1] if _names(made, name, "NotImplementedError")]
     return f"{made.__name__}, the class of {spec.id}, has no {missing[0]}()" if missing else ""
 
 
-def _calls_super(function: Any) -> bool:
-    return isinstance(function, FunctionType) and "super" in function.__code__.co_names
+def _names(made: type, method: str, name: str) -> bool:
+    """Return whether the code of a method has that name in it."""
+    function = getattr(made, method)
+    return isinstance(function, FunctionType) and name in function.__code__.co_names
 
 
 def _base_of_ours(made: type) -> Any:

@@ -7,6 +7,7 @@ import time
 from types import CodeType, FrameType
 from typing import Iterator, Optional, Set
 
+from behavior_controller import extensions
 from behavior_controller.bt.engine.failure import node_on
 from behavior_controller.missions.blocked_tick import CHECKS, INTERVAL
 
@@ -27,7 +28,7 @@ def ended() -> Iterator[None]:
 
     def check(_signal: int, frame: Optional[FrameType]) -> None:
         nonlocal seen, checks
-        code = node_on(frame)[1]
+        code = node_on(frame)[1] or next(iter(extensions.frames_of_packages(frame)), None)
         checks = checks + 1 if code is not None and code is seen else 0
         seen = code
         if code is not None and (checks == CHECKS or checks and code.f_code in _known):

@@ -3,19 +3,25 @@ virtual robot.
 
 Time goes from one event to the next, so a pass takes some hundredths of a second.
 """
+import contextlib
 import dataclasses
 import math
+import threading
+import traceback
 from typing import (
-    Collection, FrozenSet, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple)
+    Any, Collection, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence,
+    Set, Tuple)
 
 from behavior_controller import exit_codes, leaves
 from behavior_controller.bt import ManualClock, Node, Result, TickError, IDLE, RUNNING
+from behavior_controller.bt.engine.failure import node_on
 from behavior_controller.bt.engine.tree import Change
 from behavior_controller.bt.loader.checks import check
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.config.settings import Settings
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.foreign_code import described
 from behavior_controller.run.events import Event, Events, Line, PassFinished, TreeShown
 from behavior_controller.run.history import Run
 from behavior_controller.leaves.base import MissionLeaf
@@ -23,6 +29,7 @@ from behavior_controller.missions import load as missions
 from behavior_controller.missions.runner import Running, TimeIsUp, VirtualTimeRunner
 from behavior_controller.run.record.feed import Entries, traversed, written
 from behavior_controller.run.record.tree_shown import shown
+from behavior_controller.robot.declarations import Topic
 from behavior_controller.robot.requests import Request
 
 from behavior_controller.simulation.rehearsal import blocked_leaf
@@ -129,11 +136,9 @@ class LoadedMission:
         mission = dataclasses.replace(self.mission, tree=tree)
         robot = VirtualRobot(mission, self.world_of(test), test, shortest_gap)
         met = Situations(tree, robot, not test.planned_faults).met if has_situations else {}
-        play = PlayRunner(robot, self._shown)
-        for topic in rehearsed_topics(self.settings.interface):
-            if topic.name not in silent:
-                robot.publish(topic)
-        return play.played(met)
+        topics = [topic for topic in rehearsed_topics(self.settings.interface)
+                  if topic.name not in silent]
+        return PlayRunner(robot, self._shown).played(topics, met)
 
 
 class PlayRunner(VirtualTimeRunner):
@@ -157,18 +162,21 @@ class PlayRunner(VirtualTimeRunner):
         super().__init__(Running(mission.tree, context, mission.file, robot.test.mission_runs),
                          START + limit, TIMED_OUT.format(limit))
 
-    def played(self, situations: Mapping[Tuple[str, int], bytes]) -> RunResult:
-        """Play until the mission is over or its time is up."""
+    def played(self, topics: Iterable[Topic],
+               situations: Mapping[Tuple[str, int], bytes]) -> RunResult:
+        """Play, with messages of ``topics``, until the mission is over or its time is up."""
         robot, cut_off = self._robot, ""
         exit_code: Optional[int] = None
         try:
-            with blocked_leaf.ended():
+            with blocked_leaf.ended(), self._thread_errors():
+                for topic in topics:
+                    robot.publish(topic)
                 exit_code = self.run()
         except TimeIsUp as reason:
             cut_off, self._ended = str(reason), math.inf
         except Exception as error:  # as the node does: an exception in a leaf is an outcome too
             exit_code = exit_codes.BROKEN
-            self._errors.append((0, f"{type(error).__name__}: {' '.join(str(error).split())}"))
+            self._errors.append((0, described(error)))
         waiting = tuple(node.uid for node in self.tree.nodes if node.status is RUNNING
                         and not any(child.status is RUNNING for child in node.children))
         return RunResult(self._history, robot.journal, exit_code, cut_off, self._errors,
@@ -189,6 +197,23 @@ class PlayRunner(VirtualTimeRunner):
     def _report(self, error: BehaviorControllerError, text: str) -> None:
         super()._report(error, text)
         self._errors.append((_node_of(error, self.tree.nodes), text))
+
+    @contextlib.contextmanager
+    def _thread_errors(self) -> Iterator[None]:
+        """Report what ends a thread that a leaf has started, meanwhile."""
+        def report(args: Any) -> None:
+            if not isinstance(args.exc_value, SystemExit):
+                *_, (innermost, _) = traceback.walk_tb(args.exc_traceback)
+                node = node_on(innermost)[0]
+                self._errors.append((
+                    node.uid if node is not None else 0,
+                    f"a thread of a leaf's code has failed: {described(args.exc_value)}"))
+
+        before, threading.excepthook = threading.excepthook, report
+        try:
+            yield
+        finally:
+            threading.excepthook = before
 
     def _follow(self, is_first: Optional[bool], changes: List[Change]) -> None:
         self._robot.topics.reads.clear()

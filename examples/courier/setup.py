@@ -1,0 +1,6 @@
+"""What catkin installs of the Python package; not for use by itself."""
+from distutils.core import setup
+
+from catkin_pkg.python_setup import generate_distutils_setup
+
+setup(**generate_distutils_setup(packages=["courier"], package_dir={"": "src"}))
