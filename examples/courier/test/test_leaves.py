@@ -24,13 +24,13 @@ class TestLeaves(unittest.TestCase):
             self.assertEqual(trial.tick(), result)
 
     def test_it_drives_to_its_place(self):
-        trial = Trial('<DriveTo place="2.5;1"/>')
+        trial = Trial('<Carry place="2.5;1"/>')
         self.assertEqual(run(trial), SUCCESS)
         self.assertEqual(trial.gateway.requests, [Drive(2.5, 1.0)])
 
     def test_a_place_that_is_none_is_a_fault_of_the_file(self):
         with self.assertRaisesRegex(FaultsFound, "Place"):
-            Trial('<DriveTo place="here"/>')
+            Trial('<Carry place="here"/>')
 
     def test_the_hatch_is_open_for_as_long_as_the_port_says(self):
         trial = Trial('<HandOver seconds="3"/>')

@@ -41,8 +41,8 @@ class BatteryAbove(TopicCondition):
         return value > self.percent
 
 
-class DriveTo(ServiceLeaf):
-    """``<DriveTo place="2.5;1"/>``: drives there; halted, it cancels its goal."""
+class Carry(ServiceLeaf):
+    """``<Carry place="2.5;1"/>``: drives to that place; halted, it cancels its goal."""
 
     asks = Drive
     PORTS = (Port("place", PLACE, description="x;y in metres"),)
@@ -71,6 +71,6 @@ class HandOver(WorkingLeaf):
 
 SPECS = (
     leaf_spec("BatteryAbove", BatteryAbove, "Is the level of the battery high enough?"),
-    leaf_spec("DriveTo", DriveTo, "Drives to a place."),
+    leaf_spec("Carry", Carry, "Carries the parcel to a place."),
     leaf_spec("HandOver", HandOver, "Opens the hatch for a while."),
 )
