@@ -331,12 +331,13 @@ def _equal(left: Any, right: Any) -> bool:
 
 
 def cases(path: str) -> Iterator[Dict[str, Any]]:
-    """Yield the cases of a folder or file."""
+    """Yield the cases of a folder or file; a file of the folder holds a list of cases, or one."""
     if os.path.isdir(path):
         for name in sorted(os.listdir(path)):
             if name.endswith(".json"):
                 with open(os.path.join(path, name), encoding="utf-8") as file:
-                    yield json.load(file)
+                    found = json.load(file)
+                yield from found if isinstance(found, list) else [found]
     else:
         opened: Any = lzma.open(path, "rt", encoding="utf-8") if path.endswith(".xz") else open(
             path, encoding="utf-8")

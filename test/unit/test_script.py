@@ -1,6 +1,5 @@
 """Scripts do what BehaviorTree.CPP's do (section 11), and no text of a script can harm the process.
 """
-import glob
 import json
 import math
 import os
@@ -46,9 +45,9 @@ def same(expected, found):
 def single_scripts():
     """Yield the name, the script and the trace of every recorded case whose tree is one Script
     node."""
-    for path in sorted(glob.glob(os.path.join(TRACES, "script_*.json"))):
-        with open(path, encoding="utf-8") as file:
-            case = json.load(file)
+    with open(os.path.join(TRACES, "script.json"), encoding="utf-8") as file:
+        recorded = json.load(file)
+    for case in recorded:
         nodes = list(ElementTree.fromstring(case["xml"]).find("BehaviorTree").iter())[1:]
         if [node.tag for node in nodes] == ["Script"] and list(nodes[0].attrib) == ["code"]:
             code = nodes[0].attrib["code"]
