@@ -179,6 +179,68 @@ def load_substituted(substitute):
                      REGISTRY, "m.xml", substitutes={"SubstitutionRules": {"Sleep": substitute}})
 
 
+def substituted(body, target, filter_="Fallback"):
+    text = ("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'><Sequence>{}"
+            "<Script code='after := 1'/></Sequence></BehaviorTree><BehaviorTree ID='Sub'>"
+            "<Script name='inside' code='x := 1' _onHalted='@halted := 1'/></BehaviorTree></root>")
+    return load_text(text.format(body), REGISTRY, clock=ManualClock(), substitutes={
+        "SubstitutionRules": {filter_: target},
+        "TestNodeConfigs": {"Test": {"return_status": "SUCCESS"}}})
+
+
+@pytest.mark.parametrize("target", ["AlwaysSuccess", "Test"])
+def test_the_children_of_a_substituted_control_stay_idle_and_are_not_halted(target):
+    tree = substituted("<Fallback><SubTree ID='Sub'/></Fallback>", target)
+    assert [(node.name, node.uid, node.status) for node in tree.nodes][1:] == [
+        ("Fallback", 2, IDLE), ("Sub", 3, IDLE), ("inside", 4, IDLE), ("Script", 5, IDLE)]
+    assert tree.tick_once() is SUCCESS
+    tree.halt()
+    assert {key: entry.value for key, entry in tree.blackboard.local.items()} == {"after": 1}
+
+
+def test_a_control_in_place_of_a_control_has_its_children():
+    tree = substituted("<Fallback><SubTree ID='Sub'/></Fallback>", "Sequence")
+    assert tree.tick_once() is SUCCESS
+    assert tree.blackboards["Sub::3"].get("x") == 1
+
+
+@pytest.mark.parametrize("target", ["AlwaysSuccess", "Test"])
+def test_a_substituted_subtree_has_nothing_inside(target):
+    tree = substituted("<SubTree ID='Sub'/>", target, "SubTree")
+    assert [(node.name, node.uid) for node in tree.nodes][1:] == [("Sub", 2), ("Script", 3)]
+    assert tree.tick_once() is SUCCESS
+    tree.halt()
+    assert {key: entry.value for key, entry in tree.blackboard.local.items()} == {"after": 1}
+
+
+def test_a_run_once_whose_entry_is_empty_skips():
+    tree = load("<Sequence><Script code='n := 0'/><Repeat num_cycles='3'><ForceSuccess>"
+                "<RunOnce then_skip='{then}'><Script code='n += 1'/></RunOnce></ForceSuccess>"
+                "</Repeat></Sequence>")
+    assert tree.tick_once() is SUCCESS
+    assert tree.blackboard.get("n") == 1
+
+
+@pytest.mark.parametrize("kept, result", [("'7'", RUNNING), (None, None)])
+def test_a_loop_whose_entry_has_become_empty_fails_and_stays_running(kept, result):
+    tree = load("<Sequence><Script code=\"q := '1;2;3'\"/><LoopInt queue='{q}' value='{v}'>"
+                "<AlwaysSuccess/></LoopInt></Sequence>")
+    assert tree.tick_exactly_once() is RUNNING
+    tree.blackboard.find("q").clear()
+    if kept:  # what was read first stays so
+        tree.blackboard.find("q").replace(kept)
+        assert tree.tick_exactly_once() is result and tree.blackboard.get("v") == 2
+    else:
+        with pytest.raises(TickError, match="LoopInt"):
+            tree.tick_exactly_once()
+    assert tree.nodes[2].status is RUNNING
+
+
+def test_a_loop_without_its_entry_is_over():
+    assert load("<Sequence><UnsetBlackboard key='q'/><LoopInt queue='{q}' if_empty='FAILURE'>"
+                "<AlwaysSuccess/></LoopInt></Sequence>").tick_once() is FAILURE
+
+
 def test_a_substitute_that_does_not_exist_is_a_fault_of_the_node():
     with pytest.raises(MissionError) as raised:
         load_substituted("Slep")

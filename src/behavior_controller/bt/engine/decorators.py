@@ -155,13 +155,19 @@ class RunOnce(Decorator):
     def update(self) -> Result:
         """Tick the child unless it has completed before."""
         if self.result is not None:
-            return SKIPPED if self.get_input("then_skip") else self.result
+            return SKIPPED if self._then_skip() else self.result
         self.begin()
         result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
             self.result = result
             self.services.actions += 1
         return result
+
+    def _then_skip(self) -> bool:
+        try:
+            return bool(self.get_input("then_skip"))
+        except ports.PortError:
+            return True  # as in the library
 
 
 class Scripted:
@@ -286,7 +292,7 @@ class Loop(Decorator):
             self.child_runs = False
             self.queue = None if self.literal is None else deque(self.literal)
         if not self.child_runs:
-            if self.queue is None:
+            if self.literal is None:
                 self.queue = self._from_blackboard()
             if not self.queue:
                 return self.get_input("if_empty")
@@ -301,10 +307,17 @@ class Loop(Decorator):
             self.ask_for_tick()
         return FAILURE if result is FAILURE else RUNNING
 
-    def _from_blackboard(self) -> Deque[Any]:
+    def _from_blackboard(self) -> Optional[Deque[Any]]:
+        """Return the items that are left: what was read first stays so while the node runs, but an
+        entry that has become empty fails it."""
+        key = ports.reference(self.attributes["queue"], "queue")
+        if self.blackboard.read(key or "") is None:
+            return self.queue
         value = ports.entry_value(self.attributes["queue"], "queue", self.blackboard)
         if isinstance(value, deque):
             return value
+        if self.queue is not None:
+            return self.queue
         if isinstance(value, str):
             return self._items(value)
         if isinstance(value, list):

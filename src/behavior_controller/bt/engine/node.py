@@ -179,6 +179,8 @@ class Node(Behaviour):
     logger: Any = logging.getLogger(__name__)  # that py_trees' methods use
     blackbox_level = BlackBoxLevel.NOT_A_BLACKBOX
     uid = 0
+    is_apart = False
+    """Whether it stands below a leaf that replaces its parent, and so is never ticked or halted."""
     registration_id = ""
     blackboard: Blackboard = None  # type: ignore[assignment]
     services: Services = None  # type: ignore[assignment]

@@ -235,7 +235,8 @@ class Tree:
         self.show_own_statuses()
         self.root.halt_node()
         for node in self.nodes:
-            node.halt_node()
+            if not node.is_apart:
+                node.halt_node()
         self.root.reset()
         self._hand_over()
 

@@ -13,7 +13,7 @@ from behavior_controller.bt.loader.blackboard_clients import Clients
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.leaf import BehaviourLeaf
 from behavior_controller.bt.engine.node import (
-    PRE_CONDITIONS, ConfigureError, Node, Services)
+    PRE_CONDITIONS, ConfigureError, Node, Parent, Services)
 from behavior_controller.bt.engine.substitution import Substitutions, TestNode
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -106,11 +106,9 @@ class _Compiler:
             if node is None:
                 # it cannot be made, but its content may have mistakes too
                 parent = None
-            elif self.substitutes.rules and isinstance(node, TestNode):
-                continue
             else:
                 parent, depth = node, depth + 1
-                if element.tag == "SubTree":
+                if node.spec.kind is Kind.SUBTREE:
                     blackboard = self._enter(element, blackboard, node)
                     children = self.trees.trees[element.attributes["ID"]].children
             for child in reversed(children):
@@ -140,8 +138,10 @@ class _Compiler:
         if defaults:
             node.attributes = dict(defaults, **element.attributes)
         self.nodes.append(node)
-        if parent is not None:
+        if isinstance(parent, Parent):
             parent.adopt(node)
+        if parent is not None:
+            node.is_apart = parent.is_apart or node.parent is None
         self._bind(element, node)
         return node
 
