@@ -34,6 +34,7 @@ from behavior_controller.missions.validation import (
     Judgement, Validation, as_json, listed, may_be_a_mission, named)
 
 _WATCH_EVERY = 0.3  # seconds
+_CLOCK_STEP = 0.02  # seconds in which a file system may give two changes the same time
 
 XML_HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
 MARK = "\n<!-- written by exportNodeModel, which may replace this file -->"
@@ -106,25 +107,28 @@ def _watch(options: argparse.Namespace) -> NoReturn:
     given: List[str] = options.files + options.palette
     files: Set[str] = set()
     while True:
-        before, began = _state(given, files), time.time_ns()
+        time.sleep(_CLOCK_STEP)
+        before, surely_read = _state(given, files), time.time_ns() - int(_CLOCK_STEP * 1e9)
         read_ones = _judge_all(options)[1]
         sys.stdout.flush()
-        # what was saved since it was read is checked again
         added = _state([], read_ones.difference(before))
-        before.update((path, state) for path, state in added.items() if state and state[0] < began)
+        before.update((path, state) for path, state in added.items() if state)
+        # what may have been saved since it was read is checked again
+        seen = {path: state for path, state in before.items() if not state or state[0] < surely_read}
         files |= read_ones
-        while _state(given, files) == before:
+        while _state(given, files) == seen:
             time.sleep(_WATCH_EVERY)
 
 
-def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, int]]]:
-    """Return the modification time and length of each file; None for a missing file."""
+def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, int, int]]]:
+    """Return for each file when it was last changed or put in its place, its number and its length;
+    None for a missing file."""
     paths = files.union(file for path in given for file in listed(path))
-    state: Dict[str, Optional[Tuple[int, int]]] = dict.fromkeys(paths)
+    state: Dict[str, Optional[Tuple[int, int, int]]] = dict.fromkeys(paths)
     for path in paths:
         with contextlib.suppress(OSError):
             status = os.stat(path)
-            state[path] = status.st_mtime_ns, status.st_size
+            state[path] = status.st_ctime_ns, status.st_ino, status.st_size
     return state
 
 

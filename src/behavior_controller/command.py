@@ -2,6 +2,7 @@
 or broken is a line on the terminal, also where a standard stream is closed, full, or has a small
 character set."""
 import contextlib
+import gc
 import importlib
 import os
 import signal
@@ -53,6 +54,7 @@ def run(name: str, module: str, function: str = "main", redraws: bool = False) -
     lines += map(str, extensions.doubts)
     if lines:
         _end(name, code, lines)
+    gc.freeze()  # Python would search all that is left for garbage before it ends
     sys.exit(code)
 
 
