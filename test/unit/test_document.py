@@ -158,7 +158,7 @@ def test_a_fault_is_one_line_whatever_it_quotes():
 def test_texts_are_told_beside_tags_with_raw_ampersands_too():
     text = ('<root a="&"><BehaviorTree ID="Main"><Script code="1 && 2"/>first</BehaviorTree>'
             '<TreeNodesModel a="&"> a description </TreeNodesModel>second</root>')
-    found = parse(text).stray_text(9)
+    found = parse(text).remarks(9)
     assert [(fault.code, fault.text.split()[-1]) for fault in found] == [("stray-text", "first"),
                                                                          ("stray-text", "second")]
 
@@ -221,6 +221,57 @@ def test_markup_faults_have_a_place(text, place, code):
     assert (fault.file, fault.line, fault.column, fault.code) == ("m.xml",) + place + (code,)
     assert (fault.end_line, fault.end_column) == (place[0], place[1] + 1)
     assert not fault.is_warning
+
+
+IN_ONE_PASS = [  # every fault of a text, in order
+    ('<a x=1/>\n<b y/>\n<c z="1"q="2"/>\n', [
+        (2, 4, "attribute-quotes"), (3, 4, "attribute-value"), (4, 9, "attribute-blank")]),
+    ('<a code="1 < 2" bad/>\n<b y="1" y="2"/>\n', [
+        (2, 17, "attribute-value"), (3, 10, "attribute-twice")]),
+    ('<a x="1/>\n<b y="2"/>\n<c z/>\n', [
+        (2, 4, "quote-not-closed"), (4, 4, "attribute-value")]),
+    ('<S\n<a/>\n</S>\n<b y/>\n', [(2, 1, "tag-not-ended"), (5, 4, "attribute-value")]),
+    ('<S>\n<a/\n</S>\n</T>\n', [(3, 1, "tag-not-ended"), (5, 1, "closes-nothing")]),
+    ("<a/ >\n<?x ?>\n1 < 2\n<!x>\n<1a/>\n", [
+        (2, 3, "stray-character"), (3, 1, "instruction"), (4, 3, "stray-bracket"),
+        (5, 1, "stray-bracket"), (6, 1, "element-name")]),
+    # a tag that is missing, misspelt or too much
+    ("<S>\n<F>\n<a/>\n</S>\n<S>\n</Z>\n", [
+        (3, 1, "element-not-closed"), (7, 1, "closes-nothing")]),
+    ("<S>\n<S>\n<F>\n</S>\n</S>\n<b y/>\n", [
+        (4, 1, "element-not-closed"), (7, 4, "attribute-value")]),
+    ("<S>\n <S>\n  <a/>\n</S>\n<S>\n <S>\n  <a/>\n</S>\n", [
+        (3, 2, "element-not-closed"), (7, 2, "element-not-closed")]),
+    ("<F>\n <S>\n  <F>\n  </F>\n  </F>\n </S>\n</F>\n<b y/>\n", [
+        (6, 3, "closes-nothing"), (9, 4, "attribute-value")]),
+    ("<Fallback>\n<Sequenc>\n</Sequence>\n</Fallback>\n<b y/>\n", [
+        (4, 1, "closes-nothing"), (6, 4, "attribute-value")]),
+    # what has no end hides what follows
+    ("<b y/>\n<!-- a <c z/>\n</S>\n", [(2, 4, "attribute-value"), (3, 1, "not-closed")]),
+    # a comment in a comment, and what is after the first end of both
+    ("<!-- <S>\n<!-- a -->\n</S>\n-->\n<b y/>\n", [
+        (3, 1, "comment-in-comment"), (6, 4, "attribute-value")]),
+]
+
+
+@pytest.mark.parametrize("inside, expected", IN_ONE_PASS)
+def test_every_fault_of_the_markup_is_told_in_one_pass(inside, expected):
+    faults = faults_of("<root>\n{}</root>".format(inside))
+    found = [(fault.line, fault.column, fault.code) for fault in faults if not fault.is_warning]
+    assert found == expected
+
+
+def test_faults_inside_and_outside_of_the_first_element_are_told_together():
+    assert [(fault.line, fault.code) for fault in faults_of("x\n<root><b y/>\n</root>\ny")] == [
+        (1, "outside-root"), (2, "attribute-value"), (4, "outside-root")]
+
+
+@pytest.mark.parametrize("text", [
+    "<root>" + "<a b=\"'" * 300_000, "<root>" + "<a>" * 1_500 + "</b>" * 300_000 + "</root>"])
+def test_many_faults_of_the_markup_are_told_within_a_second(text):
+    began = time.thread_time()
+    assert len(faults_of(text)) == 100
+    assert time.thread_time() - began < 1.0
 
 
 @pytest.mark.parametrize("text, due", [("<root><a></b></a></root>", "</a>"),

@@ -13,8 +13,8 @@ from lxml import etree
 
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.loader.xml_repair import (
-    ATTRIBUTE, BEGINS, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, repaired,
-    stray_text)
+    ATTRIBUTE, BEGINS, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, remarks,
+    repaired)
 from behavior_controller.ros_packages import package_folder
 from behavior_controller.errors import Fault, MissionError, attempt
 from behavior_controller.foreign_code import described
@@ -134,9 +134,17 @@ class Document:
         place, after = self.position(begin), self.position(end)
         return Fault(self.file, *place, text, hint, is_warning, rule.code, *after)
 
-    def stray_text(self, most: int) -> List[Fault]:
-        """Return warnings of the first ``most`` texts that stand where only elements count."""
-        return list(map(self.fault, itertools.islice(stray_text(self.text), most)))
+    def refused(self, first: MarkupFault) -> MissionError:
+        """Return the error with all faults of the markup, given the one that was met first."""
+        faults = [first]
+        if first.rule not in (rules.TOO_LARGE, rules.EMPTY_FILE, rules.NO_ELEMENT, rules.NOT_TEXT):
+            faults = diagnosis(self.text) or faults
+        return MissionError([self.fault(fault)._replace(is_warning=False) for fault in faults])
+
+    def remarks(self, most: int) -> List[Fault]:
+        """Return the first ``most`` warnings of comments inside comments, and of texts that stand
+        where only elements count."""
+        return list(map(self.fault, itertools.islice(remarks(self.text), most)))
 
 
 # ----------------------------------------------------------------------------------------- one file
@@ -166,10 +174,10 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
         with garbage_collection_paused():
             document.root = _parsed(repaired(text), document)
     except MarkupFault as fault:
-        raise MissionError([document.fault(fault)]) from fault
+        raise document.refused(fault) from fault
     except (etree.XMLSyntaxError, UnicodeError) as error:
         unknown = MarkupFault(rules.NOT_WELL_FORMED, f"not well-formed XML: {error}", 0)
-        raise MissionError(list(map(document.fault, diagnosis(text) or [unknown]))) from error
+        raise document.refused(unknown) from error
     return document
 
 

@@ -48,6 +48,7 @@ FORBIDDEN_CHARACTER = error("A character that XML does not allow.")
 ELEMENT_NOT_CLOSED = error("An element is not closed, or not before the one around it is.")
 CLOSES_NOTHING = error("A closing tag has no element that it could close.")
 NOT_WELL_FORMED = error("XML that cannot be read for another reason.")
+COMMENT_IN_COMMENT = warning("A comment begins inside a comment; the first --> ends both.")
 STRAY_TEXT = warning("A text is where only elements are allowed; it is dropped.")
 TOO_LARGE = error("The mission is larger, longer or more deeply nested than is allowed.")
 

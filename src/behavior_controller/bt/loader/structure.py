@@ -128,7 +128,7 @@ class Trees:
             text = f"BTCPP_format is {version}; the file is read as version 4"
             self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
         warnings = self.findings.warnings
-        warnings.extend(document.stray_text(MOST_FINDINGS - len(warnings)))
+        warnings.extend(document.remarks(MOST_FINDINGS - len(warnings)))
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
         for extra in models[1:]:
             self.report(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")

@@ -7,11 +7,12 @@ meaning, and removes what has no meaning in a mission: comments, the declared en
 namespaces. So no entity is ever declared or expanded. Every pattern here is linear in the length of
 the file, also where it does not match.
 """
+import itertools
 import re
-from itertools import starmap
-from typing import Any, Iterator, List, Tuple
+from typing import Any, Iterator, List, Optional, Tuple
 
 from behavior_controller.bt.loader import rules
+from behavior_controller.text import did_you_mean
 
 MAX_ELEMENT_DEPTH = 2_040  # nested elements; libxml2 itself stops at 2,048
 MOST_TAGS = 400_000
@@ -58,19 +59,24 @@ TAG_NAME = re.compile(_TAG)
 _GOOD_TAG = re.compile(r"<[A-Za-z_][\w.-]*(?:[ ]+[A-Za-z_][\w.-]*="
                        r'"[^&"\x00-\x1f\ud800-\udfff\ufffe\uffff]*")?[ ]*/?>')
 _PERHAPS_TEXT = re.compile(rf">{_BLANK}*(?:[^ \t\r\n<]|<!\[CDATA\[)")
+_COMMENT = re.compile("<!--.*?-->", re.DOTALL)
+_END_OF_TAG = re.compile(r"""(?:"[^"<]*"|'[^'<]*'|[^<>"'/]+|/(?!>)){0,999}(/?)>|[^<>/]*(/?)>""")
 _NEXT_ATTRIBUTE = re.compile(f"{_BLANK}+({ATTRIBUTE.pattern})")
 _NO_END = re.compile(f"{_BLANK}*(?:<|$)")
 _REST_OF_TAG = re.compile(rf"""({_BLANK}*)({_NAME})?({_BLANK}*=)?{_BLANK}*(["']?)""")
 
 
 class MarkupFault(Exception):
-    """A fault of the markup, and the offset of its character."""
+    """A fault of the markup, the offset of its character, and that from which the file can be read
+    on."""
 
-    def __init__(self, rule: rules.LintRule, text: str, offset: int, hint: str = ""):
+    def __init__(self, rule: rules.LintRule, text: str, offset: int, hint: str = "",
+                 after: int = 0):
         self.rule = rule
         self.text = text
         self.offset = offset
         self.hint = hint
+        self.after = after or offset + 1
 
 
 # ------------------------------------------------------------------------------------------ repairs
@@ -106,7 +112,8 @@ def repaired(text: str) -> str:
             end = match.end()
     if first is None:
         raise MarkupFault(rules.NO_ELEMENT, "there is no element", 0, BEGINS)
-    _check_outside(text, first, end)
+    for fault in _outside(text, first, end or len(text)):
+        raise fault
     return "".join(pieces) + text[done:]
 
 
@@ -131,24 +138,25 @@ def _repaired_attribute(name: str, value: str) -> str:
     return f" {name}={quote}{inner}{quote}"
 
 
-def _check_outside(text: str, first: int, end: int) -> None:
-    """Refuse text before the ``first`` element and after its ``end``, except comments and similar.
-    """
+def _outside(text: str, first: int, end: int) -> Iterator[MarkupFault]:
+    """Yield a fault if there is text before the ``first`` element, and one if there is some after
+    its ``end``; comments and similar do not count."""
     begin = len("\ufeff") if text.startswith("\ufeff") else 0
-    outside = (("before", begin, first), ("after the end of", end or len(text), len(text)))
-    for where, begin, stop in outside:
-        for match in _OUTSIDE.finditer(text, begin, stop):
-            if match.group("wrong"):
-                what = "an element" if match.group("wrong") == "<" else "text"
-                wrong = f"{what} {where} the first element"
-                hint = "a file holds one <root> and nothing else"
-                fault = MarkupFault(rules.OUTSIDE_ROOT, wrong, match.start(), hint)
-                raise (diagnosis(text) or [fault])[0]
+    for where, begin, stop in (("before", begin, first), ("after the end of", end, len(text))):
+        match = next((match for match in _OUTSIDE.finditer(text, begin, stop)
+                      if match.group("wrong")), None)
+        if match is not None:
+            what = "an element" if match.group("wrong") == "<" else "text"
+            wrong = f"{what} {where} the first element"
+            hint = "a file holds one <root> and nothing else"
+            yield MarkupFault(rules.OUTSIDE_ROOT, wrong, match.start(), hint)
 
 
-def stray_text(text: str) -> Iterator[MarkupFault]:
-    """Yield each text in <root> and its trees, where only elements count; a palette's texts are
-    descriptions."""
+def remarks(text: str) -> Iterator[MarkupFault]:
+    """Yield each comment inside a comment, and each text in <root> and its trees, where only
+    elements count; a palette's texts are descriptions."""
+    for match in _COMMENT.finditer(text):
+        yield from filter(None, [nested_comment(match)])
     if not _PERHAPS_TEXT.search(text):
         return
     opened: List[str] = []
@@ -169,9 +177,21 @@ def stray_text(text: str) -> Iterator[MarkupFault]:
         end = match.end()
 
 
+def nested_comment(comment: "re.Match[str]") -> Optional[MarkupFault]:
+    """Return the fault of a comment in which another one begins; the file can be read on after the
+    end of both."""
+    text, begin = comment.string, comment.string.find("<!--", comment.start() + 4, comment.end())
+    if begin < 0:
+        return None
+    end, following = (text.find(sign, comment.end()) for sign in ("-->", "<!--"))
+    after = end + 3 if 0 <= end and not 0 <= following < end else comment.end()
+    wrong = "a comment begins inside a comment, and the first --> ends both"
+    return MarkupFault(rules.COMMENT_IN_COMMENT, wrong, begin, "end the first one before it", after)
+
+
 def _dropped(text: str, begin: int, end: int) -> Iterator[MarkupFault]:
     words = text[begin:end].strip(_BLANKS)
-    if words:
+    if words and not words.endswith("-->"):  # that follows a comment inside a comment
         hint = "only elements count here; a remark is written <!-- … -->"
         offset = text.index(words, begin)
         yield MarkupFault(rules.STRAY_TEXT, f"this text is dropped: {words}", offset, hint)
@@ -190,6 +210,9 @@ _UNENDED = (
 )
 
 
+_SWALLOWS = ("<!--", "<![CDATA[")  # all that follows
+
+
 def _refusal(text: str, offset: int) -> MarkupFault:
     """Return why the ``<`` at ``offset`` does not begin a tag."""
     if text.startswith("<?", offset):
@@ -199,7 +222,10 @@ def _refusal(text: str, offset: int) -> MarkupFault:
         return MarkupFault(rules.INSTRUCTION, wrong, offset)
     for begin, rule, wrong, hint in _UNENDED:
         if text.startswith(begin, offset):
-            return MarkupFault(rule, wrong, offset, hint)
+            end = text.find("]>", offset) + 2 if rule is rules.DOCTYPE else offset + len(begin)
+            if begin in _SWALLOWS:
+                end = len(text)
+            return MarkupFault(rule, wrong, offset, hint, end)
     name = TAG_NAME.match(text, offset + 1)
     if name is None:
         wrong, hint = "this < begins no tag", "in text it is written &lt;"
@@ -242,7 +268,7 @@ def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
         if seen in ("", "<") or (seen == "/" and _NO_END.match(text, at + 1)):
             hint = "write /> in place of /" if seen == "/" else ""
             wrong = f"the tag <{tag}> is not ended with >"
-            return MarkupFault(rules.TAG_NOT_ENDED, wrong, offset, hint)
+            return MarkupFault(rules.TAG_NOT_ENDED, wrong, offset, hint, max(at, offset + 1))
         return MarkupFault(rules.STRAY_CHARACTER, f"unexpected {seen} in the tag <{tag}>", at)
     hint = f"write {name}=\"…\""
     if not equals:
@@ -256,31 +282,119 @@ def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
 
 
 def diagnosis(text: str) -> List[MarkupFault]:
-    """Return the likely faults for which lxml refused the repaired text, in the order of the file.
-    """
+    """Return the faults for which the text was refused, in the order of the file."""
+    faults, tags = _of_tokens(text)
+    if len(faults) >= MOST_MARKUP_FAULTS:  # the rest was not read
+        return faults[:MOST_MARKUP_FAULTS]
+    unclosed = _of_structure(text, tags, False)
+    if unclosed:
+        # how lines are indented may say better which element a tag was meant to close
+        unclosed = min(_of_structure(text, tags, True), unclosed, key=len)
+    elif tags and not any(kind == "perhaps" for _, _, kind in tags):
+        depths = itertools.accumulate(-1 if kind == "close" else 1 for _, _, kind in tags)
+        last = next(offset for (_, offset, _), depth in zip(tags, depths) if depth == 0)
+        end = text.find(">", last) + 1 or len(text)
+        known = [fault.offset for fault in faults]
+        faults += [fault for fault in _outside(text, tags[0][1], end) if fault.offset not in known]
+    faults = sorted(faults + unclosed, key=lambda fault: fault.offset)
+    if faults and faults[-1].after == len(text):  # it hides what closes the others
+        faults = [fault for fault in faults if fault.rule is not rules.ELEMENT_NOT_CLOSED]
+    return faults[:MOST_MARKUP_FAULTS]
+
+
+_Tag = Tuple[str, int, str]
+"""A tag's name, its offset, and what it does: "open", "close", or "perhaps" open, as far as a
+broken one can be read."""
+
+
+def _of_tokens(text: str) -> Tuple[List[MarkupFault], List[_Tag]]:
+    """Return the faults of single pieces of the text, and its tags without those that close
+    themselves."""
     faults: List[MarkupFault] = []
-    opened: List[Tuple[str, int]] = []
-    for match in TOKEN.finditer(text):
-        kind = match.lastgroup
+    tags: List[_Tag] = []
+    end = 0
+    match = TOKEN.search(text)
+    while match is not None and len(faults) < MOST_MARKUP_FAULTS:
+        kind, begin = match.lastgroup, match.start()
+        faults += [MarkupFault(rules.FORBIDDEN_CHARACTER, "a character that XML does not allow",
+                               wrong.start()) for wrong in _NOT_IN_XML.finditer(text, end, begin)]
+        found, end = [], match.end()
         if kind in STARTS:
             if not _GOOD_TAG.fullmatch(match.group()):
-                faults.extend(_tag_faults(match))
+                found = list(_tag_faults(match))
             if _is_open(match):
-                opened.append((_tag_name(match), match.start()))
+                tags.append((_tag_name(match), begin, "open"))
         elif kind == "end":
-            name = match.group()[2:-1].rstrip(_BLANKS)
-            if not opened or opened[-1][0] != name:
-                # later faults may be consequences of it
-                return faults[:MOST_MARKUP_FAULTS] + [_mismatch(name, match.start(), opened)]
+            tags.append((match.group()[2:-1].rstrip(_BLANKS), begin, "close"))
+        elif kind == "blank" and _COMMENT.match(text, begin):
+            found = list(filter(None, [nested_comment(match)]))
+            end = max([end] + [fault.after for fault in found])
+        elif kind == "other" or (kind == "instruction" and tags):
+            found = [_refusal(text, begin)]
+            end = max(end, found[0].after)
+            tags += _broken_tag(text, begin, end)
+        faults += found
+        match = TOKEN.search(text, end)
+    return faults, tags
+
+
+def _broken_tag(text: str, begin: int, after: int) -> Iterator[_Tag]:
+    """Yield the tag at ``begin``, which cannot be read beyond ``after``, unless it closes
+    itself."""
+    name = TAG_NAME.match(text, begin + 1)
+    end = _END_OF_TAG.match(text, after)
+    if text.startswith("</", begin):
+        yield text[begin + 2:].split("<")[0].strip(_BLANKS), begin, "close"
+    elif name is not None and (end is None or not (end.group(1) or end.group(2))):
+        yield name.group(), begin, "perhaps"
+
+
+def _of_structure(text: str, tags: List[_Tag], by_indent: bool) -> List[MarkupFault]:
+    """Return the faults of tags that do not close each other. ``by_indent``: a tag closes an
+    element of the same indentation."""
+    faults: List[MarkupFault] = []
+    opened: List[_Tag] = []
+    doubtful = {name for name, _, kind in tags if kind == "perhaps"}
+    for tag, following in zip(tags, tags[1:] + [("", 0, "")]):
+        name, offset, kind = tag
+        if kind != "close":
+            opened.append(tag)
+        elif _closes(text, tag, opened[-1:], by_indent):
             opened.pop()
-    if opened:
-        tag, offset = opened[-1]
-        faults.append(MarkupFault(rules.ELEMENT_NOT_CLOSED, f"<{tag}> is never closed", offset))
-    if not faults:
-        wrong = "a character that XML does not allow"
-        faults = [MarkupFault(rules.FORBIDDEN_CHARACTER, wrong, match.start())
-                  for match in _NOT_IN_XML.finditer(text)]
-    return faults[:MOST_MARKUP_FAULTS]
+        elif len(faults) < MOST_MARKUP_FAULTS:
+            closed = max((index for index in range(len(opened))[-MAX_ELEMENT_DEPTH:]
+                          if _closes(text, tag, opened[index:index + 1], by_indent)), default=-1)
+            around, last = ["", "", *(each[0] for each in opened[-2:])][-2:]
+            # what is around a misspelt tag is closed next
+            if closed < 0 and last and following[::2] == (around, "close") or (
+                    name != last and did_you_mean(name, [last], 0.8)):
+                faults.append(_mismatch(name, offset, opened))
+                opened.pop()
+            elif closed >= 0:
+                faults += [
+                    MarkupFault(rules.ELEMENT_NOT_CLOSED, f"<{inner}> is not closed before </{name}>",
+                                begin)
+                    for inner, begin, sure in opened[closed + 1:] if sure == "open"]
+                del opened[closed:]
+            elif name not in doubtful:
+                faults.append(_mismatch(name, offset, [("", 0, "")] + opened[-1:]))
+    unclosed = [(name, offset) for name, offset, kind in opened if kind == "open"]
+    return faults + [MarkupFault(rules.ELEMENT_NOT_CLOSED, f"<{name}> is never closed", offset)
+                     for name, offset in unclosed[-1:]]
+
+
+def _closes(text: str, tag: _Tag, opened: List[_Tag], by_indent: bool) -> bool:
+    """Return whether a tag may close the one element that is ``opened``, if there is one."""
+    if not opened or opened[0][0] != tag[0]:
+        return False
+    indents = {_indent(text, offset) for _, offset, _ in (tag, opened[0])} if by_indent else {None}
+    return None in indents or len(indents) == 1
+
+
+def _indent(text: str, offset: int) -> Optional[str]:
+    """Return the blanks before a tag; None if it does not begin its line."""
+    before = text[text.rfind("\n", 0, offset) + 1:offset]
+    return None if before.strip() else before
 
 
 def _tag_name(match: "re.Match[str]") -> str:
@@ -292,12 +406,13 @@ def _is_open(match: "re.Match[str]") -> bool:
     return match.lastgroup == "open" or (match.lastgroup == "repair" and not match.group("repair"))
 
 
-def _mismatch(name: str, offset: int, opened: List[Tuple[str, int]]) -> MarkupFault:
-    last, begin = opened[-1] if opened else ("", 0)
-    if any(tag == name for tag, _ in opened):
+def _mismatch(name: str, offset: int, opened: List[_Tag]) -> MarkupFault:
+    """Return the fault of a tag that does not close the last opened element."""
+    last, begin, _ = opened[-1]
+    if any(tag == name for tag, _, _ in opened):
         wrong = f"<{last}> is not closed before </{name}>"
         return MarkupFault(rules.ELEMENT_NOT_CLOSED, wrong, begin)
-    hint = f"</{last}> is due" if opened else ""
+    hint = f"</{last}> is due" if last else ""
     return MarkupFault(rules.CLOSES_NOTHING, f"</{name}> closes nothing", offset, hint)
 
 
@@ -316,7 +431,7 @@ def _tag_faults(match: "re.Match[str]") -> Iterator[MarkupFault]:
         elif not _PLAIN_NAME.fullmatch(name) and ":" not in name:
             wrong = f"{name} cannot be the name of an attribute"
             yield MarkupFault(rules.ATTRIBUTE_NAME, wrong, offset)
-        elif _NOT_IN_XML.search(value + "".join(starmap(_character, _CHARACTER.findall(value)))):
+        elif _NOT_IN_XML.search(value + "".join(itertools.starmap(_character, _CHARACTER.findall(value)))):
             wrong = f"the value of {name} holds a character that XML does not allow"
             yield MarkupFault(rules.FORBIDDEN_CHARACTER, wrong, offset)
         seen.add(name)
