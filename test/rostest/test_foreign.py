@@ -77,6 +77,31 @@ class FixtureRing(ServiceLeaf):
 SPECS = (leaf_spec("FixtureRing", FixtureRing, "Rings the bell."),)
 """
 
+LEVEL = """from behavior_controller.extend import Topic
+
+LEVEL = Topic("/battery/level", "battery", "std_msgs/Float32", float, lambda message: message.data,
+              "the battery is not known", is_continuous=True)
+TOPICS = (LEVEL,)
+"""
+IS_ABOVE = """from behavior_controller.extend import Evidence, TopicCondition, leaf_spec
+from odd.level import LEVEL
+
+
+class BatteryAbove(TopicCondition):
+    own_evidence = Evidence(LEVEL, lambda level, gaze_value: level > 20.0)
+
+
+SPECS = (leaf_spec("BatteryAbove", BatteryAbove, "Is the battery full enough?"),)
+"""
+BATTERY = """import rospy, std_msgs.msg
+rospy.init_node("battery")
+publisher = rospy.Publisher("/robot1/battery", std_msgs.msg.Float32, queue_size=1)
+print("ready", flush=True)
+while not rospy.is_shutdown():
+    rospy.sleep({})
+    publisher.publish(80.0)
+"""
+
 RAISED = ("SystemExit(0)", "KeyboardInterrupt()", "KeyError('gripper')")
 MOMENTS = ("on_start(self):\n        raise {}",
            "on_start(self):\n        self.clock.call_after(0.1, self.late)\n"
@@ -277,6 +302,25 @@ class TestForeign(unittest.TestCase):
             controller.lines.wait_for(lambda line: re.search(words, line), 30)
         self.assertEqual(controller.stop()[0], 3)
         self.assert_calm(robot)
+
+    def test_a_mission_may_begin_with_a_condition_on_a_state_that_comes_once_a_second(self):
+        os.makedirs(os.path.join(self.folder, "package/src/odd"))
+        self.package.write("src/odd/level.py", LEVEL)
+        for pause, code, told in ((1.0, 0, "complete"), (
+                600.0, 3, "BatteryAbove: no message on /robot1/battery yet")):
+            battery = subprocess.Popen([sys.executable, "-c", BATTERY.format(pause)],
+                                       stdout=subprocess.PIPE)
+            self.addCleanup(battery.stdout.close)
+            self.addCleanup(battery.wait)
+            self.addCleanup(battery.kill)
+            battery.stdout.readline()
+            robot, controller = self.start(
+                IS_ABOVE, "<BatteryAbove/>", 'interface="odd.level" leaves', None,
+                ("/battery/level:=/robot1/battery",), missionRuns="1", startupTimeout="5")
+            self.assertEqual(controller.wait(30), code, controller.lines.text())
+            self.assertIn(told, controller.lines.text())
+            battery.kill()
+            robot.stop()
 
     def test_an_import_that_does_not_end_is_told_within_its_limit(self):
         began = time.monotonic()

@@ -710,7 +710,7 @@ def test_a_condition_needs_no_message_of_its_own(kind, monkeypatch):
     monkeypatch.setattr(leaves, "registry", lambda: types)
     rig = one_leaf("<FixtureBare/>")
     assert rig.tick() is FAILURE
-    assert rig.of(LeafFinished)[-1].failure.message.partition(";")[0] == "it does not hold"
+    assert rig.of(LeafFinished)[-1].failure.message.partition(";")[0] == "FixtureBare does not hold"
 
 
 @pytest.mark.parametrize("leaf, words", [

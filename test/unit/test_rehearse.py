@@ -1177,3 +1177,15 @@ def test_a_package_says_what_its_topic_publishes_in_a_rehearsal(tmp_path, declar
     _, text = rehearse_package(changed, str(tmp_path / "m.xml"), *ONCE)
     assert "engages  voice       " + outcome in text, text
     assert ("silent: /door/state" in text) is is_silent
+
+
+@pytest.mark.parametrize("declared, told", [
+    (", simulated_value=lambda seconds: 'open'", "engages  voice       SUCCESS"),
+    (", simulated_value=lambda seconds: 'closed'", "FixtureIsDoorOpen does not hold"),
+    ("", "FixtureIsDoorOpen: no message on /door/state yet")])
+def test_a_rehearsed_mission_begins_before_the_first_message_of_a_state(tmp_path, declared, told):
+    changed = greeter(tmp_path, (INTERFACE, "", DOOR.format(declared)), (LEAVES, "", IS_OPEN))
+    (tmp_path / "m.xml").write_text("""<root BTCPP_format="4"><BehaviorTree ID="M">
+        <FixtureIsDoorOpen/></BehaviorTree></root>""")
+    _, text = rehearse_package(changed, str(tmp_path / "m.xml"), "asrEnabled:=true", *ONCE)
+    assert told in text, text

@@ -124,6 +124,8 @@ class MissionContext:
         # when the last ones began, as many as a budget can have
         self._recoveries: Deque[float] = deque(maxlen=MOST_RECOVERIES)
         self.visit_began = -math.inf
+        # until when the first message of a state is awaited, by topic
+        self.first_due: Dict[Topic, float] = {}
         self.has_questions = False  # whether answers count only after a question
         self._shared: Dict[Any, Any] = {}
         self._names: Dict[Any, str] = {}  # for people, by location and by gesture target
@@ -202,7 +204,7 @@ class MissionLeaf(Node):
     sense: Optional[Sense] = None  # the sign of the visitor that it checks
     # of a topic that another package declares, instead of a sense
     own_evidence: Optional[Evidence] = None
-    otherwise = "it does not hold"  # the message of a condition's failure
+    otherwise = ""  # the message of a condition's failure; empty: its name, and "does not hold"
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
     summary: Optional[LeafSummary] = None  # the sentence for people when the leaf ends
@@ -241,6 +243,11 @@ class MissionLeaf(Node):
             return self.get_input(port)
         except NoValue:
             return otherwise
+
+    @property
+    def words_if_false(self) -> str:
+        """The message of a condition's failure."""
+        return self.otherwise or f"{self.registration_id} does not hold"
 
     def missing(self, error: PortError) -> Failure:
         """Return the failure for a port that cannot be read or written."""
@@ -325,7 +332,7 @@ class InstantCondition(InstantLeaf, ConditionLeaf):
 
     def act(self) -> Optional[Failure]:
         """Fail if the condition does not hold."""
-        return None if self.holds() else Failure(Cause.CONDITION_FALSE, self.otherwise)
+        return None if self.holds() else Failure(Cause.CONDITION_FALSE, self.words_if_false)
 
 
 class WorkingLeaf(MissionLeaf, ActionLeaf):

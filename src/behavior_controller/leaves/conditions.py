@@ -46,7 +46,9 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     event.
 
     It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive
-    control asks it again and again, where the waiting is the mission's. Nothing polls: an alarm
+    control asks it again and again, where the waiting is the mission's. For the first message of
+    another package's state it always waits, ``topicMaxAge`` in all: a node that publishes all the
+    time has sent one by then, which may not have come yet. Nothing polls: an alarm
     wakes the tree at the message that changes the answer, a timer when the message of the answer
     becomes too old.
     """
@@ -132,14 +134,16 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if any(is_given_up(counted.value) for counted in counting):
             topics.wake_when(self.uid, topic, self.is_evidence)
             return self._false(samples, counting)
-        topics.wake_when(
-            self.uid, topic, lambda value: self.is_evidence(value) or is_given_up(value))
+        is_first = self._lacks_first(samples)
+        topics.wake_when(self.uid, topic, lambda value: (
+            is_first or self.is_evidence(value) or is_given_up(value)))
         if self._patience is None:
             topics.listen(topic, self.wait)
-        if not self._waits():
+        limit = self._limit(samples)
+        if not self._waits(limit):
             return self._false(samples, counting)
         if self.status is not RUNNING:
-            self._begin_to_wait(self.wait)
+            self._begin_to_wait(limit)
         return RUNNING
 
     def _begin_to_wait(self, limit: float) -> None:
@@ -174,10 +178,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if counting:
             self.unused(counting[-1])
         reason = unheard(samples, self.not_before(), self.mission.clock.now(), self._max_age)
-        message = f"{self.otherwise}; {reason}" if reason else self.otherwise
+        message = f"{self.words_if_false}; {reason}" if reason else self.words_if_false
+        if self._lacks_first(samples):
+            name, reason = self.mission.topics.name(self.topic), None
+            message = f"{self.registration_id}: no message on {name} yet"
         failure = Failure(Cause.CONDITION_FALSE, message, self.resource,
                           reason if self.topic.is_continuous else None)
         return self._fail(failure, self.not_before())
+
+    def _lacks_first(self, samples: Sequence[Sample]) -> bool:
+        """Return whether another package's state, as far as this node knows, was never sent."""
+        return not samples and self.own_evidence is not None and self.topic.is_continuous
 
     def _note(self, what: str) -> None:
         """Tell the story that the sign of the sense is ``given`` or ``absent``."""
@@ -207,11 +218,20 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def _may_wait(self) -> bool:
         return self.wait > 0.0 and not is_asked_again(self)
 
-    def _waits(self) -> bool:
-        if not self._may_wait:
+    def _limit(self, samples: Sequence[Sample]) -> float:
+        """Return the seconds to wait from now on, if the wait has not begun: for the evidence, and
+        for the topic's first message."""
+        wait = self.wait if self._may_wait else 0.0
+        if not self._lacks_first(samples):
+            return wait
+        now = self.mission.clock.now()
+        return max(wait, self.mission.first_due.setdefault(self.topic, now + self._max_age) - now)
+
+    def _waits(self, limit: float) -> bool:
+        if limit <= 0.0:
             return False
-        if self._patience is None and self.wait < math.inf:
-            self._patience = Patience(self, self.topic, self.wait)
+        if self._patience is None and limit < math.inf:
+            self._patience = Patience(self, self.topic, limit)
         return self._patience is None or not self._patience.is_over()
 
     def _stop_timers(self) -> None:

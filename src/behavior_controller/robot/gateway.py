@@ -163,6 +163,10 @@ class FilesGateway(Gateway):
 class Topics:
     """The messages of each topic that count, and one-shot alarms."""
 
+    def name(self, topic: Topic) -> str:
+        """Return the topic's name for people: resolved, if ROS renames it."""
+        return topic.name
+
     def recent(self, topic: Topic[Value]) -> Tuple[Sample[Value], ...]:
         """Return the last events, oldest first, or of a state the newest message; empty before the
         first."""

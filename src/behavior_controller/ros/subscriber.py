@@ -363,6 +363,10 @@ class RosTopics(Topics):
                             DIRECTORY.publishers(buffer.name, buffer.connected_nodes))
             time.sleep(RETRY_INTERVAL)
 
+    def name(self, topic: Topic) -> str:
+        """See ``Topics``."""
+        return self.buffers[topic].name
+
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """See ``Topics``."""
         return self.buffers[topic].recent()

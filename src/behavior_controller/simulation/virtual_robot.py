@@ -209,17 +209,21 @@ class VirtualTopics(FakeTopics):
         return samples
 
     def rehearse(self, topic: Topic) -> None:
-        """Publish from now on what the declaration of another package's topic says."""
+        """Publish from now on what the declaration of another package's topic says. As on a robot,
+        a mission begins before the first message comes."""
         robot, began = self._robot, self._robot.clock.now()
 
-        def publish_next() -> None:
+        def await_next() -> None:
             robot.after(max(robot.shortest_gap, SHORTEST_GAP), publish_next)
+
+        def publish_next() -> None:
+            await_next()
             if topic.simulated_value is not None:
                 value = topic.simulated_value(robot.clock.now() - began)
                 if value is not None:
                     self.publish(topic, value)
 
-        publish_next()
+        await_next()
 
     def listen(self, topic: Topic, seconds: float, prefers_action: bool = False) -> None:
         """Have a robot that hears by an action listen for that time."""

@@ -169,6 +169,9 @@ class Record(Feed, Topics):
         self._inner = inner
         return self
 
+    def name(self, topic: Topic) -> str:
+        return self._inner.name(topic)
+
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """Record those messages of a topic that the mission had not read before."""
         samples = self._inner.recent(topic)
