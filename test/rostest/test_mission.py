@@ -65,7 +65,7 @@ class TestMission(unittest.TestCase):
 
     def lines(self, controller):
         """Return what the node wrote, without time stamps."""
-        return [re.sub(r"^\[(\w+)\] \[[\d:]+\]: behaviorController: ", r"\1 ", line)
+        return [re.sub(r"^\[(\w+)\] \[[\d:.]+\]: behaviorController: ", r"\1 ", line)
                 for _, line in controller.lines.all]
 
     def assert_left_safe(self, robot):

@@ -418,7 +418,7 @@ class TestStart(unittest.TestCase):
     def run_node(self, **values):
         controller = self.controller(**values)
         code = controller.wait(30)
-        text = re.sub(r"(?m)^\[(\w+)\] \[[\d:]+\]: ", r"\1 ", controller.lines.text())
+        text = re.sub(r"(?m)^\[(\w+)\] \[[\d:.]+\]: ", r"\1 ", controller.lines.text())
         self.assertNotIn("Traceback", text)
         return code, text
 

@@ -251,7 +251,7 @@ class TestStart(unittest.TestCase):
         controller = Controller(self.package)
         try:
             code = controller.wait(40)
-            text = re.sub(r"(?m)^\[(\w+)\] \[[\d:]+\]: ", r"\1 ", controller.lines.text())
+            text = re.sub(r"(?m)^\[(\w+)\] \[[\d:.]+\]: ", r"\1 ", controller.lines.text())
             return code, text, robot.requests()
         finally:
             controller.close()

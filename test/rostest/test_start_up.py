@@ -68,7 +68,7 @@ class TestStartUp(unittest.TestCase):
         """Run the node to its end; return the exit code and what it wrote, without time stamps."""
         controller = self.controller(*arguments, **environment)
         code = controller.wait(20)
-        text = re.sub(r"(?m)^\[(\w+)\] \[[\d:]+\]: ", r"\1 ", controller.lines.text())
+        text = re.sub(r"(?m)^\[(\w+)\] \[[\d:.]+\]: ", r"\1 ", controller.lines.text())
         self.assertNotIn("Traceback", text)
         return code, text
 

@@ -16,6 +16,7 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as console_module
 from behavior_controller.ros.console import ROSOUT_LOGGER, Console
+from behavior_controller.ros.sinks import Sink
 from mission_rig import FileRecord, Rig, visitor_who, written
 from page_rig import is_second_text, open_page, text, wait_until
 
@@ -39,7 +40,8 @@ def jump(monkeypatch):
 @pytest.fixture
 def robot_lines(monkeypatch):
     """A console, and the robot's lines that it has written."""
-    monkeypatch.setattr(console_module, "take_over_streams", lambda: [])
+    monkeypatch.setattr(console_module, "take_over_streams",
+                        lambda: Sink("test", lambda item: None, str))
     monkeypatch.setattr(console_module, "ROBOT_SPAN", 0.0)
     monkeypatch.setattr(Console, "attach", lambda self: None)
     told, handler, logger = [], logging.Handler(), logging.getLogger(ROSOUT_LOGGER)

@@ -1,5 +1,7 @@
 """What the robot says stays on the line that quotes it, and does nothing to a terminal."""
 import logging
+import threading
+import time
 
 import pytest
 from msgspec.structs import replace
@@ -16,6 +18,7 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros import console as module
 from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.console import FILE_ONLY, ROSOUT_LOGGER, Console
+from behavior_controller.ros.sinks import Sink
 from behavior_controller.text import Source
 from told_visits import RUNS, Teller, rig_of
 
@@ -47,7 +50,7 @@ def told():
 @pytest.fixture
 def console(monkeypatch):
     """A console that leaves the test's own streams as they are."""
-    monkeypatch.setattr(module, "take_over_streams", lambda: [])
+    monkeypatch.setattr(module, "take_over_streams", lambda: Sink("test", lambda item: None, str))
     monkeypatch.setattr(Console, "attach", lambda self: None)
     return Console()
 
@@ -188,3 +191,24 @@ def test_a_shortage_that_many_threads_meet_is_one_line(told, console):
 
 def test_what_another_node_answers_is_one_line():
     assert str(Trouble(Cause.HANDLER_EXCEPTION, ODD)).isprintable()
+
+
+def test_a_line_has_the_time_of_what_it_tells_and_not_that_of_its_writing(told, console):
+    records, is_written = [], threading.Event()
+
+    def emit(record):
+        records.append(record)
+        is_written.wait(10)
+
+    told.handler.emit = emit
+    began = time.time()
+    for text in ("first", "second"):
+        console.tell("info", text)
+    ended = time.time()
+    time.sleep(0.3)
+    is_written.set()
+    console.drain(5)
+    assert len(records) == 2
+    for record in records:
+        assert began - 0.01 <= record.created <= ended + 0.01
+        assert record.msecs == pytest.approx(record.created % 1.0 * 1000.0)

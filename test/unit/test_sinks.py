@@ -12,10 +12,11 @@ import time
 import unicodedata
 
 import pytest
+from rosgraph.roslogging import RosStreamHandler
 
 from behavior_controller.ros.sinks import (
     MOST_IN_ROW, MOST_IN_FLOOD, Detached, FLOOD, ColouredLine, LineStream, Sink, drain, fitted,
-    take_over_streams)
+    take_over_streams, use_line_handler)
 from behavior_controller.text import LONGEST
 
 CTRL_S, CTRL_Q = b"\x13", b"\x11"
@@ -181,35 +182,61 @@ def take_over(out, err):
     return take_over_streams()
 
 
-def test_lines_for_one_terminal_keep_their_order(streams):
-    reader, writer = os.pipe()
-    sinks = take_over(writer, writer)
+def test_all_lines_go_to_standard_output_and_keep_their_order(streams):
+    (reader, out), (errors, err) = os.pipe(), os.pipe()
+    sink = take_over(out, err)
     for number in range(50):
         print(number, file=sys.stderr if number % 2 else sys.stdout)
-    drain(sinks, 5)
-    assert len(sinks) == 1
+    sink.drain(5)
     assert os.read(reader, 65536).split() == [b"%d" % number for number in range(50)]
+    os.set_blocking(errors, False)
+    with pytest.raises(BlockingIOError):
+        os.read(errors, 1)
 
 
-def test_a_pipe_that_nobody_reads_does_not_hold_the_other_stream(streams):
-    unread, out = os.pipe()
-    fcntl.fcntl(unread, F_SETPIPE_SZ, 4096)
-    reader, err = os.pipe()
-    sinks = take_over(out, err)
-    for _ in range(100):
-        print(100 * "x")
-    print("still here", file=sys.stderr)
-    drain(sinks[1:], 5)
-    assert os.read(reader, 100) == b"still here\n"
+@pytest.fixture
+def rosout():
+    """The logger of rospy's lines, with rospy's own handler."""
+    logger = logging.getLogger("rosout")
+    before, level = list(logger.handlers), logger.level
+    logger.handlers[:] = [RosStreamHandler()]
+    yield logger
+    logger.handlers[:] = before
+    logger.setLevel(level)
+
+
+def logged(rosout):
+    """Return what the terminal shows of a warning of 12:00:00.0625 and a line without a colour."""
+    reader, out = os.pipe()
+    sink = take_over(out, os.open(os.devnull, os.O_WRONLY))
+    use_line_handler()
+    for level, text in ((logging.WARNING, "no %s"), (logging.INFO, "%s found")):
+        record = rosout.makeRecord("rosout", level, __file__, 0, text, ("node",), None)
+        record.created = time.mktime((2026, 1, 2, 12, 0, 0, 0, 0, -1)) + 0.0625
+        rosout.handle(record)
+    sink.drain(5)
+    return os.read(reader, 65536).decode().splitlines()
+
+
+def test_a_line_begins_with_the_time_of_day_to_the_millisecond(streams, rosout, monkeypatch):
+    monkeypatch.delenv("ROSCONSOLE_FORMAT", raising=False)
+    assert logged(rosout) == ["[WARN] [12:00:00.062]: no node", "[INFO] [12:00:00.062]: node found"]
+    use_line_handler()
+    assert len(rosout.handlers) == 1
+
+
+def test_a_format_of_the_user_is_kept(streams, rosout, monkeypatch):
+    monkeypatch.setenv("ROSCONSOLE_FORMAT", "${severity} ${message}")
+    assert logged(rosout) == ["WARN no node", "INFO node found"]
 
 
 def test_a_terminal_held_by_ctrl_s_shows_all_when_it_is_let_go(streams):
     operator, terminal = pty.openpty()
-    sinks = take_over(terminal, terminal)
+    sink = take_over(terminal, terminal)
     os.write(operator, CTRL_S)
     for number in range(10):
         print("line", number)
-    drain(sinks, 0.1)
+    sink.drain(0.1)
     os.write(operator, CTRL_Q)
     shown = b""
     while shown.count(b"\n") < 10:
@@ -239,9 +266,9 @@ WORDS = " ".join("word{}".format(number) for number in range(60))
 def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, width, text):
     operator, terminal = pty.openpty()
     wide(terminal, width)
-    sinks = take_over(terminal, terminal)
+    sink = take_over(terminal, terminal)
     print(text)
-    drain(sinks, 5)
+    sink.drain(5)
     shown = all_shown(operator, terminal).replace("\r\n", "\n")
     assert shown.endswith("\x1b[0m\n") == text.startswith("\x1b")
     shown = shown.replace("\x1b[0m", "")
@@ -268,10 +295,10 @@ def test_a_path_that_is_longer_than_the_terminal_is_whole(streams):
 
 def test_a_terminal_gets_no_name_of_the_node_but_with_the_heartbeat(streams):
     operator, terminal = pty.openpty()
-    sinks = take_over(terminal, terminal)
+    sink = take_over(terminal, terminal)
     for text in ("drove home", "running."):
         print("[INFO] [12:00:00]: behaviorController: " + text)
-    drain(sinks, 5)
+    sink.drain(5)
     assert all_shown(operator, terminal).split("\r\n") == [
         "[INFO] [12:00:00]: drove home", "[INFO] [12:00:00]: behaviorController: running.", ""]
 
@@ -289,16 +316,16 @@ def test_colours_are_left_out_on_demand(streams, monkeypatch, value, has_colours
 def test_a_terminal_that_does_not_tell_its_width_or_has_none_gets_whole_lines(streams, width):
     operator, terminal = pty.openpty()
     wide(terminal, width)
-    sinks = take_over(terminal, terminal)
+    sink = take_over(terminal, terminal)
     print(WORDS)
-    drain(sinks, 5)
+    sink.drain(5)
     assert all_shown(operator, terminal) == WORDS + "\r\n"
 
 
 def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(streams):
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
-    sinks = take_over(writer, writer)
+    sink = take_over(writer, writer)
     text = "".join("{:07}\n".format(number) for number in range(900))
     fcntl.fcntl(reader, F_SETPIPE_SZ, 4096)
     sys.stdout.write(text)
@@ -306,26 +333,26 @@ def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(streams):
     while len(shown) < len(text):
         shown += os.read(reader, 65536)
     assert shown.decode() == text
-    drain(sinks, 5)
+    sink.drain(5)
 
 
 def test_a_stream_without_a_reader_is_no_error(streams):
     reader, writer = os.pipe()
-    sinks = take_over(writer, writer)
+    sink = take_over(writer, writer)
     os.close(reader)
     print("into the void")
-    drain(sinks, 5)
+    sink.drain(5)
 
 
 def test_a_line_in_pieces_stays_whole_and_a_foreign_letter_gets_its_code(streams):
     reader, writer = os.pipe()
     with open(os.dup(writer), "w", encoding="ascii") as original:
         sys.stdout = sys.stderr = original
-        sinks = take_over_streams()
+        sink = take_over_streams()
         sys.stdout.write("Grü")
         sys.stdout.write("ße\nand")
         sys.stdout.write(" more\n")
-        drain(sinks, 5)
+        sink.drain(5)
     assert os.read(reader, 100) == b"Gr\\xfc\\xdfe\nand more\n"
 
 
@@ -345,11 +372,11 @@ def test_a_line_has_room_for_a_long_text_and_the_message_around_it():
 
 def test_what_is_printed_of_outside_text_does_nothing_to_a_terminal(streams):
     reader, writer = os.pipe()
-    sinks = take_over(writer, writer)
+    sink = take_over(writer, writer)
     print("shutdown request: \x1b[2J\x1b]0;title\x07\r\u202e")
     sys.stdout.write("\x1b[33m[WARN] a \x1b[2J\n\x1b[0m")
     print("next")
-    drain(sinks, 5)
+    sink.drain(5)
     assert os.read(reader, 65536).decode() == (
         "shutdown request: \\x1b[2J\\x1b]0;title\\x07\\r\\u202e\n"
         "\x1b[33m[WARN] a \\x1b[2J\x1b[0m\nnext\n")

@@ -16,7 +16,7 @@ from typing import Callable, Dict, Optional
 
 import rospkg
 import rospy
-from rosgraph.roslogging import RosStreamHandler, configure_logging, makedirs_with_parent_perms
+from rosgraph.roslogging import configure_logging, makedirs_with_parent_perms
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.command import no_resources
@@ -25,17 +25,12 @@ from behavior_controller.run.events import (
     computer_now)
 from behavior_controller.run.state import State
 from behavior_controller.run.moment import instruction, robot_line
-from behavior_controller.ros.sinks import Detached, Sink, drain, take_over_streams
+from behavior_controller.ros.sinks import (
+    Detached, LineHandler, Sink, drain, take_over_streams, use_line_handler)
 from behavior_controller.run.story import Story
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.text import clean
-
-FORMAT_VARIABLE = "ROSCONSOLE_FORMAT"
-"""The environment variable with rospy's format of a line."""
-
-FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
-"""Its default here: the time of day; rospy's own default has seconds since 1970."""
 
 WRITE_INTERVAL = 0.05
 """Seconds between two rounds of formatting lines, so that nothing the robot does waits for them."""
@@ -67,13 +62,12 @@ class Console:
     def __init__(self) -> None:
         """Redirect the standard streams. Raises RuntimeError if no thread can be started."""
         self.is_verbose = False  # until the configuration is known
-        os.environ.setdefault(FORMAT_VARIABLE, FOR_PEOPLE)
         # what writes a line, or those of an event: rospy's logging takes longer than all that the
         # tick thread does with one
         self._lines = Sink("the console", lambda write: write(),
-                           lambda text: partial(self._log, "warning", text),
+                           lambda text: partial(self._log, computer_now(), "warning", text),
                            MOST_UNFORMATTED, WRITE_INTERVAL)
-        self._sinks = [self._lines] + take_over_streams()
+        self._sinks = [self._lines, take_over_streams()]
         self._story = Story()
         self._instruction = instruction(State())  # in the robot's line that was written last
         self._robot_written_at = -ROBOT_SPAN
@@ -89,17 +83,12 @@ class Console:
 
     def attach(self) -> None:
         """Have lines written by our threads. To be called again when rospy has set up its logging.
-
-        rospy sets up none if it cannot write its log file.
         """
-        rosout = logging.getLogger("rosout")
-        if not any(isinstance(handler, RosStreamHandler) for handler in rosout.handlers):
-            rosout.addHandler(RosStreamHandler())
-            rosout.setLevel(logging.INFO)
-        for logger in (rosout, logging.getLogger()):
+        use_line_handler()
+        for logger in (logging.getLogger("rosout"), logging.getLogger()):
             for handler in list(logger.handlers):
-                # a RosStreamHandler writes into our streams, which do not block
-                if not isinstance(handler, (RosStreamHandler, Detached)):
+                # a LineHandler writes into our stream, which does not block
+                if not isinstance(handler, (LineHandler, Detached)):
                     logger.removeHandler(handler)
                     logger.addHandler(self._detach(handler))
 
@@ -132,7 +121,7 @@ class Console:
     def tell(self, severity: str, text: str) -> None:
         """Write ``text`` as one clean line at ``info``, ``warning`` or ``error``; from any thread.
         """
-        self._lines.put(partial(self._log, severity, clean(text)))
+        self._lines.put(partial(self._log, computer_now(), severity, clean(text)))
 
     def warn(self, text: str) -> None:
         """Write ``text`` as a warning."""
@@ -140,7 +129,7 @@ class Console:
 
     def _log_event(self, at: float, event: Event, is_verbose: bool) -> None:
         for sentence in self._story.take(at, event):
-            self._log(sentence.severity, sentence.text)
+            self._log(at, sentence.severity, sentence.text)
         # another event follows that one, which may be the end
         if not isinstance(event, SafeStateReported):
             self._log_robot(at, isinstance(event, RunFinished))
@@ -153,7 +142,8 @@ class Console:
             parts = [f"retry {event.attempt} failed", event.failure.resource, reason(event.failure)]
         else:
             return
-        self._log("info", clean(f"{event.node} ({event.path}): {', '.join(filter(None, parts))}"))
+        what = ", ".join(filter(None, parts))
+        self._log(at, "info", clean(f"{event.node} ({event.path}): {what}"))
 
     def _log_robot(self, at: float, is_end: bool = False) -> None:
         """Write the robot's line when a person has to do something else than before, and at the
@@ -165,7 +155,7 @@ class Console:
         if has_news or is_end:
             robot = robot_line(state)
             self._instruction, self._robot_written_at = robot.instruction, at
-            self._log("warning" if robot.instruction else "info", "robot: " + robot.text)
+            self._log(at, "warning" if robot.instruction else "info", "robot: " + robot.text)
 
     def _is_repeated(self, event: LeafFinished) -> bool:
         """Whether a condition is false as it was when it was asked before."""
@@ -175,8 +165,15 @@ class Console:
         self._unmet[event.uid] = failure
         return before == failure
 
-    def _log(self, severity: str, text: str) -> None:
-        getattr(self._logger, severity)("behaviorController: %s", text)
+    def _log(self, at: float, severity: str, text: str) -> None:
+        """Write a line about what happened at that time (``computer_now``)."""
+        level = getattr(logging, severity.upper())
+        if self._logger.isEnabledFor(level):
+            record = self._logger.makeRecord(self._logger.name, level, __file__, 0,
+                                             "behaviorController: %s", (text,), None)
+            record.created -= computer_now() - at
+            record.msecs = record.created % 1.0 * 1000.0
+            self._logger.handle(record)
 
     def report_internal_error(self, error: BaseException) -> None:
         """Report in one line an internal error and the place of its traceback, or that a resource

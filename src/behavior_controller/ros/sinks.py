@@ -13,7 +13,10 @@ import textwrap
 import threading
 import time
 import unicodedata
-from typing import Any, Callable, Deque, Iterable, List, NamedTuple
+from datetime import datetime
+from typing import Any, Callable, Deque, Iterable, NamedTuple
+
+from rosgraph.roslogging import _logging_to_rospy_names, RosStreamHandler
 
 from behavior_controller.text import LONGEST, clean
 
@@ -168,20 +171,18 @@ HEARTBEAT_END = ": running."
 """The end of the only line that keeps it (D3.2)."""
 
 
-def take_over_streams() -> List[Sink]:
-    """Redirect ``sys.stdout`` and ``sys.stderr`` to sinks, and return these: a single one if both
-    are the same file."""
-    out, err = sys.stdout, sys.stderr
-    sinks = [_stream_sink(out)]
-    if not os.path.sameopenfile(out.fileno(), err.fileno()):
-        sinks.append(_stream_sink(err))
-    sys.stdout, sys.stderr = LineStream(sinks[0], out), LineStream(sinks[-1], err)
-    return sinks
+def take_over_streams() -> Sink:
+    """Redirect ``sys.stdout`` and ``sys.stderr`` to a sink for standard output, and return it: only
+    the lines of one stream keep their order."""
+    out = sys.stdout
+    sink = _stream_sink(out)
+    sys.stdout = sys.stderr = LineStream(sink, out)
+    return sink
 
 
 def _stream_sink(stream: Any) -> Sink:
     def warning(text: str) -> ColouredLine:
-        return ColouredLine("", f"[WARN] [{time.strftime('%H:%M:%S')}]{NAMED}{text}")
+        return ColouredLine("", f"[WARN] [{time_of_day(time.time())}]{NAMED}{text}")
 
     def write(line: ColouredLine) -> None:
         text, end = line.text, RESET if line.colours else ""
@@ -218,6 +219,41 @@ def _write_all(descriptor: int, data: bytes) -> None:
 
 
 # ------------------------------------------------------------------------------------------ logging
+
+
+FORMAT_VARIABLE = "ROSCONSOLE_FORMAT"
+"""The environment variable with the user's format of a line."""
+
+
+def time_of_day(at: float) -> str:
+    """Return a time in seconds since 1970 as the time of day, to the millisecond."""
+    return datetime.fromtimestamp(at).time().isoformat("milliseconds")
+
+
+class LineHandler(RosStreamHandler):
+    """Writes lines as rospy does. Without a format of the user's they begin with the time of day:
+    rospy's own default has seconds since 1970."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write ``record``."""
+        if FORMAT_VARIABLE in os.environ:
+            super().emit(record)
+            return
+        level, colour = _logging_to_rospy_names[record.levelname]
+        text = logging.Formatter().format(record)
+        self._write(self._stdout, f"[{level}] [{time_of_day(record.created)}]: {text}\n", colour)
+
+
+def use_line_handler() -> None:
+    """Have the lines for the terminal written by a ``LineHandler``, to standard output alone. To be
+    called again when rospy has set up its logging."""
+    rosout = logging.getLogger("rosout")
+    for handler in list(rosout.handlers):
+        if type(handler) is RosStreamHandler:
+            rosout.removeHandler(handler)
+    if not any(isinstance(handler, LineHandler) for handler in rosout.handlers):
+        rosout.addHandler(LineHandler(stdout=sys.stdout, stderr=sys.stdout))
+        rosout.setLevel(logging.INFO)  # rospy sets up nothing if it cannot write its log file
 
 
 class Detached(logging.Handler):

@@ -74,6 +74,17 @@ class TestNodesAlone(unittest.TestCase):
         rospy.wait_for_service("/other/say", LIMIT)
         self.assertTrue(rospy.ServiceProxy("/other/say", textService)("Hello").success)
 
+    def test_its_lines_come_whole_and_at_once_with_milliseconds(self):
+        process = self.start("textToSpeech", "_failureRate:=0", "_verboseMode:=true")
+        rospy.wait_for_service("/textToSpeech/say_text", LIMIT)
+        rospy.ServiceProxy("/textToSpeech/say_text", textService)("Hello")
+        limit = threading.Timer(LIMIT, process.terminate)
+        limit.start()
+        self.addCleanup(limit.cancel)
+        line = next(line for line in process.stdout if ": call 1 " in line)
+        self.assertIsNone(process.poll())
+        self.assertRegex(line, r"^\[INFO\] \[\d\d:\d\d:\d\d\.\d{3}\]: textToSpeech: call 1 ")
+
     def test_a_caller_that_says_nothing_keeps_no_other_away(self):
         self.start("textToSpeech", "_failureRate:=0")
         rospy.wait_for_service("/textToSpeech/say_text", LIMIT)

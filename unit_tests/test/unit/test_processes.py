@@ -164,13 +164,22 @@ def test_how_the_controller_ended_is_noted(given, program, tmp_path, end, noted,
 
 def test_the_errors_of_the_controller_are_passed_on_and_kept(given, program, tmp_path, capfd):
     given("folder:={}".format(tmp_path / "run"))
-    lines = ["\x1b[31m[ERROR] [12:00:00]: behaviorController: no service /x\x1b[0m",
-             "[WARN] [12:00:01]: slow", "\xff", "[FATAL] [12:00:02]: the end"]
-    end = "sys.stderr.write({!r}); sys.exit(1)".format("\n".join(lines))
+    lines = ["\x1b[31m[ERROR] [12:00:00.001]: behaviorController: no service /x\x1b[0m",
+             "[WARN] [12:00:01.002]: slow", "\xff", "[FATAL] [12:00:02.003]: the end"]
+    end = "sys.stdout.write({!r}); sys.exit(1)".format("\n".join(lines))
     assert start(program("controller", end)) == 1
-    assert capfd.readouterr().err.splitlines() == lines
+    assert capfd.readouterr().out.splitlines() == lines
     assert controller.read_errors(str(tmp_path / "run")) == ("no service /x", "the end")
     assert controller.read_errors(str(tmp_path)) == ()
+
+
+def test_the_lines_of_the_controller_keep_their_order_whatever_stream_they_are_written_to(
+        given, program, tmp_path, capfd):
+    given("folder:={}".format(tmp_path / "run"))
+    end = "[os.write(1 + n % 2, b'%d\\n' % n) for n in range(50)]"
+    assert start(program("controller", end)) == 0
+    shown = capfd.readouterr()
+    assert (shown.out.split(), shown.err) == ([str(number) for number in range(50)], "")
 
 
 @pytest.fixture(name="ignored")

@@ -16,6 +16,7 @@ from behavior_controller.errors import BehaviorControllerError, NodesMissing
 from behavior_controller.run.events import unix_now
 from behavior_controller.robot.declarations import Action, Service, Topic
 from behavior_controller.ros.handshakes import bound_handshakes
+from behavior_controller.ros.sinks import use_line_handler
 from behavior_controller.ros.types import TYPES
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
 from behavior_controller.simulation import behaviour
@@ -74,6 +75,8 @@ def main(name: str) -> int:
     # before any thread is started: threads inherit it
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     rospy.init_node(name, argv=arguments.words, disable_signals=True)
+    sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+    use_line_handler()
     bound_handshakes()
     rospy.core.add_preshutdown_hook(partial(claims.note_replacement, name, own))
     # no daemon: the process ends after its shutdown of ROS

@@ -48,8 +48,8 @@ def main(arguments: Arguments, check: Callable[[Options], None]) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         # the controller gets the signal too: wait for it to stop
         signal.signal(number, lambda *_: None)
-    process = subprocess.Popen(command_line(own), stderr=subprocess.PIPE)
-    _pass_on_errors(process, os.path.join(folder, ERRORS))
+    process = subprocess.Popen(command_line(own), stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    _pass_on(process, os.path.join(folder, ERRORS))
     code = process.wait()
     note(folder, EXIT_CODE, "{}\n".format(code))
     _keep_record(folder, arguments.values.get("recordDirectory"))
@@ -70,12 +70,13 @@ def command_line(own: Options) -> List[str]:
     return given.words[1:] + ["_{}:={}".format(*pair) for pair in keys.items()]
 
 
-def _pass_on_errors(process: "subprocess.Popen[bytes]", path: str) -> None:
-    """Copy what the process writes to stderr to our own until it ends; its errors to a file too."""
-    assert process.stderr is not None
-    with process.stderr as lines, open(path, "w", encoding="utf-8") as file:
+def _pass_on(process: "subprocess.Popen[bytes]", path: str) -> None:
+    """Copy what the process writes to our own output until it ends, in whole lines; its errors to a
+    file too."""
+    assert process.stdout is not None
+    with process.stdout as lines, open(path, "w", encoding="utf-8") as file:
         for line in lines:
-            os.write(2, line)
+            os.write(1, line)
             error = _ERROR.match(line.decode(errors="replace"))
             file.write(error.group(1) + "\n" if error else "")
             file.flush()
