@@ -256,5 +256,5 @@ rospy.spin()
 
 if __name__ == "__main__":
     rospy.init_node("test_actions")
-    RosTopics(Interface("none", (), (), (), {}), lambda: None, lambda text: None).subscribe()
+    RosTopics((), lambda: None, lambda text: None).subscribe()
     rostest.rosrun("cssr_system", "actions", TestActions)

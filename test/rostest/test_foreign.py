@@ -61,10 +61,11 @@ class Bell(Request, frozen=True):
 
 SERVICES = (Service(Bell, "/bell/ring", "bell", "cssr_system/textService", lambda bell: (bell.text,),
                     Success("success", True, False), 5.0, "no bell rings", answer=lambda response: sys.exit(7)),)
-TOPICS = (Topic("/bell/heard", "bell", "std_msgs/String", str, read, "no bell is heard", False),)
+HEARD = Topic("/bell/heard", "bell", "std_msgs/String", str, read, "no bell is heard", False)
+TOPICS = (HEARD,)
 """
-RINGS = """from behavior_controller.extend import ServiceLeaf, leaf_spec
-from odd.declared import Bell
+RINGS = """from behavior_controller.extend import Evidence, ServiceLeaf, TopicCondition, leaf_spec
+from odd.declared import HEARD, Bell
 
 
 class FixtureRing(ServiceLeaf):
@@ -74,7 +75,12 @@ class FixtureRing(ServiceLeaf):
         return Bell()
 
 
-SPECS = (leaf_spec("FixtureRing", FixtureRing, "Rings the bell."),)
+class FixtureHeard(TopicCondition):
+    own_evidence = Evidence(HEARD)
+
+
+SPECS = (leaf_spec("FixtureRing", FixtureRing, "Rings the bell."),
+         leaf_spec("FixtureHeard", FixtureHeard, "Is the bell heard?"))
 """
 
 LEVEL = """from behavior_controller.extend import Topic
@@ -293,7 +299,8 @@ class TestForeign(unittest.TestCase):
             self):
         os.makedirs(os.path.join(self.folder, "package/src/odd"))
         self.package.write("src/odd/declared.py", DECLARATIONS)
-        robot, controller = self.start(RINGS, "<FixtureRing/>", 'interface="odd.declared" leaves',
+        robot, controller = self.start(RINGS, "<Fallback><FixtureHeard/><FixtureRing/></Fallback>",
+                                       'interface="odd.declared" leaves',
                                        None,
                                        ("/bell/ring:=" + SAY, "/bell/heard:=/speechEvent/text"))
         robot.publish("/speechEvent/text", "ding", hertz=20)

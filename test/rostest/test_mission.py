@@ -11,6 +11,7 @@ import tempfile
 import time
 import unittest
 
+import rosgraph
 import rostest
 
 from behavior_controller.run.events import SafeStateReported
@@ -183,6 +184,32 @@ class TestMission(unittest.TestCase):
             self.assertLess(statistics.median(delays), 0.02)
             # a message that was lost would wait until the one before expires, 2 s
             self.assertLess(max(delays), 0.5)
+
+    def wait_until(self, value, wanted):
+        """Wait until ``value()`` is ``wanted``: the master tells nobody who registers."""
+        ends = time.monotonic() + 30.0
+        while value() != wanted:
+            self.assertLess(time.monotonic(), ends, value())
+            time.sleep(0.05)
+
+    def test_the_node_subscribes_to_the_topics_that_its_missions_use(self):
+        def registered(place):  # 0: publishers, 1: subscribers
+            return [name for name, nodes in master.getSystemState()[place]
+                    if "/behaviorController" in nodes]
+
+        pause, seen = '<Sleep msec="200"/>', "<Fallback><IsVisitorDiscovered/>{}</Fallback>"
+        robot, controller = self.start(pause)
+        controller.lines.wait_for(lambda line: mission_starts("m") in line, 20)
+        master = rosgraph.Master("/behaviorController")
+        self.wait_until(lambda: registered(0), ["/rosout"])
+        self.assertEqual(registered(1), [])
+        # without a subscription too, what the master has forgotten is registered again
+        master.unregisterPublisher("/rosout", master.lookupNode("/behaviorController"))
+        self.wait_until(lambda: registered(0), ["/rosout"])
+        self.package.write("data/m.xml", MISSION.format(seen.format(pause)))
+        controller.process.send_signal(signal.SIGHUP)
+        self.wait_until(lambda: registered(1), [FACES])
+        self.assertEqual(controller.stop()[0], 0)
 
     def wait_until_connected(self, robot):
         """Show a face until the node reacts, and then none: rospy connects to publishers in its own

@@ -163,7 +163,7 @@ class TestHearing(unittest.TestCase):
     def setUpClass(cls):
         cls.wake = WakeUp()
         cls.warnings = []
-        cls.topics = RosTopics(INTERFACE, cls.wake.emit, cls.warnings.append)
+        cls.topics = RosTopics(INTERFACE.topics, cls.wake.emit, cls.warnings.append)
         cls.topics.subscribe()
 
     def setUp(self):

@@ -39,7 +39,7 @@ GOAL = Location(1.0, 2.0, 90.0)
 SETTLED = 0.5
 """Seconds within which a server publishes to a client that its handshake says is connected."""
 WARNINGS = []
-TOPICS = RosTopics(INTERFACE, lambda: None, WARNINGS.append)
+TOPICS = RosTopics(INTERFACE.topics, lambda: None, WARNINGS.append)
 """One for this process: rospy subscribes once per topic and process."""
 
 

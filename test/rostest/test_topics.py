@@ -45,7 +45,7 @@ class TestTopics(unittest.TestCase):
     def setUpClass(cls):
         cls.wake = WakeUp()
         cls.warnings = []
-        cls.topics = RosTopics(INTERFACE, cls.wake.emit, cls.warnings.append)
+        cls.topics = RosTopics(INTERFACE.topics, cls.wake.emit, cls.warnings.append)
         cls.topics.subscribe()
 
     def setUp(self):

@@ -23,7 +23,7 @@ from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.rehearsal.play import BUSY, RunResult, START, LoadedMission
 from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search
 from behavior_controller.simulation.rehearsal.summary import Survey
-from behavior_controller.simulation.visitor import DECLINES, ENGAGES
+from behavior_controller.simulation.visitor import BEHAVIOURS, DECLINES, ENGAGES
 
 STAGE = LoadedMission(settings.defaults(), [
     parse("""<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback name="all">
@@ -596,7 +596,7 @@ def test_a_call_of_the_mission_is_of_the_leaf_that_asked_last():
 
 def of_all_plays(reached=(), succeeded=(), switched=()):
     """Return kind, node and text of what all plays together show: one without a fault."""
-    survey = Survey(SimpleNamespace(stage=lambda by_voice: STAGE), True, ())
+    survey = Survey(SimpleNamespace(stage=lambda by_voice: STAGE, visitors=BEHAVIOURS), True, ())
     survey.take(Outcome(Scenario(ENGAGES), "SUCCESS", 9.0, (), (),
                         frozenset(UIDS[name] for name in reached),
                         frozenset(UIDS[name] for name in succeeded), tuple(switched)))

@@ -543,6 +543,12 @@ def test_what_cannot_be_played_is_told(capsys, words, told):
 UNREACHED = "<Fallback><AlwaysSuccess/><WelcomeSpeech/></Fallback>"
 SPEECH = "<Fallback><WelcomeSpeech/><AlwaysSuccess/></Fallback>"
 TWO_SPEECHES = "<Sequence><WelcomeSpeech/><EndTourSpeech/></Sequence>"
+MEETS = "<Fallback><IsVisitorDiscovered/><AlwaysSuccess/></Fallback>"
+
+
+def meeting(body):
+    """Return a mission that also looks for a visitor: else each kind of visitor is the same."""
+    return "<Sequence>{}{}</Sequence>".format(MEETS, body)
 
 
 def mission(folder, body):
@@ -586,7 +592,7 @@ def first_round(todo):
     (["--runs", "2"], 2 * 8, False),
     (["--runs", "3", "--failureRate", "0, 1", "--seed", "5"], 3 * 2, False)])
 def test_what_is_played_first_and_whether_it_is_all(tmp_path, words, number, is_complete):
-    todo = plan(tmp_path, UNREACHED, *words)
+    todo = plan(tmp_path, meeting(UNREACHED), *words)
     scenes = first_round(todo)
     assert (len(scenes), todo.is_complete) == (number, is_complete)
     assert {scene.by_voice
@@ -606,8 +612,29 @@ def test_the_topics_of_the_robot_are_not_silent(tmp_path):
     (["--visitors", "engages", "--kinds", "crash", "--faults", "pairs"], 2 + 2 * (1 + 1) + 2 * 3),
     (["--visitors", "engages", "--faults", "none"], 2)])
 def test_how_many_plays_there_are(tmp_path, words, number):
-    result = cli.rehearse(plan(tmp_path, SPEECH, *words), jobs=1)
+    result = cli.rehearse(plan(tmp_path, meeting(SPEECH), *words), jobs=1)
     assert (result.plays, result.planned) == (number, number)
+
+
+@pytest.mark.parametrize("body, visitors, ways", [
+    (SPEECH, 1, 1), ("<Sequence><LookUpHome/><Navigate/></Sequence>", 1, 1),
+    ("<Fallback><IsASREnabled/><WelcomeSpeech/></Fallback>", 1, 2),
+    ("<IsVisitorDiscovered/>", 6, 2), ("<PressYesNoDialogue/>", 6, 2),
+    ("<Sequence><WelcomeSpeech/><Fallback><IsYesNoUttered/><AlwaysSuccess/></Fallback></Sequence>",
+     6, 2)])
+def test_a_robot_without_visitors_is_rehearsed_once(tmp_path, body, visitors, ways):
+    todo = plan(tmp_path, body)
+    scenes = first_round(todo)
+    assert (len({scene.visitor for scene in scenes}), len({scene.by_voice for scene in scenes}),
+            len(scenes), todo.is_complete) == (visitors, ways, visitors * ways, True)
+    assert len(first_round(plan(tmp_path, body, "--visitors", "silent,leaves"))) == 2 * ways
+
+
+def test_a_mission_without_visitors_that_always_fails_never_succeeds(capsys, tmp_path):
+    code, text = run(capsys, mission(tmp_path, "<Sequence><WelcomeSpeech/><AlwaysFailure/>"
+                                               "</Sequence>"), "--faults", "none")
+    assert code == exit_codes.FINDINGS and "each of 1 pass fails" in text
+    assert "pass 1: FAILURE" in text  # the story of the only play
 
 
 def test_the_only_play_is_told(capsys, tmp_path):
@@ -884,7 +911,7 @@ def test_what_never_comes_to_its_end_brings_about_all_else_but_its_like(tmp_path
     (0, {"engages": "FAILURE"}, [])])
 def test_a_mission_never_succeeds_if_no_visitor_brings_it_to_success(tmp_path, seed, outcomes,
                                                                      told):
-    survey = survey_of(tmp_path, TWO_SPEECHES)
+    survey = survey_of(tmp_path, meeting(TWO_SPEECHES))
     for visitor, ended in outcomes.items():
         survey.take(outcome(Scenario(visitor, seed=seed), ended, 4.0))
     survey.take(outcome(Scenario("engages", rate=0.5, seed=1), "SUCCESS", 4.0))
@@ -941,7 +968,7 @@ def test_the_bar_grows_with_the_plays_until_ctrl_c(capsys, monkeypatch, tmp_path
     terminal = Terminal()
     terminal.pressed_at = pressed_at
     monkeypatch.setattr(sys, "stderr", terminal)
-    returned, text = run(capsys, mission(tmp_path, SPEECH), "--faults", "none", *ENGAGES)
+    returned, text = run(capsys, mission(tmp_path, meeting(SPEECH)), "--faults", "none", *ENGAGES)
     shown = re.sub(r", \d+ s left", ", N s left", terminal.shown)
     half = "\r[{}{}] 1 of 2 simulated runs, N s left\x1b[K".format("#" * 15, "." * 15)
     whole = "\r[{}] 2 of 2 simulated runs, N s left\x1b[K".format("#" * 30)
@@ -1065,10 +1092,10 @@ def rehearse_package(folder, *words):
 
 def test_the_missions_of_another_package_are_rehearsed_by_their_name():
     code, text = rehearse_package(GREETER, "greet", "--faults", "none")
-    assert code == 0 and "greet.xml, robot D5.4.3: 12 simulated runs" in text
+    assert code == 0 and "greet.xml, robot D5.4.3: 1 simulated run " in text
     code, text = rehearse_package(GREETER, "greet", "--planned", "lights:1:refused", "--visitors",
                                   "engages")
-    assert code == exit_codes.SUCCESS and "greet.xml, robot D5.4.3: 2 simulated runs" in text
+    assert code == exit_codes.SUCCESS and "greet.xml, robot D5.4.3: 1 simulated run " in text
 
 
 @pytest.mark.parametrize("kind, cause", [
@@ -1187,5 +1214,5 @@ def test_a_rehearsed_mission_begins_before_the_first_message_of_a_state(tmp_path
     changed = greeter(tmp_path, (INTERFACE, "", DOOR.format(declared)), (LEAVES, "", IS_OPEN))
     (tmp_path / "m.xml").write_text("""<root BTCPP_format="4"><BehaviorTree ID="M">
         <FixtureIsDoorOpen/></BehaviorTree></root>""")
-    _, text = rehearse_package(changed, str(tmp_path / "m.xml"), "asrEnabled:=true", *ONCE)
+    _, text = rehearse_package(changed, str(tmp_path / "m.xml"), *ONCE)
     assert told in text, text

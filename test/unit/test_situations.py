@@ -574,10 +574,31 @@ def test_where_the_robot_is(robot, expected):
     assert robot_line(State(robot=robot)).place == expected
 
 
+USES_SPEECH = State(started=RunStarted("m.xml", [], {}, Sources((), ("", ""), ("", ""), ""),
+                                       requests=["Say"]))
+
+
+@pytest.mark.parametrize("mission, expected", [
+    ("<WelcomeSpeech/>", []), ("<EnableAnimateBehavior/>", ["lifelike movement unknown"]),
+    ("<ScanningOvertAttentionMode/>", ["attention unknown"])])
+def test_a_robot_line_says_unknown_only_of_what_the_mission_uses(mission, expected):
+    rig = Rig("<Sequence>{}</Sequence>".format(mission))
+    rig.run(visitor_who(), runs=1)
+    started = next(number for number, event in enumerate(rig.events)
+                   if isinstance(event, RunStarted))
+    run = Run([Line(0.0, event) for event in rig.events[:started + 1]])
+    parts = robot_line(run.state).text.split(" · ")
+    assert [part for part in parts if part.endswith(" unknown")
+            and not part.startswith("place")] == expected
+
+
 @pytest.mark.parametrize("state, expected", [
     (State(), ("unknown", "unknown", "not yet asked", "")),
     (State(started=RunStarted("m.xml", [], {}, Sources((), ("", ""), ("", ""), ""))),
      ("unknown", "unknown", "all nodes in use answer", "")),
+    (USES_SPEECH, ("", "", "all nodes in use answer", "")),
+    (replace(USES_SPEECH, robot=Robot(SetAttention("disabled"))),
+     ("off", "", "all nodes in use answer", "")),
     (State(robot=Robot(SetAttention("disabled"), SetAnimation("disabled"))),
      ("off", "off", "not yet asked", "")),
     (State(robot=Robot(SetAttention("social"), SetAnimation("enabled"))),

@@ -13,6 +13,7 @@ from behavior_controller.errors import BehaviorControllerError, MissionError
 from behavior_controller.run.events import (
     Noticed, PassFinished, PassStarted, Paused, RunFinished, RunStarted, Sources, Suspended)
 from behavior_controller.leaves.base import MissionContext
+from behavior_controller.robot.declarations import Service
 from behavior_controller.robot.gateway import Cause
 
 _SHORTEST_PASS = 1.0
@@ -177,7 +178,8 @@ class Runner:
                           mission.interface.name, knowledge.sources if knowledge else ())
         self.mission.events.emit(RunStarted(
             self.mission_file, mission.leaves_of(self.tree), mission.settings.values, sources,
-            {offer.name: offer.kind for offer in mission.interface.offers}))
+            {offer.name: offer.kind for offer in mission.interface.offers},
+            [offer.request.__name__ for offer in mission.offers if isinstance(offer, Service)]))
 
     def _pass(self) -> None:
         """Run the mission once, with the data of earlier visitors cleared."""

@@ -73,6 +73,8 @@ class Directory:
         # addresses by kind and name: those that this master lists, and those of a former one
         self._known: Dict[Tuple[str, str], Tuple[str, ...]] = {}
         self._former: Dict[Tuple[str, str], Tuple[str, ...]] = {}
+        self.is_keeping_up = False
+        """Whether ``refresh`` registers what the master does not know."""
         self._subscriptions: Dict[str, str] = {}  # topic: type
         self._publishing: Mapping[str, Any] = {}  # topic: names of the nodes that publish it
         self._offered: FrozenSet[str] = frozenset()
@@ -174,11 +176,11 @@ class Directory:
                 self.unanswered = 0
 
     def refresh(self) -> None:
-        """Read the master's state, and register what it does not know. Raises ``Trouble`` without
-        an answer."""
+        """Read the master's state, and register what it does not know (``is_keeping_up``). Raises
+        ``Trouble`` without an answer."""
         publishers, subscribers, services = self._ask("getSystemState")
         missing = self._missing(publishers, subscribers, services)
-        if self._subscriptions and missing:
+        if self.is_keeping_up and missing:
             self._register(missing)
         with self._lock:
             self._publishing = dict(publishers)

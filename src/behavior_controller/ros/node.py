@@ -219,7 +219,7 @@ class _Node:
                                         self._wake, self._is_stopped)
         check = StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped)
         check.run()
-        topics = RosTopics(plan.settings.interface, self._wake.emit, console.warn, clock)
+        topics = RosTopics(plan.offers, self._wake.emit, console.warn, clock)
         if self._simulated is not None:
             topics.buffers[CLOCK] = self._simulated
         self._run = run = _Run(plan, topics, self._outputs, console, self._events,

@@ -12,14 +12,14 @@ import struct
 import threading
 import time
 from itertools import groupby
-from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Set, Tuple
 
 import rospy
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.gateway import Cause, Sample, Topics, since
-from behavior_controller.robot.declarations import Interface, Topic
+from behavior_controller.robot.declarations import Offer, Topic
 from behavior_controller.robot.rhythm import Rhythm
 from behavior_controller.ros.tcpros import (
     RECONNECT_PAUSE, Connection, LONGEST_ANSWER, RETRY_INTERVAL, Trouble, open_publisher)
@@ -335,18 +335,32 @@ def _sender(header: Dict[str, str]) -> str:
 
 
 class RosTopics(Topics):
-    """The robot's topics. From ``subscribe`` on they are subscribed, on a separate thread."""
+    """The robot's topics that are used. From ``subscribe`` on they are subscribed, on a separate
+    thread."""
 
-    def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None],
-                 clock: Optional[Clock] = None):
-        """See ``TopicBuffer``."""
-        self.buffers = {topic: TopicBuffer(topic, wake, warn, clock or Clock())
-                        for topic in interface.topics}
+    def __init__(self, offers: Iterable[Offer], wake: Callable[[], None],
+                 warn: Callable[[str], None], clock: Optional[Clock] = None):
+        """``offers``: see ``include``; for the others see ``TopicBuffer``."""
+        self._new_buffer = lambda topic: TopicBuffer(topic, wake, warn, clock or Clock())
+        self.buffers: Dict[Topic, TopicBuffer] = {}
+        """Those of all topics that were used; replaced as a whole."""
+        self.include(offers)
+
+    def include(self, offers: Iterable[Offer]) -> None:
+        """Use the topics among these services and topics too. Only one thread calls this."""
+        self.buffers = {**self.buffers, **{
+            offer: self._new_buffer(offer) for offer in offers
+            if isinstance(offer, Topic) and offer not in self.buffers}}
+
+    def _buffer(self, topic: Topic) -> TopicBuffer:
+        """Return the buffer of a topic, which a leaf may use without having declared that."""
+        if topic not in self.buffers:
+            self.include([topic])
+        return self.buffers[topic]
 
     def subscribe(self) -> None:
         """Subscribe to the topics; this registers the node at the master."""
-        for topic, buffer in self.buffers.items():
-            DIRECTORY.subscribe(buffer.name, topic.type)
+        DIRECTORY.is_keeping_up = True
         rospy.on_shutdown(DIRECTORY.sign_off)
         start_thread("publishers of topics", self._keep_up)
 
@@ -354,10 +368,13 @@ class RosTopics(Topics):
         """Follow the master's list of publishers; without a master, the links reconnect by
         themselves."""
         while not rospy.is_shutdown():
+            buffers = self.buffers
+            for topic, buffer in buffers.items():
+                DIRECTORY.subscribe(buffer.name, topic.type)
             # the directory has noted it; or a link got no thread, and may get one next time
             with contextlib.suppress(Trouble, RuntimeError), DIRECTORY.round():
                 DIRECTORY.refresh()
-                for buffer in self.buffers.values():
+                for buffer in buffers.values():
                     with contextlib.suppress(Trouble):  # the others are met all the same
                         buffer.set_publishers(
                             DIRECTORY.publishers(buffer.name, buffer.connected_nodes))
@@ -365,29 +382,30 @@ class RosTopics(Topics):
 
     def name(self, topic: Topic) -> str:
         """See ``Topics``."""
-        return self.buffers[topic].name
+        return self._buffer(topic).name
 
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """See ``Topics``."""
-        return self.buffers[topic].recent()
+        return self._buffer(topic).recent()
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
         """Set the alarm ``key``."""
         for buffer in self.buffers.values():
             buffer.clear_alarm(key)
-        self.buffers[topic].set_alarm(key, wanted)
+        self._buffer(topic).set_alarm(key, wanted)
 
     def listen(self, topic: Topic, seconds: float, prefers_action: bool = False) -> None:
         """See ``Topics``."""
-        speech_action = self.buffers[topic].speech_action
+        speech_action = self._buffer(topic).speech_action
         if speech_action is not None:
             speech_action.listen(seconds, prefers_action)
 
     def is_hearing(self, topic: Topic) -> bool:
         """See ``Topics``."""
-        speech_action = self.buffers[topic].speech_action
+        speech_action = self._buffer(topic).speech_action
         return speech_action is not None and speech_action.is_under_way
 
     def ignore(self, topic: Topic, reason: str, missed: Callable[[Any], bool]) -> None:
         """See ``Topics``."""
-        self.buffers[topic].ignoring = reason, missed
+        if topic in self.buffers:
+            self.buffers[topic].ignoring = reason, missed

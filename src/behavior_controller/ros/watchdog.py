@@ -98,6 +98,7 @@ class Monitor:
     def include(self, offers: Iterable[Offer], may_lack: bool = False) -> None:
         """Monitor these services and topics too. ``may_lack``: those that never existed are not
         reported."""
+        self._topics.include(offers)
         if not may_lack:
             self._needed.update(offers)
         for offer in offers:

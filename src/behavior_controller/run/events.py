@@ -67,13 +67,15 @@ class Starting(BaseEvent, frozen=True):
 
 class RunStarted(BaseEvent, frozen=True):
     """The node has checked everything and starts to tick. ``offers`` are the names and kinds of
-    what the robot's interface has."""
+    what the robot's interface has, ``requests`` the kinds that the mission cannot do without; None:
+    any, as in earlier records."""
 
     mission: str
     leaves: List[Tuple[str, str]]  # path and node type of each mission leaf, in document order
     settings: Dict[str, Union[bool, int, float, str]]
     sources: Sources
     offers: Dict[str, str] = {}
+    requests: Optional[List[str]] = None
 
 
 class StepStarted(OfNode, frozen=True):

@@ -41,7 +41,8 @@ class Card(Struct, frozen=True):
 
 
 class RobotLine(Struct, frozen=True):
-    """How the robot is, and what a person has to do, if anything."""
+    """How the robot is, and what a person has to do, if anything. ``attention`` and ``movement``
+    are empty if the mission does not use them and nothing is known of them."""
 
     is_well: bool  # all that is used answers
     alive: str
@@ -54,8 +55,9 @@ class RobotLine(Struct, frozen=True):
     @property
     def text(self) -> str:
         """All on one line, the instruction last."""
-        parts = (self.alive, "attention " + self.attention, "lifelike movement " + self.movement,
-                 self.place, self.safe)
+        attention = self.attention and "attention " + self.attention
+        movement = self.movement and "lifelike movement " + self.movement
+        parts = (self.alive, attention, movement, self.place, self.safe)
         text = " · ".join(filter(None, parts))
         return f"{text}. {self.instruction}" if self.instruction else text
 
@@ -170,16 +172,22 @@ def next_node(state: State, uid: int) -> str:
 
 def robot_line(state: State) -> RobotLine:
     """Return how the robot is."""
-    robot, mode = state.robot, "unknown"
+    robot = state.robot
+    mode, movement = _unsaid(state, SetAttention), _unsaid(state, SetAnimation)
     if robot.attention is not None:
         mode = robot.attention.state
         mode = "off" if mode == "disabled" else f"on ({mode})"
-    movement = "unknown"
     if robot.animation is not None:
         movement = "on" if robot.animation.state == "enabled" else "off"
     alive = "all nodes in use answer" if state.started is not None else "not yet asked"
     return RobotLine(not robot.ill, conditions(robot.ill) or alive, mode, movement, _place(robot),
                      _safety(state), instruction(state))
+
+
+def _unsaid(state: State, kind: type) -> str:
+    """Return what is said of a part of the robot whose last request, of that kind, is not known."""
+    used = state.started.requests if state.started is not None else None
+    return "unknown" if used is None or kind.__name__ in used else ""
 
 
 def _safety(state: State) -> str:

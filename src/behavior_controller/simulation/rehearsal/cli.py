@@ -72,8 +72,8 @@ class Plan:
         path = options.mission if is_file else find(options.mission)
         controller = load_controller(given)
         self.runner = ScenarioRunner(controller.values, path, options.limit)
-        ways = [controller.asr_enabled] if ASR in given else [True, False]
-        visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
+        ways = [controller.asr_enabled] if ASR in given else self.runner.ways
+        visitors = options.visitors or ([ENGAGES] if options.runs else self.runner.visitors)
         self.calm = [Scenario(visitor, by_voice) for by_voice in ways for visitor in visitors]
         self.stage = self.runner.stage(ways[0])
         robot = self.stage.settings.interface
@@ -83,8 +83,8 @@ class Plan:
                        if isinstance(offer, Topic) and offer.name not in self.topics]
         is_restricted = options.faults == NO_FAULTS or options.runs or options.planned \
             or options.silent or options.quick or options.kinds or options.limit < PASS_LIMIT
-        self.is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 \
-            and not is_restricted
+        self.is_complete = set(visitors) >= set(self.runner.visitors) \
+            and len(ways) == len(self.runner.ways) and not is_restricted
         others = [word for word in options.settings if not word.startswith(ASR + ":=")]
         self.chosen = [options.mission, *others]
 
@@ -165,8 +165,8 @@ def _parser() -> argparse.ArgumentParser:
            "each single fault (every call in every way, every service for good, every topic "
            "silent; the default), also each two of them, or none")
     option("visitors", _list_of(_visitor), "NAMES",
-           f"some of {', '.join(BEHAVIOURS)}, with commas between them; all if not given, with "
-           f"--runs {ENGAGES}")
+           f"some of {', '.join(BEHAVIOURS)}, with commas between them; if not given, all that "
+           f"make a difference to the mission, with --runs {ENGAGES}")
     option("kinds", _list_of(_word(*KINDS)), "NAMES",
            f"in which ways calls go wrong: some of {', '.join(KINDS)}")
     option("planned", _list_of(_planned), "NODE:CALL:KIND",
@@ -318,7 +318,7 @@ def as_text(result: Result) -> str:
             f"planned in vain: {fault}, since no play makes that call" for fault in result.unmet]
     for table in html_report.tables(result.rows, result.shares).values():
         lines += ["", *_columns(table)]
-    if result.story and not result.findings:
+    if not any(finding.story for finding in result.findings) and result.story:
         lines += [""] + list(result.story)
     explained = ""  # the kind of the finding before
     for finding in result.findings:

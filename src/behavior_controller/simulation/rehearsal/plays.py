@@ -12,10 +12,11 @@ from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Ma
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.loader.document import garbage_collection_paused, read, with_includes
+from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.settings import defaults
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.declarations import Sense
-from behavior_controller.robot.requests import Request
+from behavior_controller.robot.requests import Prompt, Request
 from behavior_controller.text import clean, count
 
 from behavior_controller.simulation.rehearsal import findings
@@ -128,6 +129,23 @@ class ScenarioRunner:
         self.stage: Callable[[bool], LoadedMission] = lru_cache(maxsize=None)(self._stage)
         """Returns the stage, by voice or not. Raises FaultsFound if it cannot be played."""
         self._calm_play: Callable[[Scenario], Play] = lru_cache(maxsize=None)(self.play)
+
+    @property
+    def visitors(self) -> Tuple[str, ...]:
+        """The kinds of visitors that make a difference: one kind alone if the mission neither sees
+        nor hears visitors, nor has them press a button."""
+        specs = [node.spec for node in self.stage(True).mission.tree.nodes
+                 if isinstance(node.spec, MissionSpec)]
+        meets = any(isinstance(sign, Sense) for spec in specs for sign in spec.listens) or any(
+            issubclass(kind, Prompt) for spec in specs for kind in spec.calls)
+        return BEHAVIOURS if meets else (ENGAGES,)
+
+    @property
+    def ways(self) -> Tuple[bool, ...]:
+        """By voice or not, as far as that makes a difference."""
+        is_asked = any(node.spec.setting for node in self.stage(True).mission.tree.nodes
+                       if isinstance(node.spec, MissionSpec))
+        return (True, False) if is_asked or len(self.visitors) > 1 else (True,)
 
     def __reduce__(self) -> Tuple[Any, ...]:
         """Have another process make its own from the same arguments, once."""

@@ -18,7 +18,7 @@ from behavior_controller.simulation.rehearsal.plays import (
     NO_VISITOR, Outcome, Scenario, Search, ScenarioRunner)
 from behavior_controller.simulation.faults import KINDS
 from behavior_controller.simulation.rehearsal.play import START, Place
-from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
+from behavior_controller.simulation.visitor import ENGAGES
 
 Z = 1.96
 """Standard deviations on each side of an interval that holds the true share in 95 of 100 cases."""
@@ -131,9 +131,9 @@ class Survey:
         """Find that no pass succeeds without a fault, if all visitors were played, or if the one
         who engages was in runs at failure rate 0."""
         passes = [outcome for outcome in self.outcomes if outcome.scene.is_faultless]
-        visitors = {outcome.scene.visitor for outcome in passes}
-        is_run = ENGAGES in visitors and any(outcome.scene.seed for outcome in passes)
-        if (visitors == set(BEHAVIOURS) or is_run) and \
+        visitors = {outcome.scene.visitor for outcome in self._calm}
+        is_run = any(outcome.scene.seed and outcome.scene.visitor == ENGAGES for outcome in passes)
+        if (visitors >= set(self._runner.visitors) or is_run) and \
                 {outcome.outcome for outcome in passes}.isdisjoint({"SUCCESS", NO_VISITOR, ""}):
             yield findings.ROOT, f"each of {count(len(passes), 'pass', 'passes')} fails"
 

@@ -126,8 +126,8 @@ function showNow(part) {
 
 // what a person has to do stays until it is done
 function showRobot(robot) {
-  const texts = {alive: robot.alive, place: robot.place, attention: "attention " + robot.attention,
-                 movement: "lifelike movement " + robot.movement, safe: robot.safe, instruction: robot.instruction};
+  const texts = {alive: robot.alive, place: robot.place, attention: robot.attention && "attention " + robot.attention,
+                 movement: robot.movement && "lifelike movement " + robot.movement, safe: robot.safe, instruction: robot.instruction};
   if (robot.safe) texts.attention = texts.movement = "";  // the safe state says it
   for (const [id, text] of Object.entries(texts)) put(byId(id), text);
   byId("robot").title = byId("robot-state").textContent;  // a long one is cut
