@@ -8,6 +8,7 @@ import argparse
 import contextlib
 import http.client
 import itertools
+import math
 import os
 import queue
 import sys
@@ -71,7 +72,8 @@ MOST_STATES_WAITING = 100
 
 
 class ShownState(Struct, frozen=True):
-    """The parts of the board that are printed; ``silent``: seconds since the last message."""
+    """The parts of the board that are printed; ``silent``: seconds since the last message, ``lag``:
+    those since the last line of a record that is old."""
 
     mission: parts.MissionPart
     statuses: parts.Statuses
@@ -80,6 +82,7 @@ class ShownState(Struct, frozen=True):
     health: Dict[str, parts.Offer]
     alive: parts.Alive
     silent: float = 0.0
+    lag: float = 0.0
 
 
 EXIT_CODES = """0: the mission was shown (with --watch: until it ended); 1: no mission answers
@@ -177,12 +180,11 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
 
 
 def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]], None]) -> None:
-    """Read the run from its record, or else from its viewer."""
+    """Read the run from its record, or else from its viewer, or from a record that lags."""
     reason = "the answer is not a mission's"
     try:
-        for view in itertools.chain(_of_record(address, port), _of_viewer(address, port)):
-            put(ShownState(view.mission(), view.statuses(), view.now(), view.story(),
-                           view.health(), view.alive()))
+        for view in itertools.chain(_of_record(address, port, HANGS), _of_viewer(address, port)):
+            put(_shown(view))
             reason = "the connection was closed"
     except msgspec.ValidationError as error:
         reason = f"the answer is not a mission's: {error}"
@@ -190,13 +192,25 @@ def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]],
         reason = "the answer is not JSON"
     except (OSError, ValueError, http.client.HTTPException, MissionError) as error:
         reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
+    for view in _of_record(address, port, math.inf):
+        put(_shown(view, _age(view.state)))
     put(NoMission(reason))
 
 
-def _of_record(address: str, port: int) -> Iterator[View]:
+def _shown(view: View, lag: float = 0.0) -> ShownState:
+    return ShownState(view.mission(), view.statuses(), view.now(), view.story(), view.health(),
+                      view.alive(), lag=lag)
+
+
+def _age(state: State) -> float:
+    """Return how many seconds ago the last event was."""
+    return max(0.0, unix_now() - state.at)
+
+
+def _of_record(address: str, port: int, oldest: float) -> Iterator[View]:
     """Yield the view of a run that is written on this computer and whose page has that port, or
     else of one without a page, again and again until the run ends, its record cannot be read, or
-    lags, as on a disk that is full."""
+    lags by ``oldest`` seconds, as on a disk that is full."""
     places = files.runs(folders.records()) if is_loopback(address) else []
     for page, path in itertools.product((port, 0), reversed(places)):
         with contextlib.suppress(OSError, MissionError):
@@ -205,7 +219,7 @@ def _of_record(address: str, port: int) -> Iterator[View]:
                 if line is not None:
                     view.take(line.time, line.event)
                     continue
-                is_shown = _is_current(view.state, page)
+                is_shown = _age(view.state) < oldest and _has_page(view.state, page)
                 if not is_shown:
                     break
                 yield view
@@ -220,9 +234,8 @@ def _files_shown(path: str) -> int:
     return 1 if os.path.getsize(files.parts(path)[-1]) >= ENOUGH_BYTES else 2
 
 
-def _is_current(state: State, port: int) -> bool:
-    return (state.started is not None and unix_now() - state.at < HANGS
-            and state.started.settings.get("monitorPort") == port)
+def _has_page(state: State, port: int) -> bool:
+    return state.started is not None and state.started.settings.get("monitorPort") == port
 
 
 def _of_viewer(address: str, port: int) -> Iterator[View]:
@@ -264,8 +277,8 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     head = [f"mission {mission_name(mission.file)}: {doing}",
             *["to do: " + now.robot.instruction] * bool(now.robot.instruction),
             "robot: " + replace(now.robot, instruction="").text]
-    if state.silent >= LATE:
-        head.append(f"no message for {state.silent:.0f} s: what is shown may be old")
+    if state.silent + state.lag >= LATE:
+        head.append(f"no message for {state.silent + state.lag:.0f} s: what is shown may be old")
     elif state.alive.hangs:
         head.append(f"the controller hangs: no sign of its tick thread for {state.alive.age} s")
     head.extend(_troubles(state))
