@@ -225,7 +225,8 @@ class TestActions(unittest.TestCase):
         self.addCleanup(TYPES.pop, turn)
         health, events, seen = Health(), Events(), []
         events.subscribe(seen.append)
-        monitor = Monitor(INTERFACE, None, health, lambda: True)
+        topics = RosTopics((), lambda: None, lambda text: None)
+        monitor = Monitor(INTERFACE, topics, health, lambda: True)
         self.addCleanup(monitor.close)
 
         def wait_for(is_well):

@@ -145,7 +145,7 @@ class TestGateway(unittest.TestCase):
         robot = self.robot(**{"action " + DRIVE: "absent"})
         health, events, seen = Health(), Events(), []
         events.subscribe(seen.append)
-        monitor = Monitor(INTERFACE, None, health, lambda: True)
+        monitor = Monitor(INTERFACE, TOPICS, health, lambda: True)
         self.addCleanup(monitor.close)
         monitor.include([each for each in SERVICES if each.name == DRIVE])
         time.sleep(2.5)  # several looks for the action
