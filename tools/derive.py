@@ -95,6 +95,9 @@ def executables() -> Dict[str, str]:
     nodes = dict(ROS_NODES, **{"unit_tests/nodes/" + node: (
         f"The simulated {node} node.", "unit_tests.robot.ros_nodes", "main", node)
                                for node in NODES})
+    nodes["unit_tests/nodes/" + options.CLOCK_NODE] = (
+        "The node that publishes /clock.", "unit_tests.robot.ros_nodes", "main",
+        options.CLOCK_NODE)
     texts = {path: _executable(path, "run", *words) for path, words in COMMANDS.items()}
     texts.update((path, _executable(path, "run_node", *words)) for path, words in nodes.items())
     return texts
@@ -123,6 +126,7 @@ def completion() -> str:
     words["cssr_system", "rehearseMission"] += [f"{key}:=" for key in keys]
     node_words = NODE_OPTIONS + [f"_{key.name}:=" for key in configuration.KEYS]
     words.update((("unit_tests", node), node_words) for node in NODES)
+    words["unit_tests", options.CLOCK_NODE] = NODE_OPTIONS + [f"_{options.SPEED.name}:="]
     for package in ("cssr_system", "unit_tests"):
         words[package, ""] = sorted(name for owner, name in words if owner == package)
     cases: Dict[str, List[str]] = {}  # words -> package and command
@@ -255,26 +259,26 @@ def whole_test_launch() -> str:
     short = [launch_argument(word, "", "short for " + key)
              for word, key in configuration.SHORT.items()]
     words = {key: f"$(arg {word})" for word, key in configuration.SHORT.items()}
-    return "\n".join(short + launch_arguments(keys, words) + real_nodes() + [
-        listed(keys + real_keys())])
+    return "\n".join(short + launch_arguments(keys, words) + of_robot() + [
+        listed(keys + robot_keys())])
 
 
 def robot_launch() -> str:
     """Return the arguments of simulatedRobot.launch, and their names for the nodes."""
     keys = [key for key in configuration.KEYS + settings.KEYS if key.name in options.ROBOT]
     keys = list({key.name: key for key in reversed(keys)}.values())[::-1]
-    return "\n".join(launch_arguments(keys) + real_nodes() + [
-        listed(keys + real_keys(), "robot_names")])
+    return "\n".join(launch_arguments(keys) + of_robot() + [
+        listed(keys + robot_keys(), "robot_names")])
 
 
-def real_keys() -> List[Key]:
-    """Return the keys that leave simulated nodes out."""
-    return [key for key in options.OWN if key.name in options.USE_REAL.values()]
+def robot_keys() -> List[Key]:
+    """Return the keys of the simulated robot as a whole: its speed, and which nodes are real."""
+    return [key for key in options.OWN if key.name != "outputFile"]
 
 
-def real_nodes() -> List[str]:
+def of_robot() -> List[str]:
     """Return their arguments."""
-    return launch_arguments(real_keys(), dict.fromkeys(options.USE_REAL.values(), "false"))
+    return launch_arguments(robot_keys(), dict.fromkeys(options.USE_REAL.values(), "false"))
 
 
 def simulated_nodes() -> str:

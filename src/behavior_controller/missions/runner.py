@@ -222,7 +222,7 @@ class Runner:
         if seconds:
             self.mission.events.emit(Noticed(
                 "error", f"simulated time jumped back by {round(seconds, 3):.12g} s: this visit is "
-                         "over"))
+                         "over", seconds))
             self._halt()
         return bool(seconds)
 

@@ -15,6 +15,7 @@ from std_msgs.msg import String
 
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.viewer.view import CONTROLLER_STOPPED, View
+from behavior_controller.run.events import is_simulated
 from behavior_controller.run.record.recorder import LineQueue
 from behavior_controller.run.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
@@ -100,7 +101,8 @@ class RosInterface(LineQueue):
         if shown != self._shown:
             self._shown = shown
             self._topic.publish(String(shown.decode()))
-        now, diagnosis = time.monotonic(), statuses(self._view.state, self._offers())
+        now = time.monotonic()
+        diagnosis = statuses(self._view.state, self._offers(), is_simulated())
         if diagnosis != self._diagnosed[1] or now >= self._diagnosed[0] + DIAGNOSTICS_EVERY:
             self._diagnosed = now, diagnosis
             array = self._array(status=list(map(self._message, diagnosis)))

@@ -70,6 +70,7 @@ ANSWERS: Dict[str, Any] = {
     "registerService": int,
     "publisherUpdate": int,
     "unregisterSubscriber": int,
+    "setParam": Optional[int],
     "deleteParam": Optional[int],
     "getPid": int,
     "requestTopic": Optional[Tuple[str, str, int]],  # protocol, host, port

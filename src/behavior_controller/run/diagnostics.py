@@ -1,13 +1,13 @@
-"""The diagnostics of a run (REP 107), from its model: the mission, the recovery, the master, and
-each node of the robot."""
+"""The diagnostics of a run (REP 107), from its model: the mission, the recovery, the master, the
+simulated time, and each node of the robot."""
 from typing import Dict, Iterable, List, NamedTuple
 
 from behavior_controller.run.events import Paused, Recovering
-from behavior_controller.run.health import SLOW
+from behavior_controller.run.health import SIMULATED_TIME, SLOW
 from behavior_controller.run.state import State
 from behavior_controller.folders import mission_name
 from behavior_controller.run.moment import card
-from behavior_controller.run.story import condition, counted, recovering, why
+from behavior_controller.run.story import condition, conditions, counted, recovering, why
 from behavior_controller.robot.declarations import Offer
 
 OK, WARN, ERROR = range(3)
@@ -23,14 +23,17 @@ class Status(NamedTuple):
     values: Dict[str, str]
 
 
-def statuses(state: State, offers: Iterable[Offer]) -> List[Status]:
-    """Return how the mission is, and what it uses: these ``offers`` of the robot."""
+def statuses(state: State, offers: Iterable[Offer], is_simulated: bool = False) -> List[Status]:
+    """Return how the mission is, and what it uses: these ``offers`` of the robot, and the simulated
+    time if it goes by that."""
     nodes: Dict[str, List[str]] = {}
     for offer in offers:
         nodes.setdefault(offer.node, []).append(offer.name)
     robot = [_of_troubles(state, "/" + node, names) for node, names in nodes.items()]
     masters = [change.name for change in state.robot.ill if change.kind == "master"]
-    return [_mission(state), _recovery(state), _of_troubles(state, "master", masters)] + robot
+    clocks = [_simulated_time(state)] * is_simulated
+    return [_mission(state), _recovery(state), _of_troubles(state, "master", masters),
+            *clocks, *robot]
 
 
 def _mission(state: State) -> Status:
@@ -57,6 +60,11 @@ def _recovery(state: State) -> Status:
     if state.course.given_up is not None and gave_up is not None:
         return Status("recovery", ERROR, "gave up: " + why(gave_up), {"node": gave_up.node})
     return Status("recovery", OK, "nothing to recover from", {})
+
+
+def _simulated_time(state: State) -> Status:
+    still = [change for change in state.robot.ill if change.kind == SIMULATED_TIME]
+    return Status("/clock", WARN if still else OK, conditions(still) or "goes on", {})
 
 
 def _of_troubles(state: State, name: str, parts: List[str]) -> Status:

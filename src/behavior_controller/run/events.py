@@ -266,10 +266,14 @@ class Suspended(BaseEvent, frozen=True):
 
 
 class Noticed(BaseEvent, frozen=True):
-    """Something that an operator should know; ``level`` is ``info``, ``warning`` or ``error``."""
+    """Something that an operator should know; ``level`` is ``info``, ``warning`` or ``error``.
+
+    ``jumped_back``: by how many seconds the simulated time did, which ended the visit.
+    """
 
     level: str
     text: str
+    jumped_back: float = 0.0
 
 
 class RunFinished(BaseEvent, frozen=True):

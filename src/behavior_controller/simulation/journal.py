@@ -19,7 +19,7 @@ class JournalEntry(NamedTuple):
     """One request that a node received (``call`` counts from 1), or, with call 0, a message of a
     topic: each that is not the one before, repeated within ``REPEAT``."""
 
-    time: float  # unix seconds, as in the controller's record
+    time: float  # unix seconds, as in the controller's record; if it is simulated, that of /clock
     node: str  # the simulated node, without the slash
     resource: str  # resolved name of the service or topic
     call: int
@@ -27,6 +27,7 @@ class JournalEntry(NamedTuple):
     fault: Optional[str] = None  # the injected fault: one of faults.KINDS
     objection: Optional[str] = None  # why the node itself refused the request
     seconds: float = 0.0  # that the node takes until it answers
+    jumped: float = 0.0  # by how many seconds /clock has jumped back, which ``time`` leaves out
 
     @property
     def done(self) -> bool:

@@ -10,7 +10,7 @@ the recovery. The first difference from the record is the objection.
 Two things are not computed. A node of another package has no row: its results, requests and entries
 are those of the record. And the times of what the controller does: it is late if it was due more
 than ``Facts.late`` before (a timer, the next traversal, the next pass), and early by more than
-``EARLY_TOLERANCE``.
+``Facts.early``.
 """
 import itertools
 import math
@@ -25,7 +25,7 @@ from behavior_controller.bt.values.status import NAMES
 from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.run.events import (
-    LETTERS, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message,
+    LETTERS, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, Noticed,
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, RecognitionPending, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.run.health import GONE
@@ -37,7 +37,7 @@ from behavior_controller.simulation.configuration import TOPIC
 from unit_tests.judge import reference
 from unit_tests.judge.comparison import (
     Query, Traversal, WrittenEntries, decision, described, label, request_difference)
-from unit_tests.judge.facts import EARLY_TOLERANCE, Facts
+from unit_tests.judge.facts import Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE_STATE, TaskContext, ReferenceNode, safe_state
 from unit_tests.judge.signs import Signs
@@ -218,6 +218,13 @@ class Execution(TaskContext):
         self._next = self.now, f"the first step of pass {event.number}"
         self.begin_visit(self.tree.blackboard, event.at)
 
+    def _note_jump(self, event: Noticed) -> None:
+        """End the pass if the simulated time has jumped back."""
+        if event.jumped_back and self._is_in_pass:
+            self.clock.set_to(self.now - (self.offset or 0.0))
+            self.tree.stop()
+            self._result, self._next = "FAILURE", (self.now, "the end of the pass")
+
     def _end_pass(self, event: PassFinished) -> None:
         now = self.clock.now()
         seconds = now - self._visit_began
@@ -242,7 +249,7 @@ class Execution(TaskContext):
     def _expect_pass(self) -> None:
         """Note when the next pass has to begin, or the run has to end."""
         if self.passes == self.test.mission_runs:
-            self._next = self.now + SAFE_LIMIT, "the end of the run"
+            self._next = self.now + SAFE_LIMIT * self._facts.pace, "the end of the run"
             return
         failed_for = {resource for _, resource in self.failures_of_pass}
         is_awaited = self._outcome == "FAILURE" and not self.gone.isdisjoint(failed_for)
@@ -288,7 +295,7 @@ class Execution(TaskContext):
             if before.cause in (None, *ONCE) or pause < SAFE_RETRY / 2:
                 self._differ(f"at the end the safe state is due, once; asked for again: {query}")
         last, left = asked[-1], asked[0].asked + SAFE_LIMIT - self.now
-        if last.cause not in (None, *ONCE) and left > EARLY_TOLERANCE:
+        if last.cause not in (None, *ONCE) and left > self._facts.early:
             self._differ("at the end a part of the safe state was not asked for again: "
                          f"{last}, {last.outcome}, and {left:.1f} s were left")
 
@@ -429,7 +436,7 @@ class Execution(TaskContext):
             return Query(0, request, "", self.unix_now)
         query = self._take_next(node)
         early = self.unix_now - query.asked
-        if early > EARLY_TOLERANCE:
+        if early > self._facts.early:
             wrong = f"{label(node)} asked {early:.1f} s too early: {query}"
             self.traversal.changes.append((0, wrong))
         return query
@@ -463,7 +470,8 @@ class Execution(TaskContext):
         """The nodes that were tried again more than once, and too late every time."""
         return [f"{node} was tried again {min(delays):.1f} s later than the policy says"
                 for node, delays in self.delays.items()
-                if len(delays) > 1 and min(delays) > LATE_RETRY + self._facts.stall]
+                if len(delays) > 1
+                and min(delays) > (LATE_RETRY + self._facts.stall) * self._facts.pace]
 
     def ended(self, node: ReferenceNode, cause: Optional[Cause]) -> None:
         """Note that a leaf ended; ``cause`` None: it succeeded."""
@@ -488,6 +496,7 @@ _HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     Message: lambda execution, event: execution.topics.take(event),
     RecognitionPending: Execution._note_hearing, EntriesWritten: Execution._note_entries,
     HealthChanged: Execution._note_health, LeafFinished: Execution._note_leaf,
+    Noticed: Execution._note_jump,
     Recovered: Execution._note_recovery, Recovering: Execution._note_recovery,
     Retried: Execution._note_recovery, PassStarted: Execution._start_pass,
     PassFinished: Execution._end_pass, RunStarted: Execution._begin,

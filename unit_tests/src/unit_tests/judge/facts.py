@@ -14,7 +14,7 @@ Kind = TypeVar("Kind")
 
 LATE_TOLERANCE, EARLY_TOLERANCE = 1.0, 0.25
 """Seconds by which something may come late, on a busy machine too, and seem early: a request is on
-record before it is sent, a traversal after it."""
+record before it is sent, a traversal after it. They are the computer's, as those of ``RETURN``."""
 
 RETURN = 15.0
 """Seconds after a node's crash in which it may be away: its process and its connections have to
@@ -37,11 +37,27 @@ class Facts(NamedTuple):
     errors: Tuple[str, ...] = ()  # that the controller reported on its terminal
     has_timed_out: bool = False  # it was cut off because it had lasted too long
     stall: float = 0.0  # the longest time, in seconds, for which the test itself could not run
+    speed: float = 1.0  # of the simulated time, at its fastest
+
+    @property
+    def pace(self) -> float:
+        """Seconds of the mission's time for each second that a process takes."""
+        return max(1.0, self.speed)
 
     @property
     def late(self) -> float:
         """Seconds by which something may come late: nothing can be in time while nothing runs."""
-        return LATE_TOLERANCE + self.stall
+        return (LATE_TOLERANCE + self.stall) * self.pace
+
+    @property
+    def early(self) -> float:
+        """Seconds by which something may seem early."""
+        return EARLY_TOLERANCE * self.pace
+
+    @property
+    def away(self) -> float:
+        """Seconds after a node's crash in which it may be away."""
+        return RETURN * self.pace
 
     @property
     def is_disturbed(self) -> bool:
@@ -52,6 +68,34 @@ class Facts(NamedTuple):
     def crashes(self) -> List[JournalEntry]:
         """The calls at which nodes crashed."""
         return [line for line in self.journal if line.fault == CRASH]
+
+
+def speeds(lines: Iterable[events.Line]) -> Tuple[float, float]:
+    """Return the speed of the simulated time, on average and during its fastest second; 1.0 if it
+    is not simulated."""
+    known = [(line.computer, line.time) for line in lines
+             if line.ros is not None and line.computer is not None]
+    fastest, first = 0.0, known[0] if known else (0.0, 0.0)
+    for moment in known:
+        if moment[0] >= first[0] + 1.0:
+            fastest, first = max(fastest, _speed(first, moment)), moment
+    return (_speed(known[0], known[-1]), fastest) if fastest else (1.0, 1.0)
+
+
+def _speed(first: Tuple[float, float], last: Tuple[float, float]) -> float:
+    return (last[1] - first[1]) / (last[0] - first[0])
+
+
+def by_record(journal: Sequence[JournalEntry], lines: Iterable[events.Line]) -> List[JournalEntry]:
+    """Return the entries with the times of the record: where time is simulated, these begin by the
+    computer's, and go on as /clock does; those of the journal begin by /clock."""
+    first = next((line for line in lines if line.ros is not None), None)
+    if first is None or first.ros is None:
+        return list(journal)
+    called = next((entry for entry in journal if entry.call), None)
+    jumped = called.jumped if called is not None else 0.0  # before the controller was started
+    shift = first.time - first.ros - jumped
+    return [entry._replace(time=entry.time + shift) for entry in journal]
 
 
 def of(record: Iterable[events.Line], kind: Type[Kind]) -> List[Tuple[float, Kind]]:

@@ -9,7 +9,7 @@ import itertools
 import math
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
-from behavior_controller.run.events import HealthChanged
+from behavior_controller.run.events import HealthChanged, Noticed
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.declarations import Action, Publication, Service, Topic
 from behavior_controller.robot.gateway import Cause
@@ -21,7 +21,7 @@ from behavior_controller.simulation.visitor import Visitor
 
 from unit_tests.judge.comparison import Query
 from unit_tests.judge.execution import Execution
-from unit_tests.judge.facts import EARLY_TOLERANCE, RETURN, Facts, of
+from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.reference import SAFE_STATE, SENT
 from unit_tests.judge.signs import objections
 
@@ -86,7 +86,7 @@ class JournalCheck:
         service = next(each for each in self._interface.services if each.name == name)
         for query, following in itertools.zip_longest(queries, queries[1:]):
             service = self._carrier(query)
-            while lines and lines[0].time < query.asked - EARLY_TOLERANCE:
+            while lines and lines[0].time < query.asked - self._facts.early:
                 yield Pair(service, None, lines.pop(0))
             is_its = bool(lines) and self._is_of(lines, query, following, service)
             yield Pair(service, query, lines.pop(0) if is_its else None)
@@ -101,7 +101,7 @@ class JournalCheck:
         if not _reaches(query, line):
             return False
         if query.answered is not None:
-            return line.time <= query.answered + EARLY_TOLERANCE
+            return line.time <= query.answered + self._facts.early
         if following is None or line.time <= following.asked:
             return True
         is_in_time = line.time <= following.asked + self._late
@@ -119,9 +119,18 @@ class JournalCheck:
             if self._is_witnessed(pair.service):
                 yield from self._of_pair(pair, asker)
         yield from self._of_health()
+        yield from self._of_jumps()
         signs, offset = self._execution.signs, self._execution.offset
         if offset is not None:
             yield from filter(None, objections(self._facts, signs, offset, self.end))
+
+    def _of_jumps(self) -> Iterator[str]:
+        """Object to jumps of the simulated time that the simulated nodes have not seen."""
+        told = sum(event.jumped_back for _, event in of(self._facts.run.lines, Noticed))
+        seen = max((line.jumped for line in self._facts.journal), default=told)
+        if told > seen + self._facts.early:
+            yield (f"the simulated time jumped back by {seen:.1f} s in all; on record are "
+                   f"{told:.1f} s")
 
     def _of_pair(self, pair: Pair, asker: str) -> Iterator[str]:
         """Object to a request; ``asker`` is what has made the newest one on record."""
@@ -157,7 +166,7 @@ class JournalCheck:
             may_lack = service.is_optional and not service.fails_without
             is_well = cause is (None if may_lack else Cause.NOT_ADVERTISED)
         elif query.result is None:  # it may have been dropped on its way
-            is_well = self._until(query) - query.asked < self._late - EARLY_TOLERANCE \
+            is_well = self._until(query) - query.asked < self._late - self._facts.early \
                 or self._is_away(service.node, query.asked)
         else:
             is_well = cause in AWAY_CAUSES and self._is_away(service.node, query.asked)
@@ -178,7 +187,7 @@ class JournalCheck:
             return True
         crash = max((crash.time for crash in self._crashes
                      if crash.node == node and crash.time <= at + self._late), default=None)
-        if crash is None or at < crash + RETURN:
+        if crash is None or at < crash + self._facts.away:
             return crash is not None
         return not any(line.node == node and crash < line.time < at for line in self._facts.journal)
 
@@ -193,8 +202,8 @@ class JournalCheck:
         until, deadline = self._until(query), query.asked + self._deadlines[service.deadline_key]
         due = deadline if fault == UNANSWERED else min(line.time + line.seconds, deadline)
         # of the safe state all results are read when the last one is there
-        latest = query.asked + self._safe_limit if query.is_for_safety else due
-        if until > latest + self._late or result is not None and until < due - EARLY_TOLERANCE:
+        latest = query.asked + self._safe_limit * self._facts.pace if query.is_for_safety else due
+        if until > latest + self._late or result is not None and until < due - self._facts.early:
             yield (f"{name}: {service.name} was waited for {until - query.asked:.1f} s; it was due "
                    f"after {due - query.asked:.1f} s, its deadline is {deadline - query.asked:g} s")
         is_too_late = query.cause is Cause.NO_ANSWER and due > deadline - self._late
@@ -256,7 +265,8 @@ class JournalCheck:
             at = query.answered
             if at is None or at > self._facts.run.lines[-1].time - self._late:
                 continue
-            is_noticed = any(event.name == query.service and at - RETURN < time < at + self._late
+            since, until = at - self._facts.away, at + self._late
+            is_noticed = any(event.name == query.service and since < time < until
                              for time, event in changes)
             is_there = query.cause not in AWAY_CAUSES or query.service in test.absent_services
             if not is_there and not is_noticed:

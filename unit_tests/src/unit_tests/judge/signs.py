@@ -13,7 +13,7 @@ from behavior_controller.robot.gateway import Sample
 from behavior_controller.simulation import journal
 from behavior_controller.simulation.behaviour import TOPICS, read
 
-from unit_tests.judge.facts import EARLY_TOLERANCE, RETURN, Facts, of
+from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.reference import ReferenceNode, is_asked_again
 
 
@@ -105,7 +105,7 @@ class JournalMessages:
             (line.time, read(topic, line.content)) for line in facts.journal
             if line.node == topic.node and line.call == 0]
         self._crashes = [line.time for line in facts.crashes if line.node == topic.node]
-        self._offset, self._late = offset, facts.late
+        self._offset, self._facts, self._late = offset, facts, facts.late
 
     def _until(self, time: float) -> int:
         """Return how many messages there were up to that time."""
@@ -125,7 +125,7 @@ class JournalMessages:
         at, until = search.at + self._offset, search.until + self._offset
         place = self._until(at - self._late)
         time, value = self._lines[place - 1] if place else (-math.inf, None)
-        is_newer = topic.is_continuous and time > search.newest + self._offset + EARLY_TOLERANCE
+        is_newer = topic.is_continuous and time > search.newest + self._offset + self._facts.early
         if search.has_sign:
             is_over = is_newer and topic.is_event is None and not search.is_sign(value)
             return f"{name} held, {at - time:.1f} s after {topic.name} said {value!r}" * is_over
@@ -135,7 +135,7 @@ class JournalMessages:
             return f"{name} did not read what {topic.name} said {at - time:.1f} s before: {value!r}"
         after = max(search.after + self._offset, connected)
         if topic.is_continuous:
-            after = max(after, at - max_age + EARLY_TOLERANCE)
+            after = max(after, at - max_age + self._facts.early)
         for place in range(self._until(after), self._until(until - self._late)):
             time, value = self._lines[place]
             # a state has to stay the sign until it could have been seen
@@ -147,4 +147,4 @@ class JournalMessages:
         return ""
 
     def _is_heard(self, time: float) -> bool:
-        return not any(crash < time < crash + RETURN for crash in self._crashes)
+        return not any(crash < time < crash + self._facts.away for crash in self._crashes)

@@ -86,7 +86,8 @@ def _start(verdict: Verdict) -> Iterator[str]:
         yield from facts.errors
     yield from _not_as_given(facts)
     for event in facts.run.errors:
-        yield f"the controller reports an error: {event.text}"
+        if not event.jumped_back:
+            yield f"the controller reports an error: {event.text}"
 
 
 def _not_as_given(facts: Facts) -> Iterator[str]:

@@ -16,7 +16,8 @@ import rosgraph
 import rosgraph.network
 from rosgraph.names import get_ros_namespace, load_mappings, resolve_name
 
-from behavior_controller.ros.master import NAME_IS_TAKEN
+from behavior_controller.ros.master import NAME_IS_TAKEN, USE_SIM_TIME
+from behavior_controller.ros.types import CLOCK
 from behavior_controller.ros.timeouts import Late, run_apart, run_together
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
@@ -26,7 +27,7 @@ from behavior_controller.simulation import behaviour
 from behavior_controller.simulation.simulated_node import offers_of
 
 from unit_tests.folders import note, noted
-from unit_tests.robot.options import Arguments, Options, USE_REAL
+from unit_tests.robot.options import Arguments, CLOCK_NODE, Options, SPEED, USE_REAL
 
 CONTROLLER, REPORT = "behaviorController", "behaviorControllerTest"
 """The nodes of a test that are not the robot's."""
@@ -74,6 +75,8 @@ class Holder(NamedTuple):
         hint = "stop it, or test under a master of its own (ROS_MASTER_URI)"
         if self.claim.node in behaviour.NODES:
             hint = f"{USE_REAL[self.claim.node]}:=true leaves the simulated one out; or stop it"
+        elif self.claim.node == CLOCK_NODE:
+            hint = f"without {SPEED.name} the test goes by that clock; or stop it"
         return Fault("node " + self.name, 0, 0, f"it {holds} {self._place}", hint)
 
     @property
@@ -112,7 +115,8 @@ def of_test(options: Options, others: Sequence[str] = (CONTROLLER, REPORT)) -> L
     ``others``."""
     robot = options.world.settings.interface
     simulated = [node for node in behaviour.nodes(robot) if node in options.arguments.simulated]
-    return [_claim(node, node, options) for node in [*simulated, *others]]
+    clocks = [CLOCK_NODE] * options.has_clock
+    return [_claim(node, node, options) for node in [*clocks, *simulated, *others]]
 
 
 def of_process(node: str, options: Options) -> List[Claim]:
@@ -129,6 +133,7 @@ def _claim(node: str, name: str, options: Options) -> Claim:
     offers = offers_of(node, options.world.settings.interface, options.test)
     resources = [service.name + ("/result" if isinstance(service, Action) else "")
                  for service in offers.services]
+    resources += [CLOCK.name] * (node == CLOCK_NODE)
     if offers.topic is not None:
         resources.append(offers.publisher + ("/result" if offers.action is not None else ""))
     return Claim(node, _resolved(name), frozenset(map(_resolved, resources)))
@@ -164,6 +169,25 @@ def check_controller(options: Options) -> None:
     with suppress(NodesMissing):  # the controller reports a missing master
         check(CONTROLLER, options)
         _ask_master("deleteParam", _resolved(CONTROLLER))
+        if options.has_clock:  # its node may not be there yet
+            simulate_time()
+
+
+def simulate_time() -> None:
+    """Have nodes that start from now on go by /clock. A launch file would set the parameter for a
+    launch that is refused too, and for later ones."""
+    _ask_master("setParam", USE_SIM_TIME, True)
+
+
+def end_simulated_time() -> None:
+    """Have nodes that start from now on go by the computer's time again."""
+    with suppress(NodesMissing):
+        _ask_master("deleteParam", USE_SIM_TIME)
+
+
+def is_time_simulated(options: Options) -> bool:
+    """Return whether the nodes of a test go by /clock: that of the test, or that of a simulator."""
+    return options.has_clock or _ask_master("getParam", USE_SIM_TIME) is True
 
 
 def check_test(options: Options) -> None:
@@ -245,7 +269,7 @@ def _living(nodes: Iterable[str]) -> Dict[str, Tuple[str, int]]:
     return dict(answers)
 
 
-def _ask_master(method: str, *values: str) -> Any:
+def _ask_master(method: str, *values: Any) -> Any:
     """Return the master's answer; None if it reports a failure."""
     try:
         return _ask_twice(partial(ask_master, method, *values, seconds=ANSWER_LIMIT))

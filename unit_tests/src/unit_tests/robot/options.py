@@ -17,7 +17,7 @@ from typing import Collection, Dict, List, Mapping, NamedTuple, Sequence
 from behavior_controller import folders as controller_folders, ros_arguments
 from behavior_controller.config import config_file, settings
 from behavior_controller.config.config_file import (
-    Key, REQUIRED, Reader, boolean, collected, filled, read_source)
+    Key, REQUIRED, Reader, boolean, collected, filled, number, read_source)
 from behavior_controller.config.settings import split_arguments, unread
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
 from behavior_controller.robot.declarations import Action, Interface, Service
@@ -44,9 +44,15 @@ STARTUP_TIMEOUT = 30.0
 USE_REAL = {node: "use_real_" + node for node in NODES}
 """Node -> the key that leaves the simulated one out."""
 
+CLOCK_NODE = "simulatedClock"
+"""The node that publishes /clock."""
+
+SPEED = Key("speed", number(0.1, 100.0), 1.0, "how many times as fast as the computer's time the "
+            "simulated time goes, which a node publishes on `/clock`; 1: no simulated time")
+
 OWN = (Key("outputFile", Reader("a file", str), "",
            "where the report is written: a new file, or in place of an earlier report"),
-       *(Key(name, boolean, False, f"the real {node} is running; it is not simulated")
+       SPEED, *(Key(name, boolean, False, f"the real {node} is running; it is not simulated")
          for node, name in USE_REAL.items()))
 """The keys of the test as a whole, which are in neither configuration."""
 
@@ -69,7 +75,8 @@ NAMES = list(dict.fromkeys(declared.name for declared in KEYS + settings.KEYS + 
 
 HELP = "rosrun unit_tests runTest --help"
 
-DECLARED = {LAUNCH_FILE: [*NAMES, *INTERNAL], ROBOT_LAUNCH: [*ROBOT, *USE_REAL.values()]}
+DECLARED = {LAUNCH_FILE: [*NAMES, *INTERNAL],
+            ROBOT_LAUNCH: [*ROBOT, SPEED.name, *USE_REAL.values()]}
 """The arguments of each launch file."""
 
 
@@ -118,7 +125,7 @@ def of_process() -> Arguments:
 def check_words(arguments: Arguments) -> None:
     """Raise ConfigurationError for each word of the command line that no simulated node reads."""
     words = arguments.words[1:]
-    faults = unread(words, [declared.name for declared in KEYS])
+    faults = unread(words, [declared.name for declared in (*KEYS, SPEED)])
     faults += [Fault("argument " + word, 0, 0, "the node does not read it",
                      "allowed: _key:=value, /name:=/other_name")
                for word in words if ASSIGNMENT not in word]
@@ -135,6 +142,12 @@ class Options:
     arguments: Arguments
     test: Configuration  # with a seed and a visitor
     world: World  # with the controller's settings
+    speed: float = 1.0  # of the simulated time
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether a node of the test publishes /clock."""
+        return self.speed != 1.0
 
 
 def read(arguments: Arguments) -> Options:
@@ -147,7 +160,8 @@ def read(arguments: Arguments) -> Options:
     faults: List[Fault] = []
     test = attempt(lambda: _drawn(load_test(values), values), faults)
     controller = attempt(lambda: load_controller(values), faults)
-    faults += collected(Source("", ""), OWN, {}, _chosen(values, OF_THE_TEST)).faults
+    of_test = collected(Source("", ""), OWN, {}, _chosen(values, OF_THE_TEST))
+    faults += of_test.faults
     if values.get("recordDirectory") == "none":
         faults.append(Fault("argument recordDirectory", 0, 0, "a test needs its record",
                             "leave it out, or name a folder for a copy"))
@@ -160,7 +174,7 @@ def read(arguments: Arguments) -> Options:
         faults += _not_of_robot(test, controller.interface, values) if test is not None else ()
     if faults or test is None or around is None:
         raise ConfigurationError(faults)
-    return Options(arguments, test, around)
+    return Options(arguments, test, around, of_test.result()[SPEED.name])
 
 
 def _output_faults(report: str) -> Sequence[Fault]:

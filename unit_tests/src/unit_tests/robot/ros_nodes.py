@@ -1,4 +1,4 @@
-"""The simulated nodes as ROS nodes, each with services, a topic, or both."""
+"""The simulated nodes as ROS nodes, each with services, a topic, or both; and that of /clock."""
 import math
 import os
 import signal
@@ -6,14 +6,13 @@ import sys
 import threading
 import time
 from functools import partial
-from typing import Any, Dict, NoReturn, Optional
+from typing import Any, Dict, List, NoReturn, Optional
 
 import actionlib
 import rospy
 
 from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, NodesMissing
-from behavior_controller.run.events import unix_now
 from behavior_controller.robot.declarations import Action, Service, Topic
 from behavior_controller.ros.handshakes import bound_handshakes
 from behavior_controller.ros.sinks import use_line_handler
@@ -31,7 +30,8 @@ from unit_tests.robot import claims, options
 from unit_tests.robot.ros_messages import (
     feedback, fields_of, is_cancelled, message, offer_idle, response, response_fields,
     serve_action, serve_goals, succeed)
-from unit_tests.robot.options import Arguments, Options
+from unit_tests.robot.options import Arguments, CLOCK_NODE, Options
+from unit_tests.robot.ros_time import ComputerTime, SimulatedTime, publish_clock
 
 CRASHED = 9
 """Exit code of a node that dies on purpose; the launch file starts it again."""
@@ -66,15 +66,21 @@ def main(name: str) -> int:
         options.check_words(arguments)
         own = options.read(arguments)
         claims.check(name, own)
-        if name not in behaviour.nodes(own.world.settings.interface):
+        if name == CLOCK_NODE and not own.has_clock:
+            _end_or_wait(f"{name}: at speed 1 the computer's time is used: choose another _speed")
+        if name not in (CLOCK_NODE, *behaviour.nodes(own.world.settings.interface)):
             _end_or_wait(name + ": this robot has no such node: choose another robotInterface")
+        is_simulated = claims.is_time_simulated(own)
+        if name == CLOCK_NODE:
+            claims.simulate_time()
     except NodesMissing as error:
         sys.exit("{}: {}".format(name, error))  # and roslaunch tries again
     except BehaviorControllerError as error:
         _refuse(name, arguments, error)
     # before any thread is started: threads inherit it
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
-    rospy.init_node(name, argv=arguments.words, disable_signals=True)
+    # rospy's own time is the computer's: its timers, as those of actions, end at a jump back
+    rospy.init_node(name, argv=arguments.words, disable_signals=True, disable_rostime=True)
     sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
     use_line_handler()
     bound_handshakes()
@@ -82,7 +88,11 @@ def main(name: str) -> int:
     # no daemon: the process ends after its shutdown of ROS
     threading.Thread(target=_shut_down_at_a_signal).start()
     try:
-        RosNode(name, own).run()
+        if name == CLOCK_NODE:
+            publish_clock(own.speed)
+            claims.end_simulated_time()
+        else:
+            RosNode(name, own, SimulatedTime() if is_simulated else ComputerTime()).run()
     finally:
         rospy.signal_shutdown("the node ends")
     return exit_codes.SUCCESS
@@ -102,7 +112,7 @@ def _refuse(name: str, arguments: Arguments, error: BehaviorControllerError) -> 
     is_whole = arguments.is_in_launch and not isinstance(error, claims.OneTaken)
     if is_roslaunch(parent_command()) and not arguments.is_launched:
         # roslaunch starts it last: a roslaunch that is ended before that may leave some behind
-        is_last = name == arguments.simulated[-1]
+        is_last = name == [CLOCK_NODE, *arguments.simulated][-1]
         if not is_whole or is_last:
             print(error, flush=True)
         if is_whole and is_last:
@@ -125,23 +135,24 @@ def _end_or_wait(text: str) -> NoReturn:
 class RosNode:
     """Carries one simulated node to the wire."""
 
-    def __init__(self, name: str, own: Options):
-        self._test = own.test
+    def __init__(self, name: str, own: Options, now: ComputerTime):
+        self._test, self._time = own.test, now
         # the entries of an earlier run are skipped; in a launch they are of the time before a crash
         self._journal = Journal(own.arguments.folder, skips=not own.arguments.is_launched)
         # for the journal and the visitor: each service connection is a thread
         self._lock = threading.Lock()
-        self._stopped = threading.Event()
-        self._node = SimulatedNode(name, own.test, own.world, unix_now, self._write)
+        self._node = SimulatedNode(name, own.test, own.world, now.now, self._write)
         self._published: Fields = {}
         self._goals: Dict[Action, Any] = {}  # the newest one of each
-        self._read_journal()
+        for entry in self._read_journal()[-1:]:
+            now.jumped += entry.jumped  # before a crash
         if not own.arguments.is_launched:  # else the report shows it
             rospy.loginfo("%s: randomSeed %d", name, own.test.random_seed)
 
     def run(self) -> None:
         """Serve and publish until ROS shuts down."""
-        rospy.on_shutdown(self._stopped.set)
+        rospy.on_shutdown(self._time.end)
+        self._time.await_first()
         node, offers = self._node, self._node.offers
         for service in offers.services:
             if isinstance(service, Action):
@@ -154,17 +165,19 @@ class RosNode:
             serve_action(offers.action, partial(self._listen, node.arrivals()))
         elif offers.topic is not None:
             self._publish(offers.topic)
-        self._stopped.wait()
+        self._time.wait(math.inf)
 
     def _write(self, entry: JournalEntry) -> None:
         """Put an entry into the journal and pass all its new entries to the visitor."""
-        self._journal.write(entry)
+        self._journal.write(entry._replace(jumped=self._time.jumped))
         self._read_journal()
 
-    def _read_journal(self) -> None:
-        for entry in self._journal.news():
+    def _read_journal(self) -> List[JournalEntry]:
+        news = self._journal.news()
+        for entry in news:
             self._node.world.visitor.notice(entry)
             self._node.catch_up(entry)
+        return news
 
     def _log(self, *words: Any) -> None:
         if self._test.verbose_mode:
@@ -188,24 +201,24 @@ class RosNode:
         fault = reply.entry.fault
         if fault == EXCEPTION:
             raise rospy.ServiceException(reply.exception)
-        self._stopped.wait(None if fault == UNANSWERED else reply.entry.seconds)
+        self._time.wait(math.inf if fault == UNANSWERED else reply.entry.seconds)
         return response(service, reply.answer, fault)
 
     def _achieve(self, action: Action, goal: Any) -> None:
         """Carry out one goal, which a cancel or a newer one may stop."""
-        reply, began = self._reply(action, goal.get_goal()), time.monotonic()
+        reply, began = self._reply(action, goal.get_goal()), self._time.now()
         self._goals[action] = goal
         fault, simulated = reply.entry.fault, SERVICES[action.request]
         seconds = math.inf if fault == UNANSWERED else max(reply.entry.seconds, SHORTEST_GOAL)
-        while time.monotonic() < began + seconds:
-            share = (time.monotonic() - began) / seconds
+        while self._time.now() < began + seconds:
+            share = (self._time.now() - began) / seconds
             is_unwanted = is_cancelled(goal) or self._goals[action] is not goal
             if is_unwanted and (share < simulated.stops_until or fault == UNANSWERED):
                 return goal.set_canceled()
             news = simulated.feedback(reply.entry.content, share)
             if news:
                 goal.publish_feedback(feedback(action, news))
-            if self._stopped.wait(min(LONGEST_STEP, max(seconds * (1.0 - share), _SHORTEST_GAP))):
+            if self._time.wait(min(LONGEST_STEP, max(seconds * (1.0 - share), _SHORTEST_GAP))):
                 return None
         result = response(action, reply.answer, fault)
         if reply.answer is None and fault != WRONG:
@@ -215,8 +228,8 @@ class RosNode:
     def _publish(self, topic: Topic) -> None:
         """Publish at Poisson times until ROS shuts down."""
         publisher = rospy.Publisher(topic.name, TYPES[topic], queue_size=10, tcp_nodelay=True)
-        for due in self._node.arrivals().times(time.monotonic()):
-            if self._stopped.wait(max(due - time.monotonic(), _SHORTEST_GAP)):
+        for due in self._node.arrivals().times(self._time.now()):
+            if self._time.wait(max(due - self._time.now(), _SHORTEST_GAP)):
                 return
             fields = self._next_fields()
             if fields is not None:
@@ -226,11 +239,11 @@ class RosNode:
                 seconds: float) -> None:
         """Carry out a goal: return the topic's next message, or an empty result when the goal's
         time is over."""
-        deadline = time.monotonic() + seconds
-        for due in arrivals.times(time.monotonic()):
-            while time.monotonic() < min(due, deadline):
-                left = min(due, deadline) - time.monotonic()
-                if self._stopped.wait(min(LONGEST_STEP, max(left, _SHORTEST_GAP))):
+        deadline = self._time.now() + seconds
+        for due in arrivals.times(self._time.now()):
+            while self._time.now() < min(due, deadline):
+                left = min(due, deadline) - self._time.now()
+                if self._time.wait(min(LONGEST_STEP, max(left, _SHORTEST_GAP))):
                     return
                 if server.is_preempt_requested():
                     server.set_preempted()

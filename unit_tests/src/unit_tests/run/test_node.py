@@ -27,7 +27,7 @@ from behavior_controller.simulation.rehearsal.play import LoadedMission, TIMED_O
 from unit_tests import folders
 from unit_tests.robot import claims, options
 from unit_tests.run.controller import read_errors, read_exit_code
-from unit_tests.judge.facts import Facts
+from unit_tests.judge.facts import Facts, by_record, speeds
 from unit_tests.judge.report import Report, title, to_junit
 from unit_tests.robot.options import Arguments, Options
 
@@ -68,6 +68,11 @@ POLL_INTERVAL = 0.1
 WORTH_TELLING = 0.25
 """Seconds of a stall that a report tells."""
 
+KEPT_SHARE = 0.9
+"""The share of the speed that was asked for which counts as reached."""
+
+TOO_FAST = "speed {:g} was asked for, and {:.1f} was reached: this machine does not go faster"
+
 STALLED = ("this machine stood still for up to {:.1f} s: only what comes more than {:.1f} s late "
            "is an objection")
 
@@ -85,7 +90,7 @@ def main() -> int:
             claims.check(claims.REPORT, own)
         except BehaviorControllerError as error:
             return finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED), arguments)
-        rospy.init_node(claims.REPORT, argv=own.arguments.words)
+        rospy.init_node(claims.REPORT, argv=own.arguments.words, disable_rostime=True)
         return _test(own)
     finally:
         _end_launch()
@@ -108,7 +113,10 @@ def _test(own: Options) -> int:
                                expected=leaves_reached(stage, test.visitor_behaviour))
     if facts.stall > WORTH_TELLING:
         warnings.append(STALLED.format(facts.stall, facts.late))
-    heading = title(facts, test, datetime.datetime.now())
+    reached = speeds(facts.run.lines)[0]
+    if own.has_clock and facts.run.lines and reached < KEPT_SHARE * own.speed:
+        warnings.append(TOO_FAST.format(own.speed, reached))
+    heading = title(facts, test, datetime.datetime.now()) + f"; speed {own.speed:g}" * own.has_clock
     report = Report(facts, heading, warnings)
     _save_junit(to_junit(report.verdict, time.monotonic() - began, heading))
     files = ["report: " + save(report.text(), arguments, folders.REPORT),
@@ -129,6 +137,13 @@ def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> 
                 for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
     print(f"{seconds:4.0f} s: pass {len(run.visits) + 1}, {calls} calls, {faults} of them made to "
           f"fail; last: {ran or 'not started'}", flush=True)
+
+
+def _lasted(run: Run, own: Options, seconds: float) -> float:
+    """Return for how long a test has run that took so many seconds of the computer: by the record,
+    if its time is faster."""
+    first = run.lines[0].time if run.lines else run.state.at
+    return max(seconds * min(1.0, own.speed), run.state.at - first)
 
 
 def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> Facts:
@@ -157,20 +172,22 @@ def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> F
         # the master may let a disturbance wait; the rest takes as long as the machine lets it
         polled = time.monotonic()
         read()
+        lasted = _lasted(run, own, polled - began)
         if polled > shown + PROGRESS_INTERVAL:
-            show_progress(run, journal, polled - began)
+            show_progress(run, journal, lasted)
             shown = polled
         if not cut_off and run.state.started is None and polled - began > start_limit:
             cut_off = "the controller did not start its mission within {:g} s".format(start_limit)
-        elif not cut_off and polled - began > test.test_timeout:
+        elif not cut_off and lasted > test.test_timeout:
             cut_off, has_timed_out = TIMED_OUT.format(test.test_timeout) + " (testTimeout)", True
         time.sleep(POLL_INTERVAL)
         stall = max(stall, time.monotonic() - polled - POLL_INTERVAL)
     if rospy.is_shutdown():
         cut_off, has_timed_out = "the test was stopped before the mission had ended", False
     read()
-    return Facts(run, journal, read_exit_code(folder), test, own.world, cut_off=cut_off,
-                 has_timed_out=has_timed_out, errors=read_errors(folder), stall=stall)
+    return Facts(run, by_record(journal, run.lines), read_exit_code(folder), test, own.world,
+                 cut_off=cut_off, has_timed_out=has_timed_out, errors=read_errors(folder),
+                 stall=stall, speed=max(own.speed, speeds(run.lines)[1]))
 
 
 def save(text: str, arguments: Arguments, kind: OutputKind) -> str:
