@@ -6,7 +6,7 @@ from behavior_controller.run.events import (
     BEGUN, OMITTED, SKIPPED, HealthChanged, LeafFinished, PassStarted, Paused, Recovered,
     Recovering, Retried, RunFinished, RunStarted, Sources, StepStarted, StopChanged)
 from behavior_controller.run.fold import fold
-from behavior_controller.run.health import FAILING, GONE, SILENT, SLOW
+from behavior_controller.run.health import FAILING, GONE, SILENT, SIMULATED_TIME, SLOW
 from behavior_controller.run.state import State
 from behavior_controller.run.diagnostics import ERROR, OK, WARN, statuses
 from behavior_controller.robot.d543 import FACES, INTERFACE
@@ -24,12 +24,12 @@ RETRIED = Recovering(3, "Navigate", "go", BUSY, 1, 2)
 GIVEN_UP = Recovered("Navigate", "go", BUSY, "retry", 2, False, "given up", uid=3)
 
 
-def after(*events):
+def after(*events, is_simulated=False):
     """Return the level of each component, and the whole, after those events."""
     state = State()
     for number, event in enumerate((STARTED, PassStarted(1, 0.0)) + events):
         state = fold(state, 100.0 + number, event)
-    found = statuses(state, OFFERS)
+    found = statuses(state, OFFERS, is_simulated)
     return {each.name: each.level for each in found}, {each.name: each for each in found}
 
 
@@ -59,6 +59,18 @@ def test_a_node_is_as_ill_as_what_it_offers_until_that_is_well(offer, respect, l
 def test_a_master_that_does_not_answer_is_an_error():
     gone = HealthChanged("master", "http://m:11311", "", False, "does not answer", "so", GONE)
     assert after(gone)[0]["master"] == ERROR
+
+
+def test_a_simulated_time_that_stands_still_is_a_warning():
+    assert "/clock" not in after()[0]
+    still = HealthChanged(SIMULATED_TIME, "/sim/clock", "", False, "stands still since 12:00:00",
+                          "so", SILENT)
+    goes_on = replace(still, is_well=True, status="goes on")
+    levels, found = after(still, is_simulated=True)
+    assert levels["/clock"] == WARN and sum(levels.values()) == WARN
+    assert "stands still since 12:00:00" in found["/clock"].message
+    levels, found = after(still, goes_on, is_simulated=True)
+    assert (levels["/clock"], found["/clock"].message) == (OK, "goes on")
 
 
 def test_a_recovery_is_a_warning_and_what_is_given_up_an_error():

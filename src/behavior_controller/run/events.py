@@ -265,7 +265,7 @@ class Suspended(BaseEvent, frozen=True):
     is_due: bool = False
 
 
-class Noticed(BaseEvent, frozen=True):
+class Noticed(BaseEvent, frozen=True, omit_defaults=True):
     """Something that an operator should know; ``level`` is ``info``, ``warning`` or ``error``.
 
     ``jumped_back``: by how many seconds the simulated time did, which ended the visit.

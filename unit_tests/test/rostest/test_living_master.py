@@ -92,9 +92,9 @@ class TestLivingMaster(unittest.TestCase):
 
     def test_arguments_count_for_their_own_launch_alone(self):
         printed, title = self.run_launch("asrEnabled:=false", "mutualGazeValue:=2", "seed:=5",
-                                         "verbose:=true", *QUICK)
+                                         "verbose:=true", "speed:=10", *QUICK)
         self.assertIn("\nPASSED: ", printed)
-        self.assertRegex(title, "randomSeed 5; asrEnabled false; mutualGazeValue 2$")
+        self.assertRegex(title, "randomSeed 5; asrEnabled false; mutualGazeValue 2; speed 10$")
         self.assertNotIn("REQUIRED", printed)
         self.assertEqual(self.left_behind(), set())
         printed, title = self.run_launch(*QUICK)

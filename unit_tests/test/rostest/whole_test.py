@@ -48,17 +48,22 @@ class WholeTest(unittest.TestCase):
 
 
 def run_test(*arguments, **environment):
-    """Run ``runTest`` with a high rate of messages and these arguments."""
+    """Run ``runTest`` with these arguments, and with a high rate of messages and calls that take no
+    time unless they say otherwise."""
+    names = {argument.partition(":=")[0] for argument in arguments}
+    arguments += tuple(usual for usual in ("arrivalRate:=3000", "callTimes:=none")
+                       if usual.partition(":=")[0] not in names)
     with tempfile.TemporaryDirectory() as folder:
         report = os.path.join(folder, "report.dat")
-        environment = dict(os.environ, ROS_MASTER_URI="http://localhost:{}".format(free_port()),
-                           ROS_HOME=folder, ROS_TEST_RESULTS_DIR=folder, **environment)
+        environment = {
+            **os.environ, "ROS_MASTER_URI": "http://localhost:{}".format(free_port()),
+            "ROS_HOME": folder, "ROS_TEST_RESULTS_DIR": folder, **environment}
         for name in ("ROS_LOG_DIR", "ROS_NAMESPACE"):
             environment.pop(name, None)
         done = subprocess.run(
-            ("rosrun", "unit_tests", "runTest", "outputFile:=" + report, "arrivalRate:=3000",
-             "callTimes:=none") + arguments, env=environment, timeout=LIMIT, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, universal_newlines=True)
+            ("rosrun", "unit_tests", "runTest", "outputFile:=" + report) + arguments,
+            env=environment, timeout=LIMIT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            universal_newlines=True)
         return Result(
             done.returncode, done.stdout, _lines(report),
             _junit(os.path.join(folder, "unit_tests", "behaviorControllerTest.xml")),

@@ -67,6 +67,14 @@ def test_each_node_in_the_way_is_a_line(master):
             assert part in line
 
 
+def test_the_clock_of_a_simulator_is_in_the_way_of_another_one_alone(master):
+    master([1, "", [[["/clock", ["/ear"]]], [], []]])
+    claims.check_test(of({"speed": "1"}))
+    line, = refused({"speed": "10"})
+    for part in ("/ear", "/clock", "without speed", " 77"):
+        assert part in line
+
+
 def test_what_is_not_simulated_is_not_asked_for(master):
     master([1, "", STATE])
     assert len(refused({"use_real_speechEvent": "true"})) == 1

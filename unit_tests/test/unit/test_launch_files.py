@@ -84,6 +84,17 @@ def test_each_argument_is_documented_and_none_is_required(path):
     assert bare == set()
 
 
+@pytest.mark.parametrize("path", (WHOLE_TEST, ROBOT))
+@pytest.mark.parametrize("speed, has_clock", (((), False), (("speed:=1",), False),
+                                              (("speed:=10",), True), (("speed:=0.5",), True)))
+def test_a_speed_starts_the_clock_and_is_told_to_each_node(path, speed, has_clock):
+    found = given_to(path, *speed)
+    assert (options.CLOCK_NODE in found) is has_clock
+    told = {given.get("speed") for given in found.values()}
+    assert told == {speed[0].partition(":=")[2] if speed else None}
+    assert "/use_sim_time" not in load(path, *speed).params  # a launch may be refused
+
+
 def test_zero_and_false_are_values():
     controller = given_to(WHOLE_TEST, "failureRate:=0", "asrEnabled:=false")["behaviorController"]
     assert (controller["failureRate"], controller["asrEnabled"]) == ("0", "False")

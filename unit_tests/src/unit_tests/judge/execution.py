@@ -80,6 +80,8 @@ class Execution(TaskContext):
         self.tree: Any = None
         self._shown: List[TreeShown] = []
         self._next = math.inf, ""  # what is due next, and when
+        # how far the times of the record are ahead of /clock, and when they got ahead in this pass
+        self._ahead, self._jumped_at = math.inf, math.inf
         self._outcome, self._is_in_pass = "", False  # of the last pass
         # seconds after the pause of each retry, by node type
         self.delays: Dict[str, List[float]] = {}
@@ -129,6 +131,10 @@ class Execution(TaskContext):
     def _take(self, line: Line) -> None:
         """Go on with the next event of the record."""
         event, self.now = line.event, line.time
+        if line.ros is not None:
+            ahead, self._ahead = self._ahead, line.time - line.ros
+            if self._ahead > ahead + self._facts.early:
+                self._jumped_at = self.now
         if isinstance(event, PACING):
             self._differ(self.overdue(self.now))
         is_begun = self.tree is not None or isinstance(event, (TreeShown, RunStarted))
@@ -204,6 +210,7 @@ class Execution(TaskContext):
 
     def _start_pass(self, event: PassStarted) -> None:
         self._pass_began, self._visit_began, self._clock_began = self.now, event.at, None
+        self._jumped_at = math.inf
         if self._is_in_pass or event.number != self.passes + 1:
             self._differ("pass {} began, and pass {} had to {}".format(
                 event.number, self.passes + 1, "end" if self._is_in_pass else "begin"))
@@ -223,7 +230,8 @@ class Execution(TaskContext):
         if event.jumped_back and self._is_in_pass:
             self.clock.set_to(self.now - (self.offset or 0.0))
             self.tree.stop()
-            self._result, self._next = "FAILURE", (self.now, "the end of the pass")
+            self._result, self._jumped_at = "FAILURE", math.inf
+            self._next = self.now, "the end of the pass"
 
     def _end_pass(self, event: PassFinished) -> None:
         now = self.clock.now()
@@ -323,6 +331,8 @@ class Execution(TaskContext):
         self.offset = offset if self.offset is None else min(self.offset, offset)
         if not self._is_in_pass:
             self._differ("the mission went on, and no pass had begun")
+        if self.now > self._jumped_at + self._facts.late:
+            self._differ("the pass went on after the simulated time had jumped back")
         if self._clock_began is None:
             self._clock_began = offset
             if not 0.0 <= tick.at - self._visit_began <= self._facts.late:

@@ -31,7 +31,7 @@ from unit_tests.robot.ros_messages import (
     feedback, fields_of, is_cancelled, message, offer_idle, response, response_fields,
     serve_action, serve_goals, succeed)
 from unit_tests.robot.options import Arguments, CLOCK_NODE, Options
-from unit_tests.robot.ros_time import ComputerTime, SimulatedTime, publish_clock
+from unit_tests.robot.ros_time import ComputerTime, RosTime, publish_clock
 
 CRASHED = 9
 """Exit code of a node that dies on purpose; the launch file starts it again."""
@@ -92,7 +92,7 @@ def main(name: str) -> int:
             publish_clock(own.speed)
             claims.end_simulated_time()
         else:
-            RosNode(name, own, SimulatedTime() if is_simulated else ComputerTime()).run()
+            RosNode(name, own, RosTime() if is_simulated else ComputerTime()).run()
     finally:
         rospy.signal_shutdown("the node ends")
     return exit_codes.SUCCESS

@@ -44,7 +44,7 @@ class ComputerTime:
         self._ended.set()
 
 
-class SimulatedTime(ComputerTime):
+class RosTime(ComputerTime):
     """The time on /clock. Where that jumps back, this one goes on from where it was, as the
     controller's does: nothing that has a time has to be changed then."""
 

@@ -1,0 +1,108 @@
+#!/usr/bin/env python3
+"""Does a test go by a simulated time, and is its verdict that of a test in the computer's time?"""
+import os
+import sys
+import threading
+
+import rosgraph
+import rospy
+import rostest
+from cssr_system.msg import overtAttentionMessage
+
+from behavior_controller.config import settings
+from behavior_controller.simulation import configuration
+from behavior_controller.simulation.rehearsal.play import LoadedMission
+from unit_tests.judge.facts import speeds
+
+from test_scenarios import story
+from whole_test import CLEAN, NOT_RUN, PASSED, WholeTest, run_test
+from test_simulated_time import Simulator  # of test/rostest, whose path whole_test adds
+
+DECLINES = (*CLEAN, "visitorBehaviour:=declines", "callTimes:=real", "arrivalRate:=600")
+SEED = ("scenarioSpecification:=lab_tour", "failureRate:=0.1", "randomSeed:=3")
+
+
+def seconds_of_a_robot(behaviour, **given):
+    """Return how long the visit takes in virtual time."""
+    stage = LoadedMission(settings.defaults(scenarioSpecification="lab_tour"))
+    played = stage.play(configuration.defaults(
+        visitorBehaviour=behaviour, callTimes="real", arrivalRate=600.0, randomSeed=3, **given))
+    return next(event.seconds for _, event in played.events
+                if type(event).__name__ == "PassFinished")
+
+
+class TestClocks(WholeTest):
+    """Each case runs the whole test on the master of this one."""
+
+    def setUp(self):
+        self.master = rosgraph.Master("/test")
+        self.addCleanup(self.forget)
+
+    def forget(self):
+        if self.master.hasParam("/use_sim_time"):
+            self.master.deleteParam("/use_sim_time")
+
+    def run_here(self, *arguments):
+        return run_test(*DECLINES, *arguments, ROS_MASTER_URI=os.environ["ROS_MASTER_URI"])
+
+    def simulator(self):
+        simulator = Simulator("/clock", 10.0)
+        self.addCleanup(simulator.stop)
+        self.master.setParam("/use_sim_time", True)
+        return simulator
+
+    def test_a_clock_of_its_own_is_gone_with_the_test(self):
+        result = self.run_here("speed:=10")
+        self.assert_passed(result, "SUCCESS")
+        self.assertRegex(result.report[0], "; speed 10$")
+        visit, = result.run.visits
+        self.assertLess(abs(visit.seconds + visit.waited - seconds_of_a_robot("declines")), 12.0)
+        reached, _ = speeds(result.run.lines)
+        self.assertTrue(3.0 < reached < 10.5, reached)
+        self.assertFalse(self.master.hasParam("/use_sim_time"))
+
+    def test_the_clock_of_another_node_is_left_alone(self):
+        self.simulator()
+        self.master.deleteParam("/use_sim_time")
+        result = self.run_here("speed:=10")
+        self.assertEqual(result.code, NOT_RUN, result.printed)
+        self.assertRegex(result.printed, "node /speed: it already has /clock on machine .*"
+                         "without speed the test goes by that clock")
+        self.assertFalse(self.master.hasParam("/use_sim_time"))
+
+    def test_the_clock_of_a_simulator_may_jump_back(self):
+        simulator, has_jumped = self.simulator(), threading.Event()
+
+        def jump(message):
+            if message.state == "seeking" and not has_jumped.is_set():
+                has_jumped.set()
+                simulator.jump(-1000.0)
+
+        attention = rospy.Subscriber("/overtAttention/mode", overtAttentionMessage, jump)
+        self.addCleanup(attention.unregister)
+        result = self.run_here("missionRuns:=2")
+        self.assertEqual(result.code, PASSED, result.printed)
+        self.assertEqual([visit.outcome for visit in result.run.visits], ["FAILURE", "SUCCESS"])
+        self.assertRegex(result.report[-1], r"pass 1 ended early, as it had to: simulated time "
+                         r"jumped back by (1000|9\d\d\.\d+) s")
+        self.assertTrue(self.master.getParam("/use_sim_time"), "it is the simulator's")
+
+
+class TestSpeeds(WholeTest):
+    """Each case runs the whole test several times."""
+
+    def test_the_visit_is_the_same(self):
+        slow = run_test(*SEED)
+        self.assert_passed(slow, "SUCCESS")
+        wanted = seconds_of_a_robot("engages", failureRate=0.1)
+        for speed in (10, 20):
+            result = run_test(*SEED, "callTimes:=real", "arrivalRate:=600", f"speed:={speed}")
+            self.assert_passed(result, "SUCCESS")
+            self.assertEqual(story(result.run), story(slow.run))
+            visit, = result.run.visits
+            self.assertLess(abs(visit.seconds + visit.waited - wanted), 0.2 * wanted)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_speed", disable_rostime=True)
+    rostest.rosrun("unit_tests", "speed", "__main__." + sys.argv[1], sys.argv)
