@@ -10,25 +10,31 @@ import rostest
 from cssr_system.msg import overtAttentionMessage
 
 from behavior_controller.config import settings
+from behavior_controller.run.events import Line
+from behavior_controller.run.history import Run
 from behavior_controller.simulation import configuration
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 from unit_tests.judge.facts import speeds
 
 from test_scenarios import story
-from whole_test import CLEAN, NOT_RUN, PASSED, WholeTest, run_test
+from whole_test import NOT_RUN, PASSED, WholeTest, run_test
 from test_simulated_time import Simulator  # of test/rostest, whose path whole_test adds
 
-DECLINES = (*CLEAN, "visitorBehaviour:=declines", "callTimes:=real", "arrivalRate:=600")
-SEED = ("scenarioSpecification:=lab_tour", "failureRate:=0.1", "randomSeed:=3")
+SEED = ("scenarioSpecification:=lab_tour", "callTimes:=real", "arrivalRate:=600", "randomSeed:=3")
+DECLINES = (*SEED, "failureRate:=0", "visitorBehaviour:=declines")
 
 
-def seconds_of_a_robot(behaviour, **given):
-    """Return how long the visit takes in virtual time."""
+def played(behaviour, **given):
+    """Return the run of the same visit in virtual time."""
     stage = LoadedMission(settings.defaults(scenarioSpecification="lab_tour"))
-    played = stage.play(configuration.defaults(
+    result = stage.play(configuration.defaults(
         visitorBehaviour=behaviour, callTimes="real", arrivalRate=600.0, randomSeed=3, **given))
-    return next(event.seconds for _, event in played.events
-                if type(event).__name__ == "PassFinished")
+    return Run(Line(*moment) for moment in result.events)
+
+
+def seconds(run):
+    """Return how long the first visit takes, with the wait for the visitor."""
+    return run.visits[0].seconds + run.visits[0].waited
 
 
 class TestClocks(WholeTest):
@@ -55,8 +61,7 @@ class TestClocks(WholeTest):
         result = self.run_here("speed:=10")
         self.assert_passed(result, "SUCCESS")
         self.assertRegex(result.report[0], "; speed 10$")
-        visit, = result.run.visits
-        self.assertLess(abs(visit.seconds + visit.waited - seconds_of_a_robot("declines")), 12.0)
+        self.assertLess(abs(seconds(result.run) - seconds(played("declines"))), 12.0)
         reached, _ = speeds(result.run.lines)
         self.assertTrue(3.0 < reached < 10.5, reached)
         self.assertFalse(self.master.hasParam("/use_sim_time"))
@@ -91,16 +96,22 @@ class TestClocks(WholeTest):
 class TestSpeeds(WholeTest):
     """Each case runs the whole test several times."""
 
-    def test_the_visit_is_the_same(self):
-        slow = run_test(*SEED)
-        self.assert_passed(slow, "SUCCESS")
-        wanted = seconds_of_a_robot("engages", failureRate=0.1)
+    def test_the_tour_is_that_of_virtual_time(self):
+        wanted = played("engages", failureRate=0.1)
         for speed in (10, 20):
-            result = run_test(*SEED, "callTimes:=real", "arrivalRate:=600", f"speed:={speed}")
+            result = run_test(*SEED, "failureRate:=0.1", f"speed:={speed}")
             self.assert_passed(result, "SUCCESS")
-            self.assertEqual(story(result.run), story(slow.run))
-            visit, = result.run.visits
-            self.assertLess(abs(visit.seconds + visit.waited - wanted), 0.2 * wanted)
+            self.assertEqual(story(result.run), story(wanted))
+            self.assertLess(abs(seconds(result.run) - seconds(wanted)), 0.2 * seconds(wanted))
+
+    def test_the_verdict_is_that_of_the_computers_time(self):
+        for kind in ("refused", "unanswered"):
+            usual, *others = [
+                run_test(*SEED, "visitorBehaviour:=declines", "failureRate:=0.2",
+                         "faultKinds:=" + kind, f"speed:={speed}") for speed in (1, 10, 20)]
+            for result in (usual, *others):
+                self.assertEqual(result.code, PASSED, result.printed)
+                self.assertEqual(story(result.run), story(usual.run))
 
 
 if __name__ == "__main__":

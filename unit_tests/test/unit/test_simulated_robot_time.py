@@ -90,6 +90,19 @@ def test_what_a_process_takes_is_allowed_for_times_the_speed(seconds, speed, is_
     assert ("was due" in str(Verdict(later))) is is_late
 
 
+def test_a_request_whose_deadline_is_no_time_for_a_process_may_reach_no_node():
+    sound = of_mission("<ForceSuccess><EnableAnimateBehavior/></ForceSuccess>",
+                       ["animateBehavior:1:unanswered"])
+    assert Verdict(sound).passed
+    unheard = sound._replace(journal=[
+        line for line in sound.journal if line.node != "animateBehavior" or line.call > 1])
+    deadline = sound.world.settings.deadlines["animateBehaviorDeadline"]
+    told = "/animateBehaviour/set_activation never got the request"
+    assert told in str(Verdict(unheard))
+    assert told in str(Verdict(unheard._replace(speed=deadline)))  # 1 s, less than is allowed for
+    assert Verdict(unheard._replace(speed=2.0 * deadline)).objections == ()
+
+
 # -------------------------------------------------------------------------------------- a jump back
 
 
