@@ -283,10 +283,13 @@ def of_robot() -> List[str]:
 
 def simulated_nodes() -> str:
     """Return the nodes of simulatedRobot.launch."""
-    return "\n".join(
-        f"  <node unless=\"$(arg {real})\" name=\"{node}\" pkg=\"unit_tests\" type=\"{node}\"\n"
-        "        args=\"$(arg arguments)\" output=\"screen\" respawn=\"true\" respawn_delay=\"1\"/>"
+    nodes = "\n".join(
+        f"    <node unless=\"$(arg {real})\" name=\"{node}\" pkg=\"unit_tests\" type=\"{node}\"\n"
+        "          args=\"$(arg arguments)\" output=\"screen\" respawn=\"true\" respawn_delay=\"1\"/>"
          for node, real in options.USE_REAL.items())
+    if_any = "\"$(eval namespace != '/')\""
+    return "\n".join(f"  <group {place}>\n{nodes}\n  </group>" for place in (
+        "unless=" + if_any, f"if={if_any} ns=\"$(arg namespace)\""))
 
 
 # ---------------------------------------------------------------------------------------- the files

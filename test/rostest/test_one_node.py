@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does exactly one node run under a name, whatever is started beside it?"""
+"""Does exactly one node run under a name, and control a robot, whatever is started beside it?"""
 import contextlib
 import http.client
 import os
@@ -21,6 +21,7 @@ from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
 
 NAME = "/behaviorController"
 SAY = "/textToSpeech/say_text"
+SERVICES = (SAY, "/animateBehaviour/set_activation", "/overtAttention/set_mode")
 MISSION = """<root BTCPP_format="4"><BehaviorTree ID="M"><Repeat num_cycles="-1"><Sequence>
 <WelcomeSpeech/><Sleep msec="200"/></Sequence></Repeat></BehaviorTree></root>"""
 AT_ONCE = 3
@@ -82,8 +83,9 @@ class TestOneNode(unittest.TestCase):
         running = self.running()
         for code, words in ((2, ["_missionRuns:=many"]), (2, ["missionRuns:=1"]),
                             (2, ["--verbose"]), (2, ["_scenarioSpecification:=absent"]),
-                            (2, ["_language:=Klingon"]), (2, ["__nam:=x"
-                                                              ]), (1, [SAY + ":=/voice/say"])):
+                            (2, ["_language:=Klingon"]), (2, ["__nam:=x"]),
+                            (2, ["_robot:=1 robot"]), (2, ["_robot:=robot1", "__ns:=/hall"]),
+                            (1, ["__name:=other", SAY + ":=/voice/say"])):
             failing = self.start(*words)
             self.assertEqual(failing.wait(START_LIMIT), code, failing.lines.text())
             self.assert_speaks(running)
@@ -99,11 +101,9 @@ class TestOneNode(unittest.TestCase):
         self.assert_speaks(running)
 
     def test_a_name_of_its_own(self):
-        running = self.running()
         other = self.start("__name:=other", "__ns:=/hall")
         other.lines.wait_for(lambda line: " starts, " in line, START_LIMIT)
         self.assertIsNotNone(self.master.lookupNode("/hall/other"))
-        self.assert_speaks(running)
         refused = self.start("__name:=hall/other")
         self.assertEqual(refused.wait(START_LIMIT), 2)
         self.assertIn("argument __name:=hall/other", refused.lines.text())
@@ -189,6 +189,51 @@ class TestOneNode(unittest.TestCase):
             self.assert_speaks(staying[0])
             self.assert_registered()
             nodes = staying
+
+    # -------------------------------------------------------------------- another name, same robot
+
+    def assert_refused(self, node, first):
+        """Expect that a start has failed, with one line about the controller ``first``."""
+        self.assertEqual(node.wait(START_LIMIT), 1, node.lines.text())
+        errors = [line for _, line in node.lines.all if "[ERROR]" in line]
+        self.assertEqual(len(errors), 1, node.lines.text())
+        self.assertIn("node {} already controls this robot".format(first), errors[0])
+
+    def test_a_robot_has_one_controller_whatever_its_name_is(self):
+        running = self.running()
+        below = ["/robot2{0}:={0}".format(service) for service in SERVICES]
+        for words in (["__name:=other"], ["__ns:=/hall"], ["_robot:=robot2", *below],
+                      ["_robot:=robot2"] + [word.replace("/robot2", "") for word in below]):
+            self.assert_refused(self.start(*words), NAME)
+            self.assert_speaks(running)
+
+    def test_a_killed_controller_is_in_nobodys_way(self):
+        killed = self.running()
+        killed.process.kill()
+        killed.wait(10)
+        other = self.start("__name:=other")
+        other.lines.wait_for(lambda line: " starts, " in line, START_LIMIT)
+        self.assertIsNotNone(self.master.lookupNode(NAME), "its entry is left")
+
+    def test_of_several_names_that_start_at_once_one_stays(self):
+        nodes = {"/n{}".format(number): self.start("__name:=n{}".format(number))
+                 for number in range(AT_ONCE)}
+        for node in nodes.values():
+            node.lines.wait_for(lambda line: " starts, " in line or "already controls" in line,
+                                START_LIMIT)
+        staying, = (name for name, node in nodes.items() if " starts, " in node.lines.text())
+        for name, node in nodes.items():
+            if name != staying:
+                self.assert_refused(node, staying)
+        self.robot.wait_for_request(SAY, START_LIMIT, start=len(self.robot.lines.all))
+
+    def test_a_mission_of_another_robot_does_not_follow_by_a_reload(self):
+        running = self.running()
+        self.package.configure(scenarioSpecification="m", robot="robot1")
+        running.process.send_signal(signal.SIGHUP)
+        running.lines.wait_for(lambda line: "refused, the running mission stays" in line
+                               and "robot robot1 cannot follow" in line, START_LIMIT)
+        self.assert_speaks(running)
 
     # ------------------------------------------------------------------------- the master's request
 

@@ -88,6 +88,7 @@ def frozen_master(trial, seconds):
     master, robot = surroundings(trial)
     trial.package.write("data/waiting.xml", WAITING)
     trial.package.configure(verboseMode="true", robotNavigationDeadline=DRIVE_DEADLINE)
+    trial.allow_several_controllers()
     tours, waits = trial.node(), trial.node("__name:=waits", "_scenarioSpecification:=waiting")
     see_tours(trial, tours, 1)
     began = hang_a_drive(trial, robot, tours, lambda: master.send_signal(signal.SIGSTOP))
@@ -306,6 +307,7 @@ def clock_set_back(trial, starts):
     trial.package.configure(recordDirectory="", missionRuns=1, scenarioSpecification="short")
     trial.package.write("data/short.xml", WAITING.replace("<Sleep msec=\"600000\"/>",
                                                           "<WelcomeSpeech/>"))
+    trial.allow_several_controllers()
     living = trial.node("__name:=waits", "_scenarioSpecification:=waiting")
     living.lines.wait_for(re.compile(" record: ").search, A_START)
     first, = runs(place)

@@ -93,6 +93,7 @@ def cut(trial, seconds, stops, master="robot", robot="robot", kind="tun"):
     trial.package.write("data/m.xml", SPEAK_AND_LISTEN)
     trial.package.configure(scenarioSpecification="m", verboseMode="true", startupCheck="all",
                             textToSpeechDeadline=DEADLINE)
+    trial.allow_several_controllers()
     watched, late, *others = [
         link.node("__name:=n{}".format(number)) for number in range(len(stops) + 2)
     ]

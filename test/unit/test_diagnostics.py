@@ -29,7 +29,7 @@ def after(*events, is_simulated=False):
     state = State()
     for number, event in enumerate((STARTED, PassStarted(1, 0.0)) + events):
         state = fold(state, 100.0 + number, event)
-    found = statuses(state, OFFERS, is_simulated)
+    found = statuses(state, INTERFACE, OFFERS, is_simulated)
     return {each.name: each.level for each in found}, {each.name: each for each in found}
 
 

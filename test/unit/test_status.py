@@ -546,13 +546,13 @@ def run(tmp_path, monkeypatch):
 
 
 @contextlib.contextmanager
-def written_run(mission, port):
+def written_run(mission, port, robot=""):
     """A run of that mission whose page has that port, as it is written to the default folder."""
     record = FileRecord(folders.records()).open()
     rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
-    record(RunStarted(mission + ".xml", [], {"monitorPort": port}, Sources(
+    record(RunStarted(mission + ".xml", [], {"monitorPort": port, "robot": robot}, Sources(
         (Source("m.xml", "<m/>"),), Source("", ""), Source("", ""), "")))
     rig.tick()
     yield record
@@ -588,6 +588,15 @@ def test_of_two_runs_the_one_with_that_port_is_shown_or_else_the_one_without_a_p
         run, port, shown):
     with written_run("other", 0):
         done = status_until(shown, "--port", port)
+    assert done.stdout.decode().startswith(shown)
+
+
+@pytest.mark.parametrize("arguments, shown", [
+    (["--port", "9"], "mission tour: "), (["--robot", "robot1"], "mission other of robot1: "),
+    (["--robot", "/robot1", "--port", "9"], "mission other of robot1: ")])
+def test_of_several_robots_the_one_that_is_named_is_shown(run, arguments, shown):
+    with written_run("other", 9, "robot1"):
+        done = status_until(shown, *arguments)
     assert done.stdout.decode().startswith(shown)
 
 

@@ -48,7 +48,7 @@ class Viewed:
         self.process = ViewerProcess(
             ["--port", str(self.port), "--groot2-port", str(self.groot2_port)], hooks.change,
             lambda: hooks.remove_all(": the viewer has ended"), self.warnings.append,
-            lambda: None)
+            lambda *_: None)
         self.record = Record(self.process, lines).open()
         rig.mission.events.subscribe(self.record)
         self.record.show(rig.tree)
@@ -392,7 +392,7 @@ def test_clients_that_go_away_before_their_answers_do_not_end_the_viewer():
     port = free_port(3)
     warnings, is_served = [], threading.Event()
     viewer = ViewerProcess(["--port", str(port), "--groot2-port", str(port + 1)], print,
-                           lambda: None, warnings.append, is_served.set)
+                           lambda: None, warnings.append, lambda *_: is_served.set())
     try:
         assert is_served.wait(30.0), warnings
         with zmq.Context() as context, context.socket(zmq.DEALER) as leaving:

@@ -136,6 +136,9 @@ mission_name = Reader("the name of a mission in the data folder, without .xml",
 bind_address = Reader("an address or a host name of this computer, 127.0.0.1 for itself alone, "
                       "0.0.0.0 for all networks", _address)
 folder = Reader("a folder, nothing, or none", _folder)
+namespace = Reader("a ROS name such as robot1 (a letter, then letters, digits and _; / between two "
+                   "names), or nothing", lambda text: text.lstrip("/"),
+                   re.compile(r"(/?[A-Za-z]\w*(/[A-Za-z]\w*)*)?", re.ASCII).fullmatch)
 
 
 # ----------------------------------------------------------------------------------------- the keys

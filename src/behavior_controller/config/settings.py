@@ -8,10 +8,11 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, 
 from behavior_controller.ros_arguments import ASSIGNMENT, ROS_WORDS
 from behavior_controller.errors import Fault
 from behavior_controller.robot.declarations import Interface, Plain, Service
-from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
+from behavior_controller.robot.interfaces import DEFAULT, INTERFACES, interface_of
 from behavior_controller.config.config_file import (
     Key, KeyReader, REQUIRED, bind_address, boolean, collected, filled, folder, integer, key,
-    keys_of, language_name, mission_name, number, one_of, port, read_source, seconds, values_of)
+    keys_of, language_name, mission_name, namespace, number, one_of, port, read_source, seconds,
+    values_of)
 from behavior_controller.config.phrases import YES
 from behavior_controller.text import Source, did_you_mean
 
@@ -46,6 +47,9 @@ class Settings:
     robot_interface: str = key(
         one_of(*INTERFACES), DEFAULT.name,
         "the interface of the robot's nodes: " + " or ".join(map("`{}`".format, INTERFACES)))
+    robot: str = key(namespace, "", "`robot1`: the names of the robot's services, topics and "
+                                    "actions, and that of the controller, are below `/robot1`; "
+                                    "empty: as in the document")
     tablet_success_is: str = key(
         one_of("done", YES), "done", "release-1.0, release-1.1: `yes` counts any press on the "
         "tablet as yes, `done` as no answer")
@@ -102,7 +106,7 @@ class Settings:
     @property
     def interface(self) -> Interface:
         """What the robot offers."""
-        return INTERFACES[self.robot_interface]
+        return interface_of(self.robot_interface, self.robot)
 
     @property
     def tablet_tells(self) -> bool:

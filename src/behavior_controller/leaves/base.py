@@ -452,7 +452,7 @@ class ServiceLeaf(WorkingLeaf):
 
     @property
     def resource(self) -> str:
-        """The service's canonical name, or the files; empty if it does without."""
+        """The service's name, or the files; empty if it does without."""
         is_lacking = self.does_without and not self.mission.interface.serves(self.asks)
         return "" if is_lacking else self.mission.interface.resource(self.asks)
 

@@ -77,8 +77,8 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     @property
     def resource(self) -> str:
-        """The topic's canonical name."""
-        return self.topic.name
+        """The topic's name."""
+        return self.mission.interface.name_of(self.topic)
 
     @cached_property
     def evidence(self) -> Evidence:

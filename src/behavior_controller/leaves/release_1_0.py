@@ -128,7 +128,7 @@ class GetVisitorResponse(WorkingLeaf):
         """Get the topic of utterances."""
         self.mission.has_questions = True
         self.topic = self.mission.interface.evidence(self.sense).topic
-        self.resource = self.topic.name
+        self.resource = self.mission.interface.name_of(self.topic)
 
     def work(self) -> Waiting[Result]:
         """Listen; the first utterance that ends the listening counts."""

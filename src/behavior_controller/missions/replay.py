@@ -188,7 +188,7 @@ class _Replay(FakeGateway):
         restored = _restored(started, self._clock, mission)
         self._tree = restored.tree
         self._nodes = nodes  # of the record, by uid - 1
-        self._interface = INTERFACES[started.sources.interface]
+        self._interface = restored.settings.interface
         self._topics = RecordedTopics(self._interface)
         self._health = Health()
         self._before: Optional[int] = None  # number of the call before the first one here

@@ -178,7 +178,8 @@ class Runner:
                           mission.interface.name, knowledge.sources if knowledge else ())
         self.mission.events.emit(RunStarted(
             self.mission_file, mission.leaves_of(self.tree), mission.settings.values, sources,
-            {offer.name: offer.kind for offer in mission.interface.offers},
+            {mission.interface.name_of(offer): offer.kind
+             for offer in mission.interface.offers},
             [offer.request.__name__ for offer in mission.offers if isinstance(offer, Service)]))
 
     def _pass(self) -> None:

@@ -271,8 +271,9 @@ class Interface:
     ``tells_pressed``: the tablet's answer says which button was pressed. ``takes_arm``: a deictic
     gesture has an arm and a shape of the hand. ``numbers_phrases``: the number of a utility phrase
     says what it is about. ``ends_location``: after the mode ``location`` attention is switched off.
-    ``never_asked``: the kinds of requests that are left out for this robot. Raises ValueError if
-    two services carry out the same kind of request, or kinds of the same name.
+    ``never_asked``: the kinds of requests that are left out for this robot. ``namespace`` stands
+    before the names of a robot beside others. Raises ValueError if two services carry out the same
+    kind of request, or kinds of the same name.
     """
 
     name: str
@@ -287,6 +288,7 @@ class Interface:
     numbers_phrases: bool = True
     ends_location: bool = False
     never_asked: Tuple[type, ...] = ()
+    namespace: str = ""
 
     def __post_init__(self) -> None:
         self._by_request: Dict[type, Service] = {
@@ -339,11 +341,20 @@ class Interface:
                 or self.has_knowledge_files and request is QueryKnowledge)
 
     def resource(self, request: type) -> str:
-        """Return the canonical name of the service for a kind of request, or ``FILES``. Raises
-        LookupError as ``service``."""
+        """Return the name of the service for a kind of request, or ``FILES``. Raises LookupError
+        as ``service``."""
         if self.has_knowledge_files and request is QueryKnowledge:
             return KNOWLEDGE_FILES
-        return self.service(request).name
+        return self.name_of(self.service(request))
+
+    def name_of(self, offer: Offer) -> str:
+        """Return the name of a service or topic of this robot."""
+        return self.namespace + offer.name
+
+    def node_of(self, offer: Offer) -> str:
+        """Return the name of the node that has a service or topic, without the first slash; empty:
+        of any."""
+        return f"{self.namespace}/{offer.node}"[1:] if offer.node else ""
 
     def tells(self, sense: Union[Sense, Topic]) -> bool:
         """Return whether the robot has evidence of ``sense``, or publishes that topic."""

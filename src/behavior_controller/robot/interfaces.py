@@ -1,4 +1,5 @@
 """The robots that a configuration can choose from, by the name of their interface."""
+import functools
 import math
 import re
 from dataclasses import replace
@@ -85,3 +86,9 @@ INTERFACES: Dict[str, Interface] = {
     for robot in (d543.INTERFACE, release_1_0.INTERFACE, release_1_1.INTERFACE)}
 
 DEFAULT = INTERFACES[d543.INTERFACE.name]
+
+
+@functools.lru_cache(maxsize=None)
+def interface_of(name: str, robot: str = "") -> Interface:
+    """Return the interface of that name; its names are below the namespace ``robot``, if any."""
+    return replace(INTERFACES[name], namespace="/" + robot) if robot else INTERFACES[name]

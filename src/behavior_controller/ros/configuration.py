@@ -4,6 +4,7 @@ import sys
 from typing import Any, Callable, Dict
 
 import rospy
+from rosgraph.names import get_ros_namespace
 
 from behavior_controller import folders, ros_arguments
 from behavior_controller.config import settings
@@ -51,6 +52,13 @@ def valid_values() -> Dict[str, Any]:
     return settings.valid_values(folders.config(settings.FILE_NAME), parameters, _given())
 
 
+def chosen_robot() -> str:
+    """Return the robot whose namespace this node is in, unless the key has a mistake."""
+    with contextlib.suppress(FaultsFound):  # which are reported when all is read
+        return str(valid_values()["robot"])
+    return ""
+
+
 def _given() -> Dict[str, str]:
     """Return the arguments of the node, and those that its launch file does not declare: roslaunch
     does not refuse them."""
@@ -71,15 +79,23 @@ def report_faults(invalid: FaultsFound, tell: Tell, consequence: str) -> None:
 
 
 def _private_parameters() -> Dict[str, Any]:
-    """Return the parameters below our own name; they override the configuration file.
+    """Return the parameters below our own name; they override the configuration file. So do those
+    below the name without a robot, if one of them names the robot.
 
     Raises NodesMissing if the master does not answer: without the parameters the file's values may
     be wrong.
     """
+    own = rospy.get_name()
+    first = get_ros_namespace() + own.rpartition("/")[2]
+    found = [_parameters(name) for name in dict.fromkeys((first, own))]
+    return {**(found[0] if "robot" in found[0] else {}), **found[-1]}
+
+
+def _parameters(node: str) -> Dict[str, Any]:
     try:
-        values = ask_master("getParam", rospy.get_name())
+        values = ask_master("getParam", node)
     except Trouble as trouble:
-        raise NodesMissing(f"the parameters of {rospy.get_name()} cannot be read: {trouble}")
+        raise NodesMissing(f"the parameters of {node} cannot be read: {trouble}")
     return values if isinstance(values, dict) else {}
 
 

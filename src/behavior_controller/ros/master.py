@@ -27,6 +27,7 @@ from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from behavior_controller.errors import ConfigurationError, NodesMissing
 from behavior_controller.robot.gateway import Cause, NO_ACTION, NOT_OFFERED
+from behavior_controller.ros.names import enter
 from behavior_controller.ros.tcpros import Named, Trouble, ask, ask_master
 from behavior_controller.ros.timeouts import Stopped
 
@@ -48,6 +49,9 @@ NO_TOPICS_IN_ROSOUT = "/rosout_disable_topics_generation"
 
 USE_SIM_TIME = "/use_sim_time"
 """The parameter that says whether time is simulated."""
+
+IN_USE_METHOD = "servicesInUse"
+"""The question to another controller: see ``_Handler``."""
 
 PARTING_LIMIT = 2.5
 """Seconds that the former node of the name may take to end; ours take 2 at most."""
@@ -256,6 +260,17 @@ DIRECTORY = Directory()
 """The directory of this process, as rospy has one node for each process."""
 
 
+class ServicesInUse:
+    """The resolved names of the services that this controller asks, and whether it runs."""
+
+    services: FrozenSet[str] = frozenset()
+    is_running = False
+
+
+IN_USE = ServicesInUse()
+"""Those of this process."""
+
+
 # ------------------------------------------------------------------------------- the node's name
 
 
@@ -263,14 +278,23 @@ def adopt(name: str, argv: List[str]) -> Any:
     """Have rospy resolve names as the node ``name`` does, without registering it at the master.
     Return the value of ``USE_SIM_TIME``.
 
-    Raises NodesMissing if no master answers, and ConfigurationError for a ``__name`` that is not
-    allowed.
+    Raises NodesMissing if no master answers, and ConfigurationError as ``set_names``.
     """
-    is_silent = _ask_at_start("getParam", NO_TOPICS_IN_ROSOUT)
+    is_silent = ask_at_start("getParam", NO_TOPICS_IN_ROSOUT)
     # rospy would ask the master at each line for /rosout. A master that hangs would hold the lines
     # back, and that question registers the node: asked by a node whose name was taken, it would
     # shut down the one that took it.
     get_param_server_cache().set(NO_TOPICS_IN_ROSOUT, bool(is_silent))
+    set_names(name, argv)
+    # leaves are set up before the name is taken, and may ask for the time
+    rospy.rostime.set_rostime_initialized(True)
+    return ask_at_start("getParam", USE_SIM_TIME)
+
+
+def set_names(name: str, argv: List[str]) -> None:
+    """Have rospy resolve names as the node ``name`` with that command line does. Raises
+    ConfigurationError for a ``__name`` that is not allowed."""
+    enter(argv)
     rospy.names.reload_mappings(argv)
     name = rospy.names.get_mappings().get("__name", name)
     if not rosgraph.names.is_legal_base_name(name):
@@ -280,14 +304,12 @@ def adopt(name: str, argv: List[str]) -> Any:
     resolved = rosgraph.names.resolve_name(name, rospy.get_name())
     rospy.names._set_caller_id(resolved)
     rospy.names.initialize_mappings(resolved)
-    # leaves are set up before the name is taken, and may ask for the time
-    rospy.rostime.set_rostime_initialized(True)
-    return _ask_at_start("getParam", USE_SIM_TIME)
 
 
-def _ask_at_start(method: str, argument: str) -> Any:
+def ask_at_start(method: str, *arguments: str) -> Any:
+    """Return the master's answer. Raises NodesMissing without one."""
     try:
-        return ask_master(method, argument)
+        return ask_master(method, *arguments)
     except Trouble as trouble:
         if trouble.shortage is not None:
             raise trouble.shortage
@@ -303,7 +325,7 @@ def join(name: str, argv: List[str]) -> Optional[str]:
     Return the address of the former node if it has not ended in ``PARTING_LIMIT`` seconds. Raises
     ``Stopped``, ConfigurationError, and NodesMissing without a master.
     """
-    former = _ask_at_start("lookupNode", rospy.get_name())
+    former = ask_at_start("lookupNode", rospy.get_name())
     rospy.impl.init.ROSHandler = _Handler
     try:
         with DIRECTORY.registering:
@@ -319,6 +341,10 @@ def join(name: str, argv: List[str]) -> Optional[str]:
 
 class _Handler(ROSHandler):
     """Answers the master and other nodes in rospy's place."""
+
+    def servicesInUse(self, caller_id: str) -> object:
+        """Tell another controller whether this one runs, and which services it asks."""
+        return 1, "services", [IN_USE.is_running, sorted(IN_USE.services)]
 
     def shutdown(self, caller_id: str, msg: str = "") -> object:
         """End the node, unless the reason is another node of its name, and that one is not

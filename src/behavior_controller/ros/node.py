@@ -10,7 +10,7 @@ import os
 import reprlib
 import sys
 import threading
-from typing import Any, Callable, Deque, Dict, Iterable, List, NoReturn, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, FrozenSet, Iterable, List, NoReturn, Optional, Tuple
 
 import rosgraph
 import rospy
@@ -28,12 +28,16 @@ from behavior_controller.missions.load import Mission
 from behavior_controller.robot.declarations import Offer
 from behavior_controller.ros import ros_interface
 from behavior_controller.ros_arguments import version
+from behavior_controller.ros.in_use import asked_services, check_unused
 from behavior_controller.ros.console import FILE_ONLY, Console, log_path, open_log
 from behavior_controller.ros.handshakes import (
     bound_handshakes, pause_without_files, refuse_web_pages)
-from behavior_controller.ros.master import NAME_IS_TAKEN, USE_SIM_TIME, adopt, join
+from behavior_controller.ros.master import (
+    IN_USE, NAME_IS_TAKEN, USE_SIM_TIME, adopt, join, set_names)
+from behavior_controller.ros.names import words_of
 from behavior_controller.ros.watchdog import Monitor
-from behavior_controller.ros.configuration import read_plan, report_faults, valid_values
+from behavior_controller.ros.configuration import (
+    chosen_robot, read_plan, report_faults, valid_values)
 from behavior_controller.ros.outputs import Outputs, record_place
 from behavior_controller.ros.shortage import is_shortage
 from behavior_controller.ros.startup_check import StartUpCheck
@@ -58,7 +62,8 @@ ROS names are remapped with /name:=/other_name. A SIGHUP (kill -HUP) has it read
 mission again, for the next visitor.
 
 exit codes: 0 the last pass was a SUCCESS, or another node was started under the same name;
-            1 nodes of the robot are missing; 2 the configuration or the mission is wrong;
+            1 nodes of the robot are missing, or another controller uses them;
+            2 the configuration or the mission is wrong;
             3 the last pass was a FAILURE;
             4 the node could not go on: no memory, threads or files left, or an internal error"""
 
@@ -132,6 +137,12 @@ def _unregister() -> None:
     is_forgotten.wait()
 
 
+def _former_may_be_live() -> str:
+    """See ``may_be_live``."""
+    values = valid_values()
+    return may_be_live(record_place(values), values["robot"])
+
+
 # ----------------------------------------------------------------------------------------- the node
 
 
@@ -179,8 +190,7 @@ class _Node:
         """
         self._outputs.record(RunFinished(NOTHING, code))
         with contextlib.suppress(Exception):
-            said = run_apart(lambda: may_be_live(record_place(valid_values())), self._wake,
-                             self._is_stopped, FORMER_LIMIT)
+            said = run_apart(_former_may_be_live, self._wake, self._is_stopped, FORMER_LIMIT)
             if said:
                 self._console.warn(said)
         return code
@@ -200,8 +210,8 @@ class _Node:
         arguments = rospy.myargv(sys.argv)[1:]
         if arguments and arguments[0] in ("-h", "--help", "--version"):
             return _explain(arguments[0])
-        console, words = self._console, split_arguments(sys.argv)[0]
-        faults = unread(words[1:]) + [
+        console, given = self._console, split_arguments(sys.argv)[0]
+        faults = unread(given[1:]) + [
             Fault("command line", 0, 0, f"unknown argument {argument!r}", ALLOWED_ARGUMENTS)
             for argument in arguments]
         if faults:
@@ -209,7 +219,9 @@ class _Node:
         master = f"the ROS master at {rosgraph.get_master_uri()}"
         silent_master = NodesMissing(f"{master} no longer answers: start it again")
         rospy.core.add_preshutdown_hook(self._ros_ends)
-        clock = self._clock(self._apart(lambda: adopt(NAME, words), master, silent_master))
+        clock = self._clock(self._apart(lambda: adopt(NAME, given), master, silent_master))
+        words = words_of(self._apart(chosen_robot, MISSION_FILES), given)
+        set_names(NAME, words)
         self._open_log()
         with contextlib.suppress(FaultsFound):  # which are reported when all is read
             self._apart(lambda: self._outputs.open_viewer(valid_values()), MISSION_FILES)
@@ -219,6 +231,8 @@ class _Node:
                                         self._wake, self._is_stopped)
         check = StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped)
         check.run()
+        services = asked_services(plan)
+        self._apart(lambda: check_unused(services), master, silent_master)
         topics = RosTopics(plan.offers, self._wake.emit, console.warn, clock)
         if self._simulated is not None:
             topics.buffers[CLOCK] = self._simulated
@@ -227,15 +241,22 @@ class _Node:
         self._apart(run.runner.prepare, "the set-up of the mission's leaves")
         refuse_web_pages(console.warn)
         pause_without_files()
-        former = self._apart(lambda: join(NAME, words), master, silent_master)
-        bound_handshakes()
-        console.attach()
-        if former:
-            console.warn(f"the former node of the name {rospy.get_name()} (at {former}) does not "
-                         "end: end its process, or two nodes control the robot")
+        self._apart(lambda: self._join(words, services), master, silent_master)
         self._apart(topics.subscribe, master, silent_master)
         self._apart(run.open_outputs, "recordDirectory")
         return run.carry_out()
+
+    def _join(self, words: List[str], services: FrozenSet[str]) -> None:
+        """Register the node, which asks these services. Raises as ``join`` and ``check_unused``."""
+        IN_USE.services = services
+        former = join(NAME, words)
+        bound_handshakes()
+        self._console.attach()
+        if former:
+            self._console.warn(f"the former node of the name {rospy.get_name()} (at {former}) does "
+                               "not end: end its process, or two nodes control the robot")
+        check_unused(services, is_registered=True)
+        IN_USE.is_running = True
 
     def _clock(self, is_simulated: object) -> Clock:
         """Return the clock by which the mission goes; one that /clock sets if time is simulated."""
@@ -383,10 +404,11 @@ class _Run:
 
     def open_outputs(self) -> None:
         """Open the outputs of the run, once."""
-        self._outputs.open_files(record_place(self._plan.settings.values))
+        self._outputs.open_files(self._plan.settings.values)
         if self._plan.settings.ros_interface:
             self._outputs.record.add(
-                ros_interface.RosInterface(lambda: self._plan.offers, self._commands()))
+                ros_interface.RosInterface(self._plan.settings.interface,
+                                           lambda: self._plan.offers, self._commands()))
 
     def _commands(self) -> Dict[str, ros_interface.Command]:
         """Return what the operator's services do, each on a thread of rospy."""
@@ -420,6 +442,7 @@ class _Run:
     def _begin(self, plan: Mission) -> None:
         """Pass the plan that the runner runs from now on to the monitoring."""
         self._plan = plan
+        IN_USE.services = asked_services(plan)
         self._robot.deadline = plan.settings.deadline
         self._console.is_verbose = plan.settings.verbose_mode
         self._outputs.show(plan.tree, self._health.last_arrivals)
@@ -454,10 +477,15 @@ class _Run:
         tell, refused = self._console.tell, "refused, the running mission stays"
         try:
             following = read_plan(self._clock, self._wake, tell)
-            chosen, now = following.settings.robot_interface, self._plan.settings.robot_interface
-            if chosen != now:
-                raise BehaviorControllerError(f"robotInterface {chosen} cannot follow {now} while "
-                                              "the node runs; start the node again")
+            for key in ("robotInterface", "robot"):
+                chosen, now = (each.settings.values[key] for each in (following, self._plan))
+                if chosen != now:
+                    raise BehaviorControllerError(
+                        f"{key} {chosen or 'empty'} cannot follow {now or 'empty'} while the node "
+                        "runs; start the node again")
+            services = asked_services(following)
+            check_unused(services)
+            IN_USE.services |= services
             self._following.append(following)
             self._wake.emit()  # if the node waits for the end of a persistent cause
             tell("info", "reloaded: this mission follows when the visitor's pass is over")

@@ -13,6 +13,9 @@ from behavior_controller.run.record.files import has_viewer
 from behavior_controller.run.record.recorder import Record, RecordFiles
 from behavior_controller.viewer.process import ViewerProcess
 
+ATTEMPTS = 50
+"""How many ports are tried for the page of a robot that is one of several, and for Groot2."""
+
 NO_RECORD = "none"
 """The value of ``recordDirectory`` that turns recording off."""
 
@@ -45,29 +48,43 @@ class Outputs:
         if not page and not groot2:
             return
         place = record_place(values)
-        if place and has_viewer(place):
+        # of several robots it shows one
+        if place and not values["robot"] and has_viewer(place):
             self._tell("info", f"a missionViewer shows the runs in {place}: no other is started")
             return
-        self._page = _url(values["monitorAddress"], page)
         self._viewer = ViewerProcess(
             ["--port", str(page), "--address", values["monitorAddress"],
              "--groot2-port", str(groot2), "--groot2-address", values["groot2Address"],
-             "--records", place and os.path.abspath(place)],
+             "--records", place and os.path.abspath(place),
+             "--attempts", str(ATTEMPTS if values["robot"] else 1)],
             self._breakpoints.change,
             lambda: self._breakpoints.remove_all(": the viewer has ended"), self._warn,
-            lambda: self._tell("info", f"page: {self._page}"))
+            lambda *ports: self._tell_ports(values, *ports))
         self.record.add(self._viewer)
         self.record.open()
+
+    def _tell_ports(self, values: Mapping[str, Any], page: int, groot2: int) -> None:
+        """Say in a line where the page is, and which ports are taken."""
+        parts = []
+        if page:
+            self._page = _url(values["monitorAddress"], page)
+            taken = f" (port {values['monitorPort']} is taken)" * (page != values["monitorPort"])
+            parts.append(f"page: {self._page}{taken}")
+        if groot2 not in (0, values["groot2Port"]):
+            parts.append(f"Groot2: port {groot2} ({values['groot2Port']} is taken)")
+        if parts:
+            self._tell("info", "; ".join(parts))
 
     def note(self, severity: str, text: str) -> None:
         """Tell the operator a line of the start, and show it."""
         self._tell(severity, text)
         self.record(Starting(text) if severity == "info" else Noticed(severity, text))
 
-    def open_files(self, place: str) -> None:
-        """Write the record into a folder of its own below this one from now on; empty: nowhere."""
+    def open_files(self, values: Mapping[str, Any]) -> None:
+        """Write the record from now on, into a folder of its own, for this configuration."""
+        place = record_place(values)
         if place:
-            self._files = RecordFiles(place, self._warn)
+            self._files = RecordFiles(place, self._warn, values["robot"])
             self.record.add(self._files)
         self.record.open()
         self._tell_record("record")
@@ -79,7 +96,7 @@ class Outputs:
 
     def tell_places(self) -> None:
         """Say at the end where page and record were."""
-        if self._viewer is not None and self._viewer.has_page:
+        if self._viewer is not None and self._viewer.ports[0]:
             self._tell("info", f"page of this run, closed now: {self._page}")
         self._tell_record("record of this run")
 

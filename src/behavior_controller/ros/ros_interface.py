@@ -18,7 +18,7 @@ from behavior_controller.viewer.view import CONTROLLER_STOPPED, View
 from behavior_controller.run.events import is_simulated
 from behavior_controller.run.record.recorder import LineQueue
 from behavior_controller.run.diagnostics import Status, statuses
-from behavior_controller.robot.declarations import Offer
+from behavior_controller.robot.declarations import Interface, Offer
 from behavior_controller.ros.timeouts import start_thread
 
 PUBLISH_INTERVAL = 0.1
@@ -54,12 +54,12 @@ def types() -> Tuple[Any, ...]:
 class RosInterface(LineQueue):
     """Publishes the run, whose lines it is given, and serves until ``close``."""
 
-    def __init__(self, offers: Callable[[], Iterable[Offer]],
+    def __init__(self, robot: Interface, offers: Callable[[], Iterable[Offer]],
                  commands: Mapping[str, Command]):
         """Registers at the master, which may hang. ``offers`` returns what the mission uses."""
         super().__init__()
         self._trigger, self._array, self._status, self._value = types()
-        self._offers = offers
+        self._robot, self._offers = robot, offers
         self._view = View()
         self._shown: Optional[bytes] = None  # as published last
         self._diagnosed: Tuple[float, Any] = (0.0, None)
@@ -102,7 +102,7 @@ class RosInterface(LineQueue):
             self._shown = shown
             self._topic.publish(String(shown.decode()))
         now = time.monotonic()
-        diagnosis = statuses(self._view.state, self._offers(), is_simulated())
+        diagnosis = statuses(self._view.state, self._robot, self._offers(), is_simulated())
         if diagnosis != self._diagnosed[1] or now >= self._diagnosed[0] + DIAGNOSTICS_EVERY:
             self._diagnosed = now, diagnosis
             array = self._array(status=list(map(self._message, diagnosis)))

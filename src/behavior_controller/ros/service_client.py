@@ -233,8 +233,9 @@ class RosGateway(Gateway):
         call = Call(request, self._wake, lambda: self._release(call, is_dropped=True))
         service = self._interface.service(type(request))
         if type(request) is not service.request:
+            name = self._interface.name_of(service)
             self._tell_once(service, f"the robot {self._interface.name} has no action "
-                                     f"{service.name}: its {service.kind} is used in its place")
+                                     f"{name}: its {service.kind} is used in its place")
         self._send(call, service)
         return call
 

@@ -220,21 +220,21 @@ class StartUpCheck:
                           if trouble.cause is Cause.TYPE_MISMATCH)
         robot = max(INTERFACES.values(), key=lambda robot: (
             len(there & _keys(robot.offers)) - len(differing & _keys(robot.offers)),
-            robot is ours))
+            robot.name == ours.name))
         names = sorted(f"{resolved(offer)} as {offer.type}" for key, offer in offers.items()
                        if key in _keys(robot.offers) - _keys(ours.offers)
                        and offer not in lacking)
-        if robot is not ours and names:
+        if robot.name != ours.name and names:
             raise NodesMissing(
                 f"this is a robot of {robot.name.replace('-', ' ')}: set robotInterface "
                 f"{robot.name} (the configuration says {ours.name}; found: {', '.join(names)})")
 
     def _report(self, missing: Dict[Offer, Trouble]) -> None:
         """Warn of what is missing and not needed, and raise for the rest."""
-        needed = []
+        needed, robot = [], self.plan.settings.interface
         for offer, trouble in missing.items():
-            line = (f"{offer.kind} {resolved(offer)} (of node /{offer.node}): {trouble.reason}; "
-                    f"without it {offer.impact_if_missing}")
+            line = (f"{offer.kind} {resolved(offer)} (of node /{robot.node_of(offer)}): "
+                    f"{trouble.reason}; without it {offer.impact_if_missing}")
             reason = self._reason_to_go_on(offer, trouble)
             if reason:
                 self.tell("warning", f"{line} ({reason})")

@@ -73,6 +73,7 @@ ANSWERS: Dict[str, Any] = {
     "setParam": Optional[int],
     "deleteParam": Optional[int],
     "getPid": int,
+    "servicesInUse": Tuple[bool, Tuple[str, ...]],  # of a controller: see in_use
     "requestTopic": Optional[Tuple[str, str, int]],  # protocol, host, port
 }
 """What each method of a master or node returns. Optional: it may also report a failure, which is

@@ -174,11 +174,12 @@ class Monitor:
             self._health.report(respect, change)
 
     def _tell_gone(self, offer: Offer, reason: str) -> None:
-        self._report(GONE, gone(offer.kind, resolved(offer), offer.node, reason,
+        self._report(GONE, gone(offer.kind, resolved(offer), self._robot.node_of(offer), reason,
                                 offer.impact_if_missing))
 
     def _tell_back(self, offer: Offer) -> None:
-        self._report(GONE, available_again(offer.kind, resolved(offer), offer.node))
+        self._report(GONE, available_again(offer.kind, resolved(offer),
+                                           self._robot.node_of(offer)))
 
     # ---------------------------------------------------------------------------- topics and master
 
@@ -210,7 +211,8 @@ class Monitor:
             self._judge(SLOW, *master, "answers slowly", SLOW_MASTER)
         else:
             self._judge(SLOW, *master, "answers in time again", "")
-        nodes = sorted({offer.node for offer in self._offers if resolved(offer) in forgotten})
+        nodes = sorted({self._robot.node_of(offer) for offer in self._offers
+                        if resolved(offer) in forgotten})
         if nodes:
             self._judge(GONE, *master, "another one answers", "")
             self._judge(NEW, *master, "is a new one, or its memory was cleared: it does not know "
@@ -257,7 +259,8 @@ class Monitor:
         if topic is CLOCK:
             kind = SIMULATED_TIME
             status = _standing(buffer, silence) if consequence else "goes on"
-        self._judge(SILENT, kind, buffer.name, status, consequence, topic.node)
+        self._judge(SILENT, kind, buffer.name, status, consequence,
+                    self._robot.node_of(topic))
 
 
 def _standing(clock: TopicBuffer, seconds: float) -> str:

@@ -8,7 +8,7 @@ from behavior_controller.run.state import State
 from behavior_controller.folders import mission_name
 from behavior_controller.run.moment import card
 from behavior_controller.run.story import condition, conditions, counted, recovering, why
-from behavior_controller.robot.declarations import Offer
+from behavior_controller.robot.declarations import Interface, Offer
 
 OK, WARN, ERROR = range(3)
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
@@ -23,17 +23,18 @@ class Status(NamedTuple):
     values: Dict[str, str]
 
 
-def statuses(state: State, offers: Iterable[Offer], is_simulated: bool = False) -> List[Status]:
+def statuses(state: State, robot: Interface, offers: Iterable[Offer],
+             is_simulated: bool = False) -> List[Status]:
     """Return how the mission is, and what it uses: these ``offers`` of the robot, and the simulated
     time if it goes by that."""
     nodes: Dict[str, List[str]] = {}
     for offer in offers:
-        nodes.setdefault(offer.node, []).append(offer.name)
-    robot = [_of_troubles(state, "/" + node, names) for node, names in nodes.items()]
+        nodes.setdefault(robot.node_of(offer), []).append(robot.name_of(offer))
+    parts = [_of_troubles(state, "/" + node, names) for node, names in nodes.items()]
     masters = [change.name for change in state.robot.ill if change.kind == "master"]
     clocks = [_simulated_time(state)] * is_simulated
     return [_mission(state), _recovery(state), _of_troubles(state, "master", masters),
-            *clocks, *robot]
+            *clocks, *parts]
 
 
 def _mission(state: State) -> Status:

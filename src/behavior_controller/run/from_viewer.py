@@ -68,9 +68,10 @@ class HookChange(Struct, frozen=True, tag=True):
 
 
 class ViewerAlive(Struct, frozen=True, tag=True):
-    """The viewer goes on; ``has_page``: it serves the page."""
+    """The viewer goes on; it serves the page and Groot2 at these ports, 0: not."""
 
-    has_page: bool
+    page: int
+    groot2: int
 
 
 class ViewerTold(Struct, frozen=True, tag=True):

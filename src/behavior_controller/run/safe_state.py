@@ -81,13 +81,14 @@ class SafeState:
     def _parts(self) -> Iterator[SafePart]:
         for call in self._calls:
             service, result = self._interface.service(type(call.request)), call.result
+            name = self._interface.name_of(service)
             if result is None:
                 call.drop()
                 waited = f"waited {self._now() - self._began:.1f} s"
                 if call in self._before:
                     waited += f"; {self._before[call].cause.text} before"
-                result = Failure(Cause.NO_ANSWER, waited, service.name)
+                result = Failure(Cause.NO_ANSWER, waited, name)
             failure = result if isinstance(result, Failure) else None
             is_lacking = failure is not None and failure.cause is Cause.NOT_ADVERTISED
             if not is_lacking or service in self._used:
-                yield SafePart(call.request.switches or service.name, service.name, failure)
+                yield SafePart(call.request.switches or name, name, failure)

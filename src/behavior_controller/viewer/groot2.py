@@ -51,8 +51,9 @@ class Groot2Publisher:
     (breakpoints reached)."""
 
     def __init__(self, address: str, port: int, warn: Callable[[str], None],
-                 send: Optional[Callable[[HookChange], None]] = None):
-        """Open the sockets; if a port is taken, ``warn`` gets one line and nothing is served.
+                 send: Optional[Callable[[HookChange], None]] = None, attempts: int = 1):
+        """Open the sockets, of later ports as ``opened`` says; if a port is taken, ``warn`` gets
+        one line and nothing is served.
 
         ``send`` gets each change of a hook, on the publisher's thread; without it the tree is that
         of a record, and hooks are refused.
@@ -64,9 +65,9 @@ class Groot2Publisher:
         self._is_closed = False
         # of the requests, and of the breakpoints reached
         self._sockets = opened(
-            address, [port, port + 1], "Groot2 cannot connect", "groot2Port", warn)
+            address, [port, port + 1], "Groot2 cannot connect", "groot2Port", warn, attempts)
         self._thread = LoopThread("groot2", self._sockets, self._begin, self._end)
-        self.is_served = self._thread.is_serving
+        self.is_served, self.port = self._thread.is_serving, self._thread.port
 
     def take(self, line: Line) -> None:
         """Take the next event. Any thread may call this."""

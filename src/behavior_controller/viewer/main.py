@@ -36,6 +36,10 @@ NEWER_RUN_POLL = 0.5
 PORTS_LIMIT = 10.0
 """Seconds to wait for the ports of another viewer that ends."""
 
+NEXT_PORTS_AFTER = 2.0
+"""Seconds to wait for them where others may be taken: the viewer of a controller that was killed
+has ended then."""
+
 PARENT_ENDS = 1
 """Linux's number of the option that has a process get a signal when its parent has ended."""
 
@@ -67,6 +71,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
     parser.add_argument("--records", default="", help="folder of the runs that the page lists "
                         "(default: the one of the record)")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--attempts", type=int, default=1, help=argparse.SUPPRESS)
     chosen = ros_arguments.parse(parser, arguments)
     if not chosen.port and not chosen.groot2_port:
         parser.error("--port and --groot2-port are both 0: nothing would be served")
@@ -91,12 +96,16 @@ class Viewer:
         self._page: Optional[Page] = None
         self._groot2: Optional[Groot2Publisher] = None
         if chosen.port:
-            self._page = Page(chosen.address, chosen.port, self._new_board(), warn, chosen.records)
+            self._page = Page(chosen.address, chosen.port, self._new_board(), warn,
+                              chosen.records, chosen.attempts)
         if chosen.groot2_port:
-            self._groot2 = Groot2Publisher(chosen.groot2_address, chosen.groot2_port, warn, send)
+            self._groot2 = Groot2Publisher(chosen.groot2_address, chosen.groot2_port, warn, send,
+                                           chosen.attempts)
         self.has_page = self._page is not None and self._page.is_served
         has_groot2 = self._groot2 is not None and self._groot2.is_served
         self.is_serving = self.has_page or has_groot2
+        self.ports = [watcher.port if watcher is not None else 0
+                      for watcher in (self._page, self._groot2)]
         page, groot2 = _ports(chosen)
         self.missing = page * (not self.has_page) + groot2 * (not has_groot2)
         """The ports that could not be opened."""
@@ -154,11 +163,11 @@ def _show_parent(chosen: argparse.Namespace) -> int:
     threading.Thread(target=_read, args=(texts.put,), daemon=True).start()
     alive = _Alive(send)
     # the controller may replace another one, whose viewer goes on for a moment
-    ends = time.monotonic() + PORTS_LIMIT
+    ends = time.monotonic() + (NEXT_PORTS_AFTER if chosen.attempts > 1 else PORTS_LIMIT)
     while time.monotonic() < ends and _trouble(sum(_ports(chosen), [])) == errno.EADDRINUSE:
         time.sleep(NEWER_RUN_POLL)
     viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)
-    alive.has_page = viewer.has_page
+    alive.ports = viewer.ports
     if viewer.missing:
         threading.Thread(target=_end_when_free, args=(viewer.missing, send), daemon=True).start()
     decoder = Decoder("the controller")
@@ -186,13 +195,13 @@ class _Alive:
     """Tells the controller once in ``ALIVE_INTERVAL`` that this process goes on."""
 
     def __init__(self, send: Callable[[FromViewer], None]):
-        self.has_page = False
+        self.ports = [0, 0]
         self._send = send
         threading.Thread(target=self._work, daemon=True).start()
 
     def _work(self) -> None:
         while True:
-            self._send(ViewerAlive(self.has_page))
+            self._send(ViewerAlive(*self.ports))
             time.sleep(ALIVE_INTERVAL)
 
 

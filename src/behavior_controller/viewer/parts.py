@@ -24,6 +24,7 @@ class MissionPart(Struct, frozen=True):
 
     file: str
     nodes: List[NodeRow]
+    robot: str = ""
 
 
 class Statuses(Struct, frozen=True):

@@ -15,7 +15,7 @@ from typing import Callable, Deque, List, Optional
 
 from behavior_controller.run import from_viewer
 from behavior_controller.run.events import unix_now
-from behavior_controller.run.from_viewer import HookChange, ViewerAlive, ViewerTold
+from behavior_controller.run.from_viewer import HookChange, ViewerTold
 from behavior_controller.run.record.outset import Outset
 from behavior_controller.run.record.recorder import EncodedLine
 
@@ -45,13 +45,14 @@ class ViewerProcess:
 
     def __init__(self, arguments: List[str], changed: Callable[[HookChange], None],
                  cut_off: Callable[[], None], warn: Callable[[str], None],
-                 serves: Callable[[], None]):
+                 serves: Callable[[int, int], None]):
         """Start it with these arguments. On other threads, ``changed`` gets changes of hooks,
         ``cut_off`` is called when none comes any more, ``warn`` gets lines for the operator, and
-        ``serves`` is called when the page is there."""
+        ``serves`` gets the ports of page and Groot2 when one of them is there."""
         self._arguments = arguments
         self._changed, self._cut_off, self._warn, self._serves = changed, cut_off, warn, serves
-        self.has_page = False
+        self.ports = (0, 0)
+        """Those of page and Groot2; 0: it is not served."""
         self._waiting: Deque[EncodedLine] = collections.deque()
         self._has_lost = False
         self._outset = Outset()
@@ -177,7 +178,7 @@ class ViewerProcess:
         for line in iter(lambda: output.readline(LONGEST_FROM_VIEWER), b""):
             with contextlib.suppress(ValueError):  # a torn line of a viewer that was killed
                 self._take(from_viewer.decode(line))
-        self.has_page = False
+        self.ports = (0, 0)
         self._cut_off()
 
     def _take(self, sent: from_viewer.FromViewer) -> None:
@@ -186,6 +187,6 @@ class ViewerProcess:
             self._changed(sent)
         elif isinstance(sent, ViewerTold):
             self._warn(sent.text)
-        elif isinstance(sent, ViewerAlive) and sent.has_page and not self.has_page:
-            self.has_page = True
-            self._serves()
+        elif self.ports != (sent.page, sent.groot2):
+            self.ports = (sent.page, sent.groot2)
+            self._serves(*self.ports)

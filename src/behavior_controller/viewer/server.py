@@ -22,6 +22,8 @@ SHORTEST_IDLE = 2.0
 NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 """The system's error numbers when it gives nothing for a connection."""
 
+HIGHEST_PORT = 65535
+
 ACCEPT_AGAIN = 0.05
 """Seconds between two attempts to accept a client meanwhile."""
 
@@ -77,18 +79,22 @@ class _Listener(socket.socket):
 
 
 def opened(address: str, ports: Sequence[int], consequence: str, key: str,
-           warn: Callable[[str], None]) -> List[List[socket.socket]]:
-    """Return the sockets of each port; if one cannot be opened none, and ``warn`` gets a line that
-    says what follows from it, and with which key of the configuration it is changed."""
+           warn: Callable[[str], None], attempts: int = 1) -> List[List[socket.socket]]:
+    """Return the sockets of each port, or of the ports after them that are free, after so many
+    ``attempts``; if one cannot be opened none, and ``warn`` gets a line that says what follows from
+    it, and with which key of the configuration it is changed."""
     sockets: List[List[socket.socket]] = []
     for port in ports:
         try:
             sockets.append([_Listener(fileno=sock.detach())
                             for sock in bind_sockets(port, address)])
         except OSError as error:
+            _close(sockets)
+            following = [other + len(ports) for other in ports]
+            if error.errno == errno.EADDRINUSE and attempts > 1 and following[-1] <= HIGHEST_PORT:
+                return opened(address, following, consequence, key, warn, attempts - 1)
             warn(f"{consequence}: {address}:{port} cannot be opened ({error.strerror or error}); "
                  f"set {key} to another port, or to 0")
-            _close(sockets)
             return []
     return sockets
 
@@ -107,6 +113,8 @@ class LoopThread:
         """``begin`` is called in the running loop; when the loop ends, for any reason, the
         ``sockets`` are closed and ``end`` is called."""
         self.is_serving = bool(sockets)
+        self.port = sockets[0][0].getsockname()[1] if sockets else 0
+        """The first port; 0: none."""
         self._sockets = sockets
         self._loop = asyncio.new_event_loop()
         self._loop.call_soon(begin)

@@ -100,10 +100,11 @@ def main(arguments: Optional[List[str]] = None) -> int:
     place = f"http://{chosen.address}:{chosen.port}"
     is_window = chosen.watch and sys.stdout.isatty()
     shown: List[str] = []
-    problem = (f"no mission answers at {place} ({{}}): does behaviorController run, with this "
+    wanted = chosen.robot and f" of {chosen.robot}"
+    problem = (f"no mission{wanted} answers at {place} ({{}}): does behaviorController run, with this "
                "monitorPort?")
     try:
-        for state in _states(chosen.address, chosen.port, chosen.watch):
+        for state in _states(chosen, chosen.watch):
             text = lines(state, chosen.all)
             if is_window:
                 size = os.get_terminal_size(sys.stdout.fileno())
@@ -132,6 +133,9 @@ def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
                         help="also the nodes that have not been ticked in this pass")
     parser.add_argument("--address", default="127.0.0.1",
                         help="monitorAddress of the node (default %(default)s)")
+    parser.add_argument("--robot", default="", type=lambda text: text.lstrip("/"),
+                        help="robot of the node, if it is one of several; else the one with that "
+                             "address and port")
     parser.add_argument("--port", type=_port, default=8080,
                         help="monitorPort of the node (default %(default)s)")
     return ros_arguments.parse(parser, arguments)
@@ -153,14 +157,14 @@ def _print(text: List[str], is_window: bool) -> None:
 # ----------------------------------------------------------------------------------------- the node
 
 
-def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
+def _states(chosen: argparse.Namespace, is_watching: bool) -> Iterator[ShownState]:
     """Yield the whole board after each message and, while none comes, again, with ``silent``:
     seconds since the last one. Raises NoMission if no further message comes.
 
     A separate thread reads: a disk or a server may hang or be slow at any moment.
     """
     messages: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_STATES_WAITING)
-    threading.Thread(target=_read, args=(address, port, messages.put), name="messages",
+    threading.Thread(target=_read, args=(chosen, messages.put), name="messages",
                      daemon=True).start()
     state: Union[ShownState, NoMission] = NoMission(
         f"no complete answer within {FIRST_ANSWER_LIMIT:g} s")
@@ -179,11 +183,18 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
         wait = LATE if silent < LATE else 1.0
 
 
-def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]], None]) -> None:
+def _read(chosen: argparse.Namespace,
+          put: Callable[[Union[ShownState, NoMission]], None]) -> None:
     """Read the run from its record, or else from its viewer, or from a record that lags."""
     reason = "the answer is not a mission's"
+    address, port, robot = chosen.address, chosen.port, chosen.robot
     try:
-        for view in itertools.chain(_of_record(address, port, HANGS), _of_viewer(address, port)):
+        for view in itertools.chain(_of_record(address, port, robot, HANGS),
+                                    _of_viewer(address, port)):
+            mission = view.mission()
+            if mission.file and robot not in ("", mission.robot):
+                raise MissionError.of("robot " + robot, "no mission of it runs on this computer, "
+                                      f"and this one is of {mission.robot or 'another'}")
             put(_shown(view))
             reason = "the connection was closed"
     except msgspec.ValidationError as error:
@@ -192,7 +203,7 @@ def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]],
         reason = "the answer is not JSON"
     except (OSError, ValueError, http.client.HTTPException, MissionError) as error:
         reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
-    for view in _of_record(address, port, math.inf):
+    for view in _of_record(address, port, robot, math.inf):
         put(_shown(view, _age(view.state)))
     put(NoMission(reason))
 
@@ -207,10 +218,11 @@ def _age(state: State) -> float:
     return max(0.0, unix_now() - state.at)
 
 
-def _of_record(address: str, port: int, oldest: float) -> Iterator[View]:
-    """Yield the view of a run that is written on this computer and whose page has that port, or
-    else of one without a page, again and again until the run ends, its record cannot be read, or
-    lags by ``oldest`` seconds, as on a disk that is full."""
+def _of_record(address: str, port: int, robot: str, oldest: float) -> Iterator[View]:
+    """Yield the view of a run of that robot that is written on this computer and whose page has
+    that port, or else of one without a page, again and again until the run ends, its record cannot
+    be read, or lags by ``oldest`` seconds, as on a disk that is full. If a robot is named, its page
+    may have any port."""
     places = files.runs(folders.records()) if is_loopback(address) else []
     for page, path in itertools.product((port, 0), reversed(places)):
         with contextlib.suppress(OSError, MissionError):
@@ -219,7 +231,7 @@ def _of_record(address: str, port: int, oldest: float) -> Iterator[View]:
                 if line is not None:
                     view.take(line.time, line.event)
                     continue
-                is_shown = _age(view.state) < oldest and _has_page(view.state, page)
+                is_shown = _age(view.state) < oldest and _is_wanted(view.state, page, robot)
                 if not is_shown:
                     break
                 yield view
@@ -234,8 +246,11 @@ def _files_shown(path: str) -> int:
     return 1 if os.path.getsize(files.parts(path)[-1]) >= ENOUGH_BYTES else 2
 
 
-def _has_page(state: State, port: int) -> bool:
-    return state.started is not None and state.started.settings.get("monitorPort") == port
+def _is_wanted(state: State, port: int, robot: str) -> bool:
+    if state.started is None:
+        return False
+    known = state.started.settings
+    return known.get("robot", "") == robot and (robot != "" or known.get("monitorPort") == port)
 
 
 def _of_viewer(address: str, port: int) -> Iterator[View]:
@@ -274,7 +289,8 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     """
     now, mission = state.now, state.mission
     doing = card_line(now.card, state.alive.at + state.silent)
-    head = [f"mission {mission_name(mission.file)}: {doing}",
+    of_robot = f" of {mission.robot}" * bool(mission.robot)
+    head = [f"mission {mission_name(mission.file)}{of_robot}: {doing}",
             *["to do: " + now.robot.instruction] * bool(now.robot.instruction),
             "robot: " + replace(now.robot, instruction="").text]
     if state.silent + state.lag >= LATE:

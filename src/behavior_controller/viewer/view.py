@@ -137,7 +137,8 @@ class View(story.Story):
             return parts.MissionPart("", nodes)
         if nodes:  # as py-trees-render has it
             nodes[0] = replace(nodes[0], name=clean(mission_name(started.mission)), kind="")
-        return parts.MissionPart(clean(started.mission), nodes)
+        return parts.MissionPart(clean(started.mission), nodes,
+                                 clean(str(started.settings.get("robot", ""))))
 
     def statuses(self) -> parts.Statuses:
         # the last in depth-first order: a running leaf, or what waits above it

@@ -30,9 +30,9 @@ RUN_BYTES = 50_000_000
 PLACE_BYTES = 20 * RUN_BYTES
 """The most bytes of all runs in a folder, when a new one begins and has its ``RUN_BYTES``."""
 
-_RUN = re.compile(r"(?:(\d{6,})_)?\d{8}-\d{6}_\d+")
-"""A run's folder: its number, when it began, and the process. Without a number it is of an earlier
-version, and older than all others."""
+_RUN = re.compile(r"(?:(\d{6,})_)?\d{8}-\d{6}_\d+(?:_([A-Za-z][\w.]*))?")
+"""A run's folder: its number, when it began, the process, and the robot if it is one of several.
+Without a number it is of an earlier version, and older than all others."""
 
 _FURTHER = re.compile(r"mission\.(\d+)\.jsonl")
 
@@ -117,12 +117,19 @@ def part(path: str, number: int) -> str:
     return os.path.join(os.path.dirname(path), f"mission.{number}.jsonl") if number else path
 
 
-def new_folder(place: str) -> str:
+def robot_of(path: str) -> str:
+    """Return the robot of the run with this first file; empty: it is not one of several."""
+    match = _RUN.fullmatch(os.path.basename(os.path.dirname(path)))
+    return (match and match[2] or "").replace(".", "/")
+
+
+def new_folder(place: str, robot: str = "") -> str:
     """Make the folder of a new run below a folder, and return its absolute path. Raises OSError."""
     place = os.path.abspath(place)  # a node of roslaunch does not run where its user is
     os.makedirs(place, 0o750, exist_ok=True)
     numbers = [int(match[1] or 0) for match in map(_RUN.fullmatch, os.listdir(place)) if match]
     name = f"{max(numbers, default=0) + 1:06}_{time.strftime('%Y%m%d-%H%M%S')}_{os.getpid()}"
+    name += robot and "_" + robot.replace("/", ".")
     folder = os.path.join(place, name)
     os.mkdir(folder, 0o750)
     return folder
@@ -158,9 +165,10 @@ class RunFiles:
     A write that fails loses nothing: the next one goes on at the line where it failed.
     """
 
-    def __init__(self, place: str, head: bytes):
-        """Make a folder below ``place``, whose files begin with their ``head``. Raises OSError."""
-        folder = new_folder(place)
+    def __init__(self, place: str, head: bytes, robot: str = ""):
+        """Make a folder below ``place`` for a run of ``robot``, whose files begin with their
+        ``head``. Raises OSError."""
+        folder = new_folder(place, robot)
         self.path = os.path.join(folder, FILE_NAME)
         self.lines = 0
         """Number of lines written, without those of heads."""

@@ -229,11 +229,12 @@ class RecordFiles:
     on.
     """
 
-    def __init__(self, place: str, complain: Callable[[str], None]):
-        """Write from now on. Waits ``OPENING`` for the disk, for ``path`` to be known."""
+    def __init__(self, place: str, complain: Callable[[str], None], robot: str = ""):
+        """Write from now on. Waits ``OPENING`` for the disk, for ``path`` to be known. ``robot``:
+        see ``files.robot_of``."""
         self.path = ""
         """The first file, as soon as it is there."""
-        self._place = place
+        self._place, self._robot = place, robot
         self._complain = complain
         self._waiting: Deque[EncodedLine] = collections.deque()  # the first one is being written
         self._lost = 0  # lines that did not fit since the last one that did
@@ -291,7 +292,7 @@ class RecordFiles:
     def _write_round(self, is_last: bool) -> None:
         """Write what waits. Raises OSError or ValueError; the next round goes on there."""
         if self._files is None:
-            self._files = files.RunFiles(self._place, self._outset.head(0, 0.0))
+            self._files = files.RunFiles(self._place, self._outset.head(0, 0.0), self._robot)
             self.path = self._files.path
             files.make_room(self._place)
         if self._files.is_lost:

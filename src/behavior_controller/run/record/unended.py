@@ -23,10 +23,10 @@ END_BYTES = 10_000
 UNKNOWN = "the robot may be live, and its record cannot be read: keep the stop button at hand"
 
 
-def may_be_live(place: str) -> str:
-    """Return what may be on or under way if the newest run below a folder was killed, and what to
-    do about it; otherwise an empty text. Raises OSError."""
-    newest = files.runs(place)[-1:]
+def may_be_live(place: str, robot: str = "") -> str:
+    """Return what may be on or under way if the newest run of a robot below a folder was killed,
+    and what to do about it; otherwise an empty text. Raises OSError."""
+    newest = [path for path in files.runs(place) if files.robot_of(path) == robot][-1:]
     if not newest or files.is_written(newest[0]):
         return ""
     last = files.parts(newest[0])[-1]

@@ -133,7 +133,8 @@ class LoadedMission:
         """Play the mission with the faults, messages and visitors of ``test``; topics in ``silent``
         say nothing."""
         tree = build(self._documents, self._registry, ManualClock(START), checked=self._checked)
-        mission = dataclasses.replace(self.mission, tree=tree)
+        alone = dataclasses.replace(self.settings, robot="")  # there is no other robot
+        mission = dataclasses.replace(self.mission, tree=tree, settings=alone)
         robot = VirtualRobot(mission, self.world_of(test), test, shortest_gap)
         met = Situations(tree, robot, not test.planned_faults).met if has_situations else {}
         topics = [topic for topic in rehearsed_topics(self.settings.interface)

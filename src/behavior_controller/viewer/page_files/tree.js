@@ -82,7 +82,8 @@ function groupFor(parent, level) {
 }
 
 function showMission(mission) {
-  put(byId("mission"), "Mission " + mission.file.split("/").pop().replace(/\.xml$/, ""));
+  put(byId("mission"), "Mission " + mission.file.split("/").pop().replace(/\.xml$/, "")
+      + (mission.robot && ` of ${mission.robot}`));
   document.title = byId("mission").textContent;
   nodes = mission.nodes;
   closeNode();

@@ -51,13 +51,14 @@ class JournalCheck:
 
     def __init__(self, facts: Facts, execution: Execution):
         self._facts, self._interface = facts, facts.world.settings.interface
+        self._name_of = self._interface.name_of
         self._execution, self._crashes, self._late = execution, facts.crashes, facts.late
         self.end = max([facts.run.state.at, *(line.time for line in facts.journal)])
         self._answers = self._answers_of_nodes()
         self._deadlines = facts.world.settings.deadlines
         self._safe_limit = max(self._deadlines[self._interface.service(type(request)).deadline_key]
                                for request in SAFE_STATE)
-        names = dict.fromkeys(service.name for service in self._interface.services)
+        names = dict.fromkeys(map(self._name_of, self._interface.services))
         self.pairs = sorted(itertools.chain(*map(self._pair, names)), key=lambda pair: pair.time)
         self._in_journal = {line.resource for line in facts.journal}
 
@@ -70,7 +71,7 @@ class JournalCheck:
     def _is_witnessed(self, service: Service) -> bool:
         """Return whether the service's node writes the journal: a play simulates the nodes of other
         packages, a test does not."""
-        is_simulated = service.request in SERVICES or service.name in self._in_journal
+        is_simulated = service.request in SERVICES or self._name_of(service) in self._in_journal
         return is_simulated and service.node not in self._facts.real
 
     def _carrier(self, query: Query) -> Service:
@@ -83,7 +84,7 @@ class JournalCheck:
         """
         lines = [line for line in self._facts.journal if line.call and line.resource == name]
         queries = [query for query in self._execution.queries.values() if query.service == name]
-        service = next(each for each in self._interface.services if each.name == name)
+        service = next(each for each in self._interface.services if self._name_of(each) == name)
         for query, following in itertools.zip_longest(queries, queries[1:]):
             service = self._carrier(query)
             while lines and lines[0].time < query.asked - self._facts.early:
@@ -177,8 +178,8 @@ class JournalCheck:
         else:
             is_well = cause in AWAY_CAUSES and self._is_away(service.node, query.asked)
         if not is_well:
-            yield (f"{query.asker}: {service.name} never got the request {query}, and on record is "
-                   f"{query.outcome}")
+            yield (f"{query.asker}: {query.service} never got the request {query}, and on record "
+                   f"is {query.outcome}")
 
     def _until(self, query: Query) -> float:
         """Return until when an answer was awaited."""
@@ -204,7 +205,7 @@ class JournalCheck:
         # a goal is sent when its server is back
         is_awaited = isinstance(service, Action) and self._is_away(service.node, query.asked)
         if line.time > query.asked + self._late and not is_awaited:
-            yield f"{name}: {service.name} got the request {line.time - query.asked:.1f} s late"
+            yield f"{name}: {query.service} got the request {line.time - query.asked:.1f} s late"
         limit = self._deadlines[service.deadline_key]
         until, deadline = self._until(query), query.asked + limit
         due = deadline if fault == UNANSWERED else min(line.time + line.seconds, deadline)
@@ -214,8 +215,9 @@ class JournalCheck:
         elif due == deadline and query.request in SAFE_STATE:  # it may take the computer's time
             latest = query.asked + limit * self._facts.pace
         if until > latest + self._late or result is not None and until < due - self._facts.early:
-            yield (f"{name}: {service.name} was waited for {until - query.asked:.1f} s; it was due "
-                   f"after {due - query.asked:.1f} s, its deadline is {deadline - query.asked:g} s")
+            yield (f"{name}: {query.service} was waited for {until - query.asked:.1f} s; it was "
+                   f"due after {due - query.asked:.1f} s, its deadline is "
+                   f"{deadline - query.asked:g} s")
         is_too_late = query.cause is Cause.NO_ANSWER and due > deadline - self._late
         if result is None or is_too_late or line.objection is not None and fault is None:
             return
@@ -245,7 +247,7 @@ class JournalCheck:
         is no."""
         world = self._facts.world
         world = world._replace(visitor=Visitor(world.visitor.manners))
-        services = {service.name: SERVICES[service.request]
+        services = {self._name_of(service): SERVICES[service.request]
                     for service in self._interface.services if service.request in SERVICES}
         answers: Dict[Tuple[str, int], Optional[Answer]] = {}
         for line in self._facts.journal:
@@ -264,10 +266,12 @@ class JournalCheck:
         test, changes = self._facts.test, [
             (time, event) for time, event in of(self._facts.run.lines, HealthChanged)
             if event.kind != Topic.kind and event.respect == GONE and not event.is_well]
-        witnessed = {service.name for service in self._interface.services
-                     if self._is_witnessed(service)}.difference(test.absent_services)
+        absent = {self._interface.namespace + name for name in test.absent_services}
+        witnessed = {self._name_of(service) for service in self._interface.services
+                     if self._is_witnessed(service)}.difference(absent)
         for time, event in changes:
-            if event.name in witnessed and not self._is_away(event.node, time):
+            node = event.node.rpartition("/")[2]
+            if event.name in witnessed and not self._is_away(node, time):
                 yield f"{event.name} was taken for gone, and /{event.node} was running"
         for service, query, _ in self.pairs:
             if query is None or isinstance(service, Publication):  # subscribers are not monitored
@@ -278,7 +282,7 @@ class JournalCheck:
             since, until = at - self._facts.away, at + self._late
             is_noticed = any(event.name == query.service and since < time < until
                              for time, event in changes)
-            is_there = query.cause not in AWAY_CAUSES or query.service in test.absent_services
+            is_there = query.cause not in AWAY_CAUSES or query.service in absent
             if not is_there and not is_noticed:
                 yield f"{query.node}: {query.service} was gone, and that was not noticed"
 

@@ -415,7 +415,8 @@ def _sense(node: Any, sense: Sense, evidence: SignRule, seconds: float,
     """Return the message that is the sign, the newest one of a state, each one of events, if it
     came after what it answers; None: there was none in time."""
     course, topic = node.course, node.course.interface.evidence(sense).topic
-    node.resource, listening = topic.name, _listening(node, topic, seconds)
+    node.resource = course.interface.name_of(topic)
+    listening = _listening(node, topic, seconds)
     limit = course.settings.topic_max_age if topic.is_continuous else math.inf
     is_sign = partial(evidence.is_sign, course)
     while True:

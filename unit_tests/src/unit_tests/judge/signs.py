@@ -87,8 +87,8 @@ def objections(facts: Facts, signs: Signs, offset: float, end: float) -> Iterato
     for _, event in of(facts.run.lines, Message):
         topic = interface.topic(event.topic)
         if topic in published and not published[topic].has(event):
-            yield (f"the controller read {event.value!r} from {event.topic}, and nobody published "
-                   "that")
+            yield (f"the controller read {event.value!r} from {interface.name_of(topic)}, "
+                   "and nobody published that")
     for search in signs.waiting.values():
         search.until = max(search.until, end - offset)
     for search in signs.searches:
@@ -106,6 +106,7 @@ class JournalMessages:
             if line.node == topic.node and line.call == 0]
         self._crashes = [line.time for line in facts.crashes if line.node == topic.node]
         self._offset, self._facts, self._late = offset, facts, facts.late
+        self._name = facts.world.settings.interface.name_of(topic)
 
     def _until(self, time: float) -> int:
         """Return how many messages there were up to that time."""
@@ -128,11 +129,11 @@ class JournalMessages:
         is_newer = topic.is_continuous and time > search.newest + self._offset + self._facts.early
         if search.has_sign:
             is_over = is_newer and topic.is_event is None and not search.is_sign(value)
-            return f"{name} held, {at - time:.1f} s after {topic.name} said {value!r}" * is_over
+            return f"{name} held, {at - time:.1f} s after {self._name} said {value!r}" * is_over
         # until then the connection to the node may not have been there
         connected = search.began + self._late
         if is_newer and self._is_heard(time) and time > connected:
-            return f"{name} did not read what {topic.name} said {at - time:.1f} s before: {value!r}"
+            return f"{name} did not read what {self._name} said {at - time:.1f} s before: {value!r}"
         after = max(search.after + self._offset, connected)
         if topic.is_continuous:
             after = max(after, at - max_age + self._facts.early)
@@ -142,7 +143,7 @@ class JournalMessages:
             last = self._until(max(at, time + self._late)) if topic.is_continuous else place + 1
             if self._is_heard(time) and all(
                     search.is_sign(later) for _, later in self._lines[place:last]):
-                return (f"{name} did not see what {topic.name} said {until - time:.1f} s before: "
+                return (f"{name} did not see what {self._name} said {until - time:.1f} s before: "
                         f"{value!r}")
         return ""
 

@@ -7,7 +7,6 @@ down.
 """
 import os
 import socket
-import sys
 from contextlib import suppress
 from functools import partial
 from typing import Any, Callable, Dict, FrozenSet, Iterable, List, NamedTuple, Sequence, Tuple
@@ -126,7 +125,7 @@ def of_process(node: str, options: Options) -> List[Claim]:
         return of_test(options)
     if options.arguments.is_in_launch:
         return of_test(options, ())
-    return [_claim(node, load_mappings(sys.argv).get("__name", node), options)]
+    return [_claim(node, load_mappings(options.words).get("__name", node), options)]
 
 
 def _claim(node: str, name: str, options: Options) -> Claim:
@@ -136,14 +135,16 @@ def _claim(node: str, name: str, options: Options) -> Claim:
     resources += [CLOCK.name] * (node == CLOCK_NODE)
     if offers.topic is not None:
         resources.append(offers.publisher + ("/result" if offers.action is not None else ""))
-    return Claim(node, _resolved(name), frozenset(map(_resolved, resources)))
+    words = options.words
+    return Claim(node, _resolved(name, words),
+                 frozenset(_resolved(resource, words) for resource in resources))
 
 
-def _resolved(name: str) -> str:
-    """Return a name as rospy will resolve it in this process."""
-    node = get_ros_namespace() + "node"  # names are relative to that of a node
+def _resolved(name: str, words: List[str]) -> str:
+    """Return a name as rospy will resolve it in a process with that command line."""
+    node = get_ros_namespace(argv=words) + "node"  # names are relative to that of a node
     mappings = {resolve_name(one, node): resolve_name(other, node)
-                for one, other in load_mappings(sys.argv).items() if not one.startswith("__")}
+                for one, other in load_mappings(words).items() if not one.startswith("__")}
     return resolve_name(name, node, mappings)
 
 
@@ -168,7 +169,7 @@ def check_controller(options: Options) -> None:
     delete them unchecked."""
     with suppress(NodesMissing):  # the controller reports a missing master
         check(CONTROLLER, options)
-        _ask_master("deleteParam", _resolved(CONTROLLER))
+        _ask_master("deleteParam", _resolved(CONTROLLER, options.words))
         if options.has_clock:  # its node may not be there yet
             simulate_time()
 
@@ -203,7 +204,8 @@ def note_replacement(node: str, options: Options, reason: str) -> None:
     """Write how this process' node was replaced, if the master ends it for that ``reason``, for the
     report, which asks the master only now and then."""
     if NAME_IS_TAKEN in reason and options.arguments.is_launched:
-        gone = f"node {_resolved(node)} was replaced during the test by another one, which is gone"
+        name = _resolved(node, options.words)
+        gone = f"node {name} was replaced during the test by another one, which is gone"
         note(options.arguments.folder, REPLACED, replacement(options) or gone)
 
 

@@ -21,6 +21,7 @@ from behavior_controller.config.config_file import (
 from behavior_controller.config.settings import split_arguments, unread
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
 from behavior_controller.robot.declarations import Action, Interface, Service
+from behavior_controller.ros.names import words_of
 from behavior_controller.ros_arguments import ASSIGNMENT
 from behavior_controller.simulation.behaviour import NODES
 from behavior_controller.simulation.configuration import (
@@ -66,8 +67,8 @@ OF_THE_TEST = {declared.name for declared in OWN}
 
 ROBOT = tuple(declared.name for declared in KEYS
               if declared.name not in ("missionRuns", "testTimeout")) + (
-                  "scenarioSpecification", "robotInterface", "tabletSuccessIs", "language",
-                  "mutualGazeValue")
+                  "scenarioSpecification", "robotInterface", "robot", "tabletSuccessIs",
+                  "language", "mutualGazeValue")
 """The keys of both configurations that the simulated nodes read."""
 
 NAMES = list(dict.fromkeys(declared.name for declared in KEYS + settings.KEYS + OWN)) + list(SHORT)
@@ -86,7 +87,7 @@ DECLARED = {LAUNCH_FILE: [*NAMES, *INTERNAL],
 class Arguments(NamedTuple):
     """What a process of a test was given; no file is read, and no value is checked."""
 
-    words: List[str]  # for rospy: the program, remapped names
+    words: List[str]  # the program, remapped names
     values: Mapping[str, str]  # by key
 
     @property
@@ -103,7 +104,9 @@ class Arguments(NamedTuple):
     @property
     def folder(self) -> str:
         """The folder of this run's journal and record."""
-        return self.values.get(FOLDER) or os.path.join(controller_folders.ros_home(), "unit_tests")
+        own = ["unit_tests", self.values.get("robot", "").strip("/")]
+        return self.values.get(FOLDER) or os.path.join(controller_folders.ros_home(),
+                                                       *filter(None, own))
 
     @property
     def startup_timeout(self) -> str:
@@ -148,6 +151,11 @@ class Options:
     def has_clock(self) -> bool:
         """Whether a node of the test publishes /clock."""
         return self.speed != 1.0
+
+    @property
+    def words(self) -> List[str]:
+        """The command line for rospy. Raises ConfigurationError as ``words_of``."""
+        return words_of(self.world.settings.robot, self.arguments.words)
 
 
 def read(arguments: Arguments) -> Options:

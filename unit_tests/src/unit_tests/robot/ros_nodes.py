@@ -15,6 +15,7 @@ from behavior_controller import exit_codes
 from behavior_controller.errors import BehaviorControllerError, NodesMissing
 from behavior_controller.robot.declarations import Action, Service, Topic
 from behavior_controller.ros.handshakes import bound_handshakes
+from behavior_controller.ros.names import enter
 from behavior_controller.ros.sinks import use_line_handler
 from behavior_controller.ros.types import TYPES
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
@@ -79,8 +80,9 @@ def main(name: str) -> int:
         _refuse(name, arguments, error)
     # before any thread is started: threads inherit it
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    enter(own.words)
     # rospy's own time is the computer's: its timers, as those of actions, end at a jump back
-    rospy.init_node(name, argv=arguments.words, disable_signals=True, disable_rostime=True)
+    rospy.init_node(name, argv=own.words, disable_signals=True, disable_rostime=True)
     sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
     use_line_handler()
     bound_handshakes()

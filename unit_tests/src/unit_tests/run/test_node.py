@@ -13,6 +13,7 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError, FaultsFound
+from behavior_controller.ros.names import enter
 from behavior_controller.run.events import LeafFinished
 from behavior_controller.run.history import Run
 from behavior_controller.run.record import files
@@ -90,7 +91,8 @@ def main() -> int:
             claims.check(claims.REPORT, own)
         except BehaviorControllerError as error:
             return finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED), arguments)
-        rospy.init_node(claims.REPORT, argv=own.arguments.words, disable_rostime=True)
+        enter(own.words)
+        rospy.init_node(claims.REPORT, argv=own.words, disable_rostime=True)
         return _test(own)
     finally:
         _end_launch()
@@ -118,11 +120,12 @@ def _test(own: Options) -> int:
         warnings.append(TOO_FAST.format(own.speed, reached))
     heading = title(facts, test, datetime.datetime.now()) + f"; speed {own.speed:g}" * own.has_clock
     report = Report(facts, heading, warnings)
-    _save_junit(to_junit(report.verdict, time.monotonic() - began, heading))
-    files = ["report: " + save(report.text(), arguments, folders.REPORT),
+    robot = world.settings.robot
+    _save_junit(to_junit(report.verdict, time.monotonic() - began, heading), robot)
+    files = ["report: " + save(report.text(), arguments, folders.REPORT, robot),
              "its folder, with record and journal: " + arguments.folder]
     content = report.page()
-    page = save(content, arguments, folders.PAGE) if content else ""
+    page = save(content, arguments, folders.PAGE, robot) if content else ""
     columns = shutil.get_terminal_size(fallback=(DEFAULT_COLUMNS, 0)).columns
     is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else _FAILED
@@ -190,11 +193,18 @@ def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> F
                  stall=stall, speed=max(own.speed, speeds(run.lines)[1]))
 
 
-def save(text: str, arguments: Arguments, kind: OutputKind) -> str:
-    """Write the report, or its page, to the folder of the run, and a copy as the newest one; return
-    the path of the copy."""
-    wanted = arguments.values.get("outputFile")
-    newest = [os.path.join(folders.share(), "data", OUTPUT), os.path.join(ros_home(), OUTPUT)]
+def _of_robot(name: str, robot: str) -> str:
+    """Return the name of the file about a robot that is one of several; of the only one
+    ``name``."""
+    base, ending = os.path.splitext(name)
+    return "_".join(filter(None, [base, robot.replace("/", ".")])) + ending
+
+
+def save(text: str, arguments: Arguments, kind: OutputKind, robot: str = "") -> str:
+    """Write the report, or its page, to the folder of the run, and a copy as the newest one of the
+    robot; return the path of the copy."""
+    wanted, name = arguments.values.get("outputFile"), _of_robot(OUTPUT, robot)
+    newest = [os.path.join(folders.share(), "data", name), os.path.join(ros_home(), name)]
     paths = [os.path.join(arguments.folder, OUTPUT)] + ([wanted] if wanted else newest)
     if kind is folders.PAGE:
         paths = list(map(folders.page_beside, paths))
@@ -215,12 +225,12 @@ def _write(paths: Sequence[str], text: str, kind: OutputKind) -> str:
     return reason
 
 
-def _save_junit(text: str) -> None:
+def _save_junit(text: str, robot: str = "") -> None:
     """Write the verdict where catkin collects test results."""
     folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
     with contextlib.suppress(OSError):
         os.makedirs(folder, exist_ok=True)
-    path = os.path.join(folder, JUNIT_FILE)
+    path = os.path.join(folder, _of_robot(JUNIT_FILE, robot))
     reason = _write([path], text, folders.JUNIT).partition("nowhere: ")[2]
     if reason:
         print("no JUnit file: " + reason, flush=True)
