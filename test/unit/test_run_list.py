@@ -21,8 +21,8 @@ from behavior_controller.viewer.board import Board
 from behavior_controller.viewer.run_index import INDEX, RunIndex, all_runs
 from browser import MODES, axe, findings, open_browser, set_screen
 from free_ports import free_port
+from page_rig import wait_until
 from recorded_tours import KINDS, recorded_day
-from test_page import wait_until
 
 DRIVE = "/robotNavigation/set_goal: not reachable"
 GESTURE = "/gestureExecution/perform_gesture: refused"

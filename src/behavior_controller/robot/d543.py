@@ -47,14 +47,15 @@ SERVICES = (
 FACES = Topic(
     "/faceDetection/data", "faceDetection", "cssr_system/faceDetectionMessage", requests.Faces,
     lambda message: requests.Faces(tuple(message.face_label_id), tuple(message.mutualGaze)),
-    "visitors are not noticed", is_continuous=True)
+    "visitors are not noticed", is_continuous=True, words=requests.Faces.in_words)
 ATTENTION = Topic(
     "/overtAttention/mode", "overtAttention", "cssr_system/overtAttentionMessage",
     requests.AttentionStatus,
     lambda message: requests.AttentionStatus(message.state, message.value),
-    "mutual gaze is not noticed", is_continuous=True)
+    "mutual gaze is not noticed", is_continuous=True, words=lambda status: status.state)
 SPEECH = Topic("/speechEvent/text", "speechEvent", "std_msgs/String", str,
-               lambda message: message.data, "what visitors say is not heard", is_continuous=False)
+               lambda message: message.data, "what visitors say is not heard", is_continuous=False,
+               words=lambda text: f"“{text}”")
 
 INTERFACE = Interface(
     "D5.4.3", SERVICES, (FACES, ATTENTION, SPEECH),

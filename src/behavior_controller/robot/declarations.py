@@ -181,7 +181,7 @@ class Topic(Generic[Value]):
     response of its answer is a message, its deadline the seconds after those of the request within
     which the result comes. ``is_event``: whether a value of a state is an event, which the robot
     may publish only once: the newest one counts too.
-    ``simulated_value`` returns what a rehearsal publishes on a topic that ``simulation`` does not
+    ``words`` says for people what a value is. ``simulated_value`` returns what a rehearsal publishes on a topic that ``simulation`` does not
     know, by the seconds since its beginning; None: nothing. The other fields: see ``Service``.
     """
 
@@ -195,12 +195,13 @@ class Topic(Generic[Value]):
     action: Optional[Action[Listen]] = None
     is_event: Optional[Callable[[Value], bool]] = None
     simulated_value: Optional[Callable[[float], Optional[Value]]] = None
+    words: Callable[[Value], str] = str
 
     kind = "topic"
     is_optional = False
 
     def __post_init__(self) -> None:
-        _check_functions(self, self.name, read=1, is_event=1, simulated_value=1)
+        _check_functions(self, self.name, read=1, is_event=1, simulated_value=1, words=1)
 
     def kept(self, messages: "Tuple[Sample[Value], ...]",
              newest: "Sample[Value]") -> "Tuple[Sample[Value], ...]":

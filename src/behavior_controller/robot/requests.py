@@ -3,6 +3,8 @@ from typing import NamedTuple, Optional, Tuple, Union
 
 from msgspec import Struct
 
+from behavior_controller.text import count
+
 
 class Location(NamedTuple):
     """A place on the floor: metres and degrees in the map frame."""
@@ -252,6 +254,13 @@ class Faces(NamedTuple):
 
     labels: Tuple[str, ...]
     mutual_gaze: Tuple[bool, ...]
+
+    def in_words(self) -> str:
+        """Return how many faces there are, and how many look at the robot."""
+        if not self.labels:
+            return "no face"
+        faces, looking = count(len(self.labels), "face", "faces"), sum(self.mutual_gaze)
+        return f"{faces}, {looking} looking at the robot" if looking else faces
 
 
 class AttentionStatus(NamedTuple):

@@ -36,6 +36,12 @@ class Rhythm:
         """Measure the rate again, without the silence before."""
         self.count = 0
 
+    @property
+    def rate(self) -> float:
+        """How many messages come in a second, rounded; 0: not known."""
+        length = self.last - self._first
+        return round((self.count - 1) / length, 1) if length > 0.0 else 0.0
+
     def is_silent(self, now: float) -> bool:
         """Return whether no message has come for too long."""
         usual_gap = (self.last - self._first) / max(1, self.count - 1)

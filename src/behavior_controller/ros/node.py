@@ -15,7 +15,7 @@ from typing import Any, Callable, Deque, Dict, FrozenSet, Iterable, List, NoRetu
 import rosgraph
 import rospy
 
-from behavior_controller import exit_codes, extensions
+from behavior_controller import exit_codes, extensions, folders
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -24,6 +24,7 @@ from behavior_controller.errors import (
 from behavior_controller.run.events import Events, Noticed, RunFinished, use_simulated_time
 from behavior_controller.foreign_code import described
 from behavior_controller.run.health import Health
+from behavior_controller.missions.checks import checks
 from behavior_controller.missions.load import Mission
 from behavior_controller.robot.declarations import Offer
 from behavior_controller.ros import ros_interface
@@ -48,7 +49,7 @@ from behavior_controller.ros.subscriber import RosTopics
 from behavior_controller.ros.types import CLOCK
 from behavior_controller.missions.runner import Runner, Running
 from behavior_controller.run.safe_state import SAFE_STATE_LIMIT, SafeState
-from behavior_controller.config.settings import KEYS, OPERATOR, split_arguments, unread
+from behavior_controller.config.settings import FILE_NAME, KEYS, OPERATOR, split_arguments, unread
 from behavior_controller.missions.blocked_tick import BlockedTickMonitor
 from behavior_controller.run.record.unended import may_be_live
 
@@ -229,7 +230,8 @@ class _Node:
         if self._simulated is not None:
             self._simulated.await_first(plan.settings.startup_timeout, self._outputs.note,
                                         self._wake, self._is_stopped)
-        check = StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped)
+        check = StartUpCheck(plan, self._outputs.note, self._wake, self._is_stopped,
+                             self._outputs.note_check)
         check.run()
         services = asked_services(plan)
         self._apart(lambda: check_unused(services), master, silent_master)
@@ -277,6 +279,8 @@ class _Node:
             ros_interface.types()
         for doubt in extensions.doubts:
             self._console.warn(str(doubt))
+        for check in checks(plan, folders.config(FILE_NAME)):
+            self._outputs.note_check(check)
         self._console.is_verbose = plan.settings.verbose_mode
         return plan
 
@@ -379,7 +383,8 @@ class _Run:
         # what the operator holds the run for; empty: nothing
         self._held = WAITING if plan.settings.start_by == OPERATOR else ""
         self._monitor = Monitor(plan.settings.interface, topics, self._health,
-                                lambda: self._plan.settings.asr_enabled)
+                                lambda: self._plan.settings.asr_enabled,
+                                lambda: self._plan.settings.gaze_value)
         self.runner = Runner(self._running(plan), signals.stop_requested.is_set, self._successor,
                              lambda: signals.stop_code, lambda: self._held)
         self._blocked_tick = BlockedTickMonitor(self.runner, console.tell)
@@ -445,7 +450,7 @@ class _Run:
         IN_USE.services = asked_services(plan)
         self._robot.deadline = plan.settings.deadline
         self._console.is_verbose = plan.settings.verbose_mode
-        self._outputs.show(plan.tree, self._health.last_arrivals)
+        self._outputs.show(plan.tree, self._health)
         robot = plan.settings.interface
         self._monitor.include(plan.offers)
         if self._clock.process is not self._clock:

@@ -1,12 +1,16 @@
 """What is kept and shown of a run: the files of its record, the viewer, and the ROS interface."""
+import contextlib
 import os
-from typing import Any, Callable, Mapping, Optional
+import shutil
+from typing import Any, Callable, Dict, Mapping, Optional
 
 import rosgraph.network
 
 from behavior_controller import folders
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.run.events import Events, Noticed, Starting
+from behavior_controller.run.events import (
+    DOUBTFUL, READY, Checked, Events, Noticed, Starting)
+from behavior_controller.run.health import Health
 from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.missions.load import describe
 from behavior_controller.run.record.files import has_viewer
@@ -38,6 +42,7 @@ class Outputs:
         self._files: Optional[RecordFiles] = None
         self._viewer: Optional[ViewerProcess] = None
         self._page = ""  # where it is to be found
+        self._checks: Dict[str, Checked] = {}
 
     def _warn(self, text: str) -> None:
         self._tell("warning", text)
@@ -66,6 +71,8 @@ class Outputs:
     def _tell_ports(self, values: Mapping[str, Any], page: int, groot2: int) -> None:
         """Say in a line where the page is, and which ports are taken."""
         parts = []
+        if groot2:
+            self.note_check(Checked("Groot2", f"port {groot2}", READY, "and the one after it"))
         if page:
             self._page = _url(values["monitorAddress"], page)
             taken = f" (port {values['monitorPort']} is taken)" * (page != values["monitorPort"])
@@ -74,6 +81,11 @@ class Outputs:
             parts.append(f"Groot2: port {groot2} ({values['groot2Port']} is taken)")
         if parts:
             self._tell("info", "; ".join(parts))
+
+    def note_check(self, check: Checked) -> None:
+        """Show what was found of a part that the mission needs, and keep it for the record."""
+        self._checks[check.name] = check
+        self.record(check)
 
     def note(self, severity: str, text: str) -> None:
         """Tell the operator a line of the start, and show it."""
@@ -88,10 +100,23 @@ class Outputs:
             self.record.add(self._files)
         self.record.open()
         self._tell_record("record")
+        for check in [*self._checks.values(), self._record_check()]:  # those of the start, too
+            self.note_check(check)
 
-    def show(self, tree: Tree, heard: Mapping[str, float]) -> None:
-        """Record ``tree`` from now on; ``heard`` has the time of each topic's last message."""
-        self.record.show(tree, heard)
+    def _record_check(self) -> Checked:
+        if self._files is None:
+            return Checked("record", NO_RECORD, DOUBTFUL, "this run is not recorded")
+        path = self._files.path
+        if not path:
+            return Checked("record", "file", DOUBTFUL, "it is not written yet: see the terminal")
+        with contextlib.suppress(OSError):
+            free = shutil.disk_usage(os.path.dirname(path)).free / 1e9
+            return Checked("record", path, READY, f"{free:.0f} GB are free on its disk")
+        return Checked("record", path, DOUBTFUL, "its disk does not answer")
+
+    def show(self, tree: Tree, health: Health) -> None:
+        """Record ``tree`` from now on; ``health`` knows each topic's last message."""
+        self.record.show(tree, health.last_arrivals, health.said)
         self._breakpoints.show(tree)
 
     def tell_places(self) -> None:

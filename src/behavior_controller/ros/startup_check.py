@@ -14,6 +14,7 @@ import rospy
 
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
+from behavior_controller.run.events import AWAITED, DOUBTFUL, MISSING, READY, Checked
 from behavior_controller.robot.gateway import Cause, NO_ACTION, NO_SUBSCRIBER
 from behavior_controller.robot.declarations import Action, Offer, Publication, Sense, Service, Topic
 from behavior_controller.robot.interfaces import INTERFACES
@@ -137,6 +138,8 @@ class StartUpCheck:
     """Takes a severity and a line for the operator."""
     wake: WakeUp
     is_stopped: Callable[[], bool]
+    checked: Callable[[Checked], None] = lambda check: None
+    """Takes what was found of each service and topic."""
     substituted: Dict[Offer, Offer] = field(default_factory=dict)
     """What no node offers, and what is used in its place."""
 
@@ -146,7 +149,9 @@ class StartUpCheck:
         Raises ``Stopped``, and ``NodesMissing``, which lists all that is missing.
         """
         deadline = time.monotonic() + self.plan.settings.startup_timeout
+        self._note(self.plan.offers, dict.fromkeys(self.plan.offers, "is looked for"))
         missing = self._missing(self.plan.offers)
+        self._note_missing(self.plan.offers, missing)
         self._look_for_another_robot(missing)
         awaited: List[str] = []
         while self._needed(missing) and time.monotonic() < deadline:
@@ -157,11 +162,22 @@ class StartUpCheck:
                 awaited = names
             self.wake.wait(min(RETRY_INTERVAL, max(0.0, deadline - time.monotonic())))
             self.wake.test_and_clear()
-            missing = self._missing(list(missing))
+            looked_for = list(missing)
+            missing = self._missing(looked_for)
+            self._note_missing(looked_for, missing)
             self._look_for_another_robot(missing)
         self._report(missing)
         for offer, other in self.substituted.items():
             self.tell("warning", in_place_of(offer, other))
+
+    def _note_missing(self, offers: Sequence[Offer], missing: Dict[Offer, Trouble]) -> None:
+        self._note(offers, {offer: trouble.reason for offer, trouble in missing.items()})
+
+    def _note(self, offers: Iterable[Offer], reasons: Dict[Offer, str]) -> None:
+        """Note for the list of what is ready why each is not, if it has a reason."""
+        for offer in offers:
+            state = AWAITED if offer in reasons else READY
+            self.checked(Checked(offer.kind, resolved(offer), state, reasons.get(offer, "")))
 
     def _missing(self, offers: Sequence[Offer]) -> Dict[Offer, Trouble]:
         """Return those of ``offers`` that cannot be used, and whose substitutes cannot either."""
@@ -236,6 +252,8 @@ class StartUpCheck:
             line = (f"{offer.kind} {resolved(offer)} (of node /{robot.node_of(offer)}): "
                     f"{trouble.reason}; without it {offer.impact_if_missing}")
             reason = self._reason_to_go_on(offer, trouble)
+            self.checked(Checked(offer.kind, resolved(offer), DOUBTFUL if reason else MISSING,
+                                 f"{trouble.reason}; without it {offer.impact_if_missing}"))
             if reason:
                 self.tell("warning", f"{line} ({reason})")
             else:

@@ -309,6 +309,11 @@ class TopicBuffer:
                 del self._alarms[key]
                 self._wake()
 
+    @property
+    def newest(self) -> Any:
+        """The value of the newest message; None: none has come."""
+        return self._recent[-1].value if self._recent else None
+
     def recent(self) -> Tuple[Sample, ...]:
         """Return the messages that count; the next alarm counts them as seen."""
         recent = self._recent

@@ -9,7 +9,7 @@ import contextlib
 import socket
 import threading
 import time
-from typing import Callable, Dict, Iterable, Set, Tuple
+from typing import Any, Callable, Dict, Iterable, Set, Tuple
 
 import rosgraph
 
@@ -28,6 +28,7 @@ from behavior_controller.ros.shortage import SHORTAGE
 from behavior_controller.ros.subscriber import TopicBuffer, RosTopics
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import CLOCK, resolved
+from behavior_controller.text import clean
 
 CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
@@ -78,15 +79,15 @@ class Monitor:
     """Monitors the ``include``d services and topics, and the master, until ``close``."""
 
     def __init__(self, interface: Interface, topics: RosTopics, health: Health,
-                 is_asr_enabled: Callable[[], bool]):
+                 is_asr_enabled: Callable[[], bool], gaze_value: Callable[[], int] = lambda: 1):
         """While ``is_asr_enabled()`` is false, speech is not used, and its topic is not monitored.
-        """
+        ``gaze_value`` returns the value of the attention mode that means mutual gaze."""
         self._offers: Tuple[Offer, ...] = ()
         self._robot = interface
         self._topics = topics
         self._speech = interface.evidence(Sense.UTTERANCE).topic
         self._health = health
-        self._is_asr_enabled = is_asr_enabled
+        self._is_asr_enabled, self._gaze_value = is_asr_enabled, gaze_value
         # whether it was all right, by name and respect
         self._reported: Dict[Tuple[str, str], bool] = {}
         self._closed = threading.Event()
@@ -227,7 +228,8 @@ class Monitor:
             self._check_silence(topic, buffer, buffer.clock.source())
             return
         if buffer.rhythm.count:
-            self._health.hear(buffer.name, buffer.rhythm.last)
+            self._health.hear(buffer.name, buffer.rhythm.last, self._words(topic, buffer.newest),
+                              buffer.rhythm.rate)
         now = time.monotonic()
         if not buffer.is_connected:
             since = self._lonely.setdefault(topic, now) if buffer.is_searched else now
@@ -238,6 +240,18 @@ class Monitor:
         self._tell_back(topic)
         if topic.is_continuous:
             self._check_silence(topic, buffer, buffer.clock.source())
+
+    def _words(self, topic: Topic, value: Any) -> str:
+        """Return a message in words."""
+        try:
+            said = [clean(topic.words(value))]
+        except Exception:  # of another package's declaration
+            said = [clean(repr(value))]
+        for sense, evidence in self._robot.senses.items():
+            if evidence.topic is topic and evidence.mode and evidence.mode == value.state:
+                is_given = evidence.is_given(value, self._gaze_value())
+                said.append(sense.noun if is_given else sense.awaiting)
+        return ", ".join(said)
 
     def _check_silence(self, topic: Topic, buffer: TopicBuffer, now: float) -> None:
         """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""

@@ -65,6 +65,22 @@ class Starting(BaseEvent, frozen=True):
     what: str
 
 
+READY, AWAITED, MISSING, DOUBTFUL = "ready", "awaited", "missing", "doubtful"
+"""The states of a part that was ``Checked``."""
+
+
+class Checked(BaseEvent, frozen=True):
+    """A part of the run was looked at before the mission begins; of a ``name`` the newest counts.
+
+    ``kind`` says what it is, in a word; ``text`` what is so, for people.
+    """
+
+    kind: str
+    name: str
+    state: str
+    text: str = ""
+
+
 class RunStarted(BaseEvent, frozen=True):
     """The node has checked everything and starts to tick. ``offers`` are the names and kinds of
     what the robot's interface has, ``requests`` the kinds that the mission cannot do without; None:
@@ -428,6 +444,14 @@ class SignOfLife(BaseEvent, frozen=True):
     heard: Dict[str, float] = {}
 
 
+class TopicSaid(BaseEvent, frozen=True):
+    """The newest message of a topic in words, and how many come in a second."""
+
+    topic: str
+    words: str
+    rate: float
+
+
 class Lost(BaseEvent, frozen=True):
     """The number of events that are missing here, and why; without a reason they did not fit into a
     queue.
@@ -447,7 +471,7 @@ Event = Union[
     Retried, Recovered, HealthChanged, PassFinished, Paused, SafeStateReported,
     BreakpointChanged, HookEnded, Suspended, Noticed, RunFinished, TreeShown, Tick,
     TreeStatuses, Asked, Answered, FeedbackReceived, Message, RecognitionPending,
-    EntriesWritten, SignOfLife, Lost]
+    EntriesWritten, SignOfLife, Lost, Checked, TopicSaid]
 EVENTS: Tuple[Any, ...] = get_args(Event)
 """The kinds of events."""
 

@@ -9,11 +9,11 @@ from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar
 from msgspec.structs import asdict, replace
 
 from behavior_controller.run.events import (
-    BEGUN, DONE, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged,
+    BEGUN, DONE, EVENTS, GIVEN_UP, OMITTED, SKIPPED, Answered, Asked, BreakpointChanged, Checked,
     EntriesWritten, Event, FeedbackReceived, HealthChanged, HookEnded, LeafFinished, Lost, Message,
     Noticed, PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished,
     RunStarted, SafeStateReported, SignOfLife, Starting, StepStarted, RecognitionPending,
-    StopChanged, Suspended, Tick, TreeShown, TreeStatuses)
+    StopChanged, Suspended, Tick, TopicSaid, TreeShown, TreeStatuses)
 from behavior_controller.run.health import GONE
 from behavior_controller.run.state import (
     BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,
@@ -73,6 +73,14 @@ def _tree_shown(state: State, event: TreeShown) -> State:
 
 def _starting(state: State, event: Starting) -> State:
     return replace(state, starting=clean(event.what))
+
+
+def _checked(state: State, event: Checked) -> State:
+    return replace(state, checks={**state.checks, event.name: event})
+
+
+def _topic_said(state: State, event: TopicSaid) -> State:
+    return replace(state, said={**state.said, event.topic: event})
 
 
 def _sign_of_life(state: State, event: SignOfLife) -> State:
@@ -621,7 +629,7 @@ _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
         _recovering, _retried, _recovered, _paused, _safe_state_reported, _breakpoint_changed,
         _suspended, _health_changed, _pass_finished, _noticed, _run_finished, _ticked, _asked,
         _answered, _feedback_received, _entries_written, _lost, _starting, _sign_of_life,
-        _tree_statuses)}}
+        _tree_statuses, _checked, _topic_said)}}
 """What interprets each kind of event."""
 
 _unknown = sorted(kind.__name__ for kind in set(EVENTS).difference(_HANDLERS))

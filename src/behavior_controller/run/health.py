@@ -11,7 +11,7 @@ from typing import Callable, Deque, Dict, List, Tuple
 from msgspec.structs import replace
 
 from behavior_controller.thread_check import tick_thread_only
-from behavior_controller.run.events import Events, HealthChanged
+from behavior_controller.run.events import Events, HealthChanged, TopicSaid
 
 GONE, SLOW, FAILING, SILENT, NEW = "gone", "slow", "failing", "silent", "new"
 SHORT = "out of resources"
@@ -21,6 +21,9 @@ SIMULATED_TIME = "simulated time"
 
 SLOW_SHARE = 0.5
 """A service is slow when a call has taken this share of its deadline."""
+
+RATE_SHARE = 0.3
+"""The share by which the rate of a topic has to change before that is noted."""
 
 FAILURES_IN_A_ROW = 3
 """A service is failing after this number of failed calls in a row."""
@@ -56,16 +59,22 @@ class Health:
         self._failures: Dict[str, int] = {}  # of each service since its last success
         self.last_arrivals: Dict[str, float] = {}
         """The time of each topic's last message, by the mission's clock."""
+        self.said: Dict[str, TopicSaid] = {}
+        """What each topic said last."""
 
     def report(self, respect: str, change: HealthChanged) -> None:
         """Report a state in one respect, from any thread; only a change is passed on."""
         self._reports.append(replace(change, respect=respect))
         self._wake()
 
-    def hear(self, topic: str, at: float) -> None:
-        """Report the time of a topic's last message, from any thread. This does not wake the tree.
-        """
+    def hear(self, topic: str, at: float, words: str, rate: float) -> None:
+        """Report the time of a topic's last message, what it says, and how many come in a second,
+        from any thread. This does not wake the tree."""
         self.last_arrivals[topic] = at
+        before = self.said.get(topic)
+        if before is not None and abs(before.rate - rate) < RATE_SHARE * rate:
+            rate = before.rate  # a small change is none
+        self.said[topic] = TopicSaid(topic, words, rate)
 
     @tick_thread_only
     def slow(self, service: str, deadline: float, kind: str = "service") -> None:

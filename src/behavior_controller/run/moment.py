@@ -93,7 +93,9 @@ def card(state: State) -> Card:
                     since, waits_for="its release in Groot2", uid=uid)
     words, since = state.suspended
     if words:
-        return Card("paused", words, where, since, waits_for="the operator's call of start")
+        robot = state.started.settings.get("robot", "") if state.started is not None else ""
+        call = f"rosservice call {robot and '/'}{robot}/behaviorController/start"
+        return Card("paused", words, where, since, waits_for=f"the operator: {call}")
     if state.step is not None:
         return _of_step(state, state.step, where)
     return _of_tree(state, where)

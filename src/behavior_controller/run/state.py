@@ -10,8 +10,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from behavior_controller.run.events import (
-    DONE, SKIPPED, SUBSTITUTED, HealthChanged, Noticed, Paused, Recovered, Recovering, RunFinished,
-    RunStarted, SafeStateReported, TreeNode, TreeShown)
+    DONE, SKIPPED, SUBSTITUTED, Checked, HealthChanged, Noticed, Paused, Recovered, Recovering,
+    RunFinished, RunStarted, SafeStateReported, TreeNode, TreeShown, TopicSaid)
 from behavior_controller.run.health import FAILING, GONE, NEW, SHORT, SILENT, SLOW
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
@@ -332,8 +332,10 @@ class State(Struct, frozen=True):
     at: float = 0.0
     tree: TreeShown = TreeShown("", [])
     starting: str = ""  # the step of the start that is under way
+    checks: Dict[str, Checked] = {}  # what was looked at before the mission begins, by name
     alive: Optional[float] = None  # when the tick thread gave its last sign of life
     heard: Dict[str, float] = {}  # when the last message of each topic came
+    said: Dict[str, TopicSaid] = {}  # what that was, by topic
     started: Optional[RunStarted] = None
     finished: Optional[RunFinished] = None
     visits: Tuple[Visit, ...] = ()  # the newest

@@ -4,6 +4,7 @@ from typing import Any, Dict, List, Optional
 from msgspec import Struct
 
 from behavior_controller.run.moment import Card, RobotLine
+from behavior_controller.run.readiness import ReadyRow
 from behavior_controller.run.story import Sentence
 
 
@@ -74,6 +75,13 @@ class Offer(Struct, frozen=True):
     failures: int = 0
     seconds: Optional[float] = None
     age: Optional[float] = None
+
+
+class Ready(Struct, frozen=True):
+    """What the mission needs, and whether a visitor can be received."""
+
+    rows: List[ReadyRow]
+    is_ready: bool
 
 
 class Alive(Struct, frozen=True):

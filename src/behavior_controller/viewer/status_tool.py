@@ -24,7 +24,9 @@ from msgspec.structs import replace
 from behavior_controller import exit_codes, folders, ros_arguments
 from behavior_controller.errors import MissionError
 from behavior_controller.folders import mission_name
-from behavior_controller.run.events import unix_now, use_clock_of
+from behavior_controller.run.events import (
+    AWAITED, DOUBTFUL, MISSING, READY, unix_now, use_clock_of)
+from behavior_controller.run.readiness import UNTRIED
 from behavior_controller.run.moment import card_line
 from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import Decoder
@@ -43,6 +45,7 @@ MARKS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■",
 MEANINGS = {"R": "running", "S": "success", "F": "failure", "s": "was success",
             "f": "was failure", "r": "was halted", "-": "",
             DONE_AGAIN: "done again after a failure"}
+READY_MARKS = {READY: "✔", UNTRIED: "○", AWAITED: "…", DOUBTFUL: "!", MISSING: "✘"}
 TOP, END_OF_LINE, BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
 """Control sequences: move to the first line, clear the rest of a line, clear the rest of the
 window."""
@@ -81,12 +84,13 @@ class ShownState(Struct, frozen=True):
     story: parts.StoryPart
     health: Dict[str, parts.Offer]
     alive: parts.Alive
+    ready: parts.Ready
     silent: float = 0.0
     lag: float = 0.0
 
 
-EXIT_CODES = """0: the mission was shown (with --watch: until it ended); 1: no mission answers
-there, what answers is not a mission, the connection is lost, or nothing can be printed; 2: wrong
+EXIT_CODES = """0: the mission was shown (with --watch: until it ended), and with --ready all is
+ready; 1: with --ready something has to be waited for or repaired; no mission answers there, what answers is not a mission, the connection is lost, or nothing can be printed; 2: wrong
 arguments"""
 
 
@@ -100,12 +104,16 @@ def main(arguments: Optional[List[str]] = None) -> int:
     place = f"http://{chosen.address}:{chosen.port}"
     is_window = chosen.watch and sys.stdout.isatty()
     shown: List[str] = []
+    code = exit_codes.UNAVAILABLE
     wanted = chosen.robot and f" of {chosen.robot}"
     problem = (f"no mission{wanted} answers at {place} ({{}}): does behaviorController run, with this "
                "monitorPort?")
     try:
         for state in _states(chosen, chosen.watch):
-            text = lines(state, chosen.all)
+            text = ready_lines(state.ready) if chosen.ready else lines(state, chosen.all)
+            code = exit_codes.SUCCESS
+            if chosen.ready and not state.ready.is_ready:
+                code = exit_codes.UNAVAILABLE
             if is_window:
                 size = os.get_terminal_size(sys.stdout.fileno())
                 text = fitted(text, size.columns or 80, size.lines or 24)
@@ -115,7 +123,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
             if chosen.watch and state.now.ended:
                 print("missionStatus: the mission has ended: " + clean(state.now.ended))
                 break
-        return exit_codes.SUCCESS
+        return code
     except NoMission as reason:
         problem = problem.format(clean(str(reason)))
     except OSError as error:
@@ -131,6 +139,8 @@ def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
                         help="go on, at every change, until the mission ends or Ctrl-C")
     parser.add_argument("--all", action="store_true",
                         help="also the nodes that have not been ticked in this pass")
+    parser.add_argument("--ready", action="store_true",
+                        help="whether all is ready for a demonstration, instead of the tree")
     parser.add_argument("--address", default="127.0.0.1",
                         help="monitorAddress of the node (default %(default)s)")
     parser.add_argument("--robot", default="", type=lambda text: text.lstrip("/"),
@@ -210,7 +220,7 @@ def _read(chosen: argparse.Namespace,
 
 def _shown(view: View, lag: float = 0.0) -> ShownState:
     return ShownState(view.mission(), view.statuses(), view.now(), view.story(), view.health(),
-                      view.alive(), lag=lag)
+                      view.alive(), view.ready(), lag=lag)
 
 
 def _age(state: State) -> float:
@@ -299,6 +309,13 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
         head.append(f"the controller hangs: no sign of its tick thread for {state.alive.age} s")
     head.extend(_troubles(state))
     return [*map(clean, head), *_tree(mission.nodes, state.statuses, is_all)]
+
+
+def ready_lines(ready: parts.Ready) -> List[str]:
+    """Return the list of what is ready, with a headline."""
+    head = "ready" if ready.is_ready else "not ready"
+    return [head, *(clean(f"{READY_MARKS[row.state]} {row.kind} {row.name}: {row.text}")
+                    for row in ready.rows)]
 
 
 def fitted(text: List[str], width: int, height: int) -> List[str]:

@@ -15,6 +15,7 @@ from behavior_controller.run.state import (
 from behavior_controller.viewer import parts
 from behavior_controller.run import story
 from behavior_controller.run.moment import card, robot_line
+from behavior_controller.run.readiness import is_ready, readiness
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean
 
@@ -187,6 +188,10 @@ class View(story.Story):
         names = {**offers, **{change.name: change.kind for change in state.robot.ill}}
         return {name: _offer(name, kind, state.robot.trouble(name)) for name, kind in names.items()}
 
+    def ready(self) -> parts.Ready:
+        rows = readiness(self.state)
+        return parts.Ready(rows, is_ready(rows))
+
     def health(self) -> Dict[str, parts.Offer]:
         """Return this with what is known for now only: how often each was called, or heard last."""
         offers = {}
@@ -234,6 +239,7 @@ PARTS: Dict[str, Tuple[str, ...]] = {
     "now": ("starting", "started", "finished", "held", "suspended", "due", "steps", "exchanges",
             "robot", "visits", "safe_state", "tree", "failures"),
     "story": ("visits",),
+    "ready": ("checks", "said", "starting", "started", "finished", "robot"),
     "visits": ("visit_results", "finished"),
     "timeline": ("steps", "visit_count"),
     "blackboard": ("entries", "tree"),

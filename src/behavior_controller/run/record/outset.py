@@ -12,7 +12,8 @@ from behavior_controller.run.state import State
 from behavior_controller.run.record.codec import encode, header
 
 LASTING: Dict[type, Callable[[Any], Any]] = {
-    events.Starting: lambda event: None, events.TreeShown: lambda event: None,
+    events.Starting: lambda event: None, events.Checked: lambda event: event.name,
+    events.TopicSaid: lambda event: event.topic, events.TreeShown: lambda event: None,
     events.RunStarted: lambda event: None, events.PassStarted: lambda event: None,
     events.Suspended: lambda event: None, events.SafeStateReported: lambda event: None,
     events.Message: lambda event: event.topic,
@@ -21,7 +22,7 @@ LASTING: Dict[type, Callable[[Any], Any]] = {
 """The events that hold until another one of the same kind with the same key."""
 
 FREQUENT = (events.EntriesWritten, events.Tick, events.Message, events.RecognitionPending,
-            events.SignOfLife)
+            events.SignOfLife, events.TopicSaid)
 """The kinds of events that do not tell where the robot is."""
 
 SUMMED_UP = (events.TreeShown, events.RunStarted, *FREQUENT)

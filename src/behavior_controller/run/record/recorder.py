@@ -93,6 +93,7 @@ class Record(Feed, Topics):
         self._thread = threading.Thread(target=self._work, name="record", daemon=True)
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Tuple[Sample, ...]] = {}
+        self._said: Dict[str, events.TopicSaid] = {}
         self._trees = 0  # that were shown
 
     def add(self, output: Output) -> None:
@@ -143,10 +144,12 @@ class Record(Feed, Topics):
 
     # --------------------------------------------------------------------------------- what happens
 
-    def show(self, tree: Tree, heard: Mapping[str, float] = {}) -> None:
+    def show(self, tree: Tree, heard: Mapping[str, float] = {},
+             said: Mapping[str, events.TopicSaid] = {}) -> None:
         """Record ``tree`` from now on, with each message that it reads, and signs of life.
 
-        ``heard`` has the time of each topic's last message, by the tree's clock.
+        ``heard`` has the time of each topic's last message, by the tree's clock; ``said`` what it
+        was.
         """
         self._seen.clear()
         self._trees += 1
@@ -154,12 +157,17 @@ class Record(Feed, Topics):
         self.follow(tree)
         self.put(self._describe, tree, self._trees)
         if self._trees == 1:
-            self._give_sign_of_life(tree.clock, heard)
+            self._give_sign_of_life(tree.clock, heard, said)
 
-    def _give_sign_of_life(self, clock: Clock, heard: Mapping[str, float]) -> None:
+    def _give_sign_of_life(self, clock: Clock, heard: Mapping[str, float],
+                           said: Mapping[str, events.TopicSaid]) -> None:
         self.put(lambda heard: events.SignOfLife(
             {topic: events.unix_at(at) for topic, at in heard.items()}), dict(heard))
-        clock.process.call_after(events.PULSE, lambda: self._give_sign_of_life(clock, heard))
+        clock.process.call_after(events.PULSE, lambda: self._give_sign_of_life(clock, heard, said))
+        for topic, newest in dict(said).items():
+            if self._said.get(topic) != newest:
+                self._said[topic] = newest
+                self(newest)
 
     # --------------------------------------------------------------------------- the robot's topics
 

@@ -16,6 +16,7 @@ let steps = [];           // of the visit that ended
 let step = null;          // the one on the card
 let tallest = {height: 0, at: 0};  // of the header's part for the robot, and when it took that height
 let measured = null;      // what it said when its height was last asked for
+let hasBegun = null;      // whether a pass has, when the list of what is ready was shown last
 let ages = [];            // elements that show the age of a topic's last message
 
 function showVisits(visits) {
@@ -203,10 +204,31 @@ function keepHeight() {
 }
 
 // in this order: what is shown first is there for what follows
+const READY_SIGNS = {ready: "✔", untried: "○", awaited: "…", doubtful: "!", missing: "✘"};
+
+// open until the mission begins; then what is not ready alone opens it
+function showReady(ready) {
+  const counts = {}, box = byId("ready").querySelector("details");
+  for (const row of ready.rows) counts[row.state] = (counts[row.state] || 0) + 1;
+  byId("ready").hidden = !ready.rows.length;
+  put(byId("ready-title"), ready.is_ready ? "Ready" : "Not ready");
+  put(byId("ready-summary"), Object.entries(counts).map(([state, count]) => count + " " + state).join(", "));
+  byId("ready").classList.toggle("not", !ready.is_ready);
+  if (hasBegun !== (visit !== null)) {
+    hasBegun = visit !== null;
+    box.open = !hasBegun;
+  }
+  byId("ready-list").replaceChildren(...ready.rows.map(row => {
+    const made = element("li", row.state);
+    made.append(element("span", "sign", READY_SIGNS[row.state]), element("span", "what", row.kind + " " + row.name), element("span", "", row.text));
+    return made;
+  }));
+}
+
 const SHOW = {
   alive: part => { alive = part; [ahead, shift] = [part.at - seconds(), part.clock_shift]; }, mission: showMission, statuses: showStatuses,
   now: showStep, story: story => { showStory(story); showAlarms(); }, timeline: part => { steps = part; },
-  visits: showVisits, health: showHealth, blackboard: showBlackboard};
+  visits: showVisits, ready: showReady, health: showHealth, blackboard: showBlackboard};
 
 function show(news, all) {
   for (const name of Object.keys(SHOW)) if (name in news) SHOW[name](all[name]);
