@@ -7,7 +7,9 @@ import importlib
 import os
 import signal
 import sys
+import threading
 import warnings
+from functools import partial
 from typing import Any, Callable, List, NoReturn
 
 from behavior_controller import NOT_SET_UP, exit_codes, extensions
@@ -34,6 +36,7 @@ def run(name: str, module: str, function: str = "main", redraws: bool = False) -
     for stream in (sys.stdout, sys.stderr):
         _make_safe(stream, redraws)
     extensions.watch()
+    threading.excepthook = partial(_report_thread, name, threading.excepthook)
     main = _loaded(name, module, function, exit_codes.UNAVAILABLE)
     code, lines = exit_codes.UNAVAILABLE, []
     try:
@@ -66,6 +69,15 @@ def run_node(name: str, module: str, function: str, *arguments: str) -> NoReturn
         sys.exit(main(*arguments))
     except (MemoryError, OSError, RuntimeError) as error:
         _end(name, exit_codes.BROKEN, [no_resources(error)])
+
+
+def _report_thread(name: str, report: Callable[[Any], Any], failed: Any) -> None:
+    """Write a line about a thread of another package that has failed; ``report`` all others."""
+    failure = extensions.thread_failure(failed.exc_value)
+    if failure is None:
+        report(failed)
+    else:
+        sys.stderr.write(f"{name}: {failure}\n")
 
 
 def _loaded(name: str, module: str, function: str, broken: int) -> Callable[..., int]:

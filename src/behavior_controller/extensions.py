@@ -155,10 +155,14 @@ def _watch(thread: int) -> None:
     os._exit(exit_codes.WRONG_INPUT)
 
 
-def raising(error: BaseException) -> Optional[str]:
-    """Return the package of an extension in whose code ``error`` was raised, or None."""
+def thread_failure(error: BaseException) -> Optional[BrokenExtension]:
+    """Return the error of an extension whose code has ended a thread by raising ``error``; None if
+    no extension's code has."""
     packages = [_package_of(frame) for frame, _ in traceback.walk_tb(error.__traceback__)]
-    return next(filter(None, packages), None)
+    package = next(filter(None, packages), None)
+    if package is None or isinstance(error, SystemExit):  # Python's way to end a thread
+        return None
+    return BrokenExtension(package, f"a thread of its code has failed: {described(error)}")
 
 
 def _package_of(frame: FrameType) -> Optional[str]:

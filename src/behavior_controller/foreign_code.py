@@ -9,7 +9,7 @@ from typing import List, Tuple
 
 _RAISE = opcode.opmap["RAISE_VARARGS"]
 
-OUR_PACKAGE = "behavior_controller."
+OUR_PACKAGES = ("behavior_controller.", "unit_tests.")
 _OURS = os.path.dirname(os.path.abspath(__file__)) + os.sep
 _PYTHONS_OWN = os.path.dirname(os.path.abspath(traceback.__file__)) + os.sep
 

@@ -336,6 +336,14 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
                                                               ]),
     (INTERFACE, BELL + "TOPICS = (Topic('/b', 'b', 'std_msgs/String', str, 'read', 'x', False),)",
      ["'read' cannot read", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "    def update(self):\n        return None\n" + RINGS,
+     ["FixtureRing.update (a/leaves.py:9) bypasses the rule of the class ServiceLeaf: write request",
+      "(a/leaves.py:5)"]),
+    (LEAVES, RING + "SPECS = (NodeSpec('FixtureRing', Kind.CONDITION, FixtureRing),)",
+     ["makes nodes of Kind.ACTION, and its NodeSpec says Kind.CONDITION", "(a/leaves.py:5)"]),
+    (LEAVES, RING.replace("Say\n    def", "(Say, 7)\n    def").replace("ServiceLeaf)", "WorkingLeaf)")
+     .replace("import Service", "import WorkingLeaf, Service") + RINGS,
+     ["does not say what it asks for"]),
     (PHRASES, SPEECH + "SPEECHES = (Speech('Hi', 'False', 'Hi.'),)",
      ["asks of a Speech is 'False'", "(a/leaves.py:2)"]),
     (PHRASES, SPEECH + "SPEECHES = (Speech('Hi all', False, 'Hi.'),)",
@@ -598,7 +606,7 @@ def test_what_holds_the_work_up_is_named_with_its_package(tmp_path, monkeypatch)
     assert stuck.startswith("package a: ") and "slow_leaves.py:4" in stuck
     with pytest.raises(ZeroDivisionError) as raised:
         module.broken()
-    assert extensions.raising(raised.value) == "a"
+    assert str(extensions.thread_failure(raised.value)).startswith("package a: a thread of ")
     assert extensions.raising(ValueError()) is extensions.late(2.5, sys._getframe()) is None
 
 
@@ -769,8 +777,22 @@ def test_a_thread_of_a_leaf_that_fails_is_a_finding_of_the_rehearsal(tmp_path):
     code, text = run("rehearseMission", str(tmp_path / "m.xml"), "--faults", "none",
                      packages=tmp_path, paths=[tmp_path / "a" / "src"])
     assert code == 4 and "Traceback" not in text
-    assert "m.xml:1:45): a thread of a leaf's code has failed: ZeroDivisionError: division by " \
-        "zero (a/leaves.py:11)" in text, text
+    assert "m.xml:1:45): package a: a thread of its code has failed: ZeroDivisionError: division " \
+        "by zero (a/leaves.py:11)" in text, text
+
+
+def test_a_thread_that_fails_while_a_leaf_is_made_is_one_line(tmp_path):
+    package(tmp_path, LEAVES, THREAD.replace("act(self)", "configure(self)") + """
+    def act(self):
+        pass
+""" + RINGS)
+    (tmp_path / "m.xml").write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRing/>"
+                                    "</BehaviorTree></root>")
+    text = run("validateMission", str(tmp_path / "m.xml"),
+               packages=tmp_path, paths=[tmp_path / "a" / "src"])[1]
+    assert [line for line in text.splitlines() if "thread" in line] == [
+        "validateMission: package a: a thread of its code has failed: ZeroDivisionError: division "
+        "by zero (a/leaves.py:11)"] and "Traceback" not in text, text
 
 
 @pytest.mark.parametrize("declared, words", [

@@ -347,13 +347,12 @@ def _report_thread(console: Console, error: BaseException) -> None:
     """Report what has ended a thread, which may be one of another package."""
     if isinstance(error, SystemExit):
         return  # Python's way to end a thread
-    package = extensions.raising(error)
-    if package is None or is_shortage(error):
+    failure = extensions.thread_failure(error)
+    if failure is None or is_shortage(error):
         console.report_internal_error(error)
     else:
-        console.tell(
-            "error", f"package {package}: a thread of its code has failed: {described(error)}")
-        _LOG_FILE.info("a thread of the package %s", package, exc_info=error)
+        console.tell("error", str(failure))
+        _LOG_FILE.info("a thread of another package", exc_info=error)
 
 
 # ------------------------------------------------------------------------------------------ the run

@@ -11,7 +11,7 @@ from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.bt.values.status import FAILURE, SUCCESS
 from behavior_controller.bt.values.values import PortType, TYPES
-from behavior_controller.foreign_code import OUR_PACKAGE, defined_at, takes
+from behavior_controller.foreign_code import OUR_PACKAGES, defined_at, takes
 from behavior_controller.text import did_you_mean
 
 LeafFunction = Callable[..., Any]
@@ -94,7 +94,7 @@ def _names(made: type, method: str, name: str) -> bool:
 
 
 def _base_of_ours(made: type) -> Any:
-    return next(kind for kind in made.__mro__ if kind.__module__.startswith(OUR_PACKAGE))
+    return next(kind for kind in made.__mro__ if kind.__module__.startswith(OUR_PACKAGES))
 
 
 class Registry(Dict[str, NodeSpec]):

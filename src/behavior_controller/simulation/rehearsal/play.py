@@ -12,7 +12,7 @@ from typing import (
     Any, Collection, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence,
     Set, Tuple)
 
-from behavior_controller import exit_codes, leaves
+from behavior_controller import exit_codes, extensions, leaves
 from behavior_controller.bt import ManualClock, Node, Result, TickError, IDLE, RUNNING
 from behavior_controller.bt.engine.failure import node_on
 from behavior_controller.bt.engine.tree import Change
@@ -203,12 +203,13 @@ class PlayRunner(VirtualTimeRunner):
     def _thread_errors(self) -> Iterator[None]:
         """Report what ends a thread that a leaf has started, meanwhile."""
         def report(args: Any) -> None:
-            if not isinstance(args.exc_value, SystemExit):
-                *_, (innermost, _) = traceback.walk_tb(args.exc_traceback)
-                node = node_on(innermost)[0]
-                self._errors.append((
-                    node.uid if node is not None else 0,
-                    f"a thread of a leaf's code has failed: {described(args.exc_value)}"))
+            failure = extensions.thread_failure(args.exc_value)
+            if failure is None:
+                before(args)
+                return
+            *_, (innermost, _) = traceback.walk_tb(args.exc_traceback)
+            node = node_on(innermost)[0]
+            self._errors.append((node.uid if node is not None else 0, str(failure)))
 
         before, threading.excepthook = threading.excepthook, report
         try:
