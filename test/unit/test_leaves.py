@@ -24,7 +24,7 @@ from behavior_controller.robot.requests import (
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.leaves import data, registry
 from behavior_controller.leaves.base import (
-    FailureLog, InstantAction, InstantCondition, ServiceLeaf, leaf_spec)
+    FailureLog, InstantAction, InstantCondition, ServiceLeaf, WorkingLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
@@ -615,6 +615,40 @@ def test_a_request_of_a_wrong_kind_is_an_error_of_its_leaf(wanted, words):
             return wanted
     with pytest.raises(NodeError, match=r"its request\(\) .unit/test_leaves.py:\d+. " + words):
         next(FixtureBell("bell").try_once())
+
+
+class FixtureTwice(WorkingLeaf):
+    """Says two texts, half a second apart."""
+
+    asks = Say
+    wanted = (Say("one", "English"), Say("two", "English"))
+
+    def try_once(self):
+        for wanted in self.wanted:
+            answer = yield from self.ask(wanted)
+            if isinstance(answer, Failure):
+                return answer
+            yield from self.pause(0.5)
+
+
+def test_an_action_of_several_ticks_has_its_steps_its_line_and_its_start_check(monkeypatch):
+    rig = rig_with(monkeypatch, FixtureTwice, "<FixtureTwice/>")
+    for _ in range(3):
+        rig.tick()
+        rig.clock.advance(0.5)
+    steps, ends = [event.what for event in rig.of(StepStarted)], rig.of(LeafFinished)
+    assert steps == ["“one”", "“two”"]
+    assert [(end.status, end.summary.text) for end in ends] == [("SUCCESS", "said “two”")]
+    assert rig.tree.nodes[-1].spec.calls == (Say,)
+
+
+def test_a_request_that_a_leaf_does_not_name_is_an_error_of_it(monkeypatch):
+    class FixtureOther(FixtureTwice):
+        wanted = (SetAnimation("enabled"),)
+
+    rig = rig_with(monkeypatch, FixtureOther, "<FixtureOther/>")
+    with pytest.raises(TickError, match="SetAnimation.*name its kind in asks of .* FixtureOther"):
+        rig.tick()
 
 
 def rig_with(monkeypatch, leaf, element):
