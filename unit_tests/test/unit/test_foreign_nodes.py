@@ -71,6 +71,17 @@ class Pass(WorkingLeaf):
         return SKIPPED
 
 
+class SayTwice(WorkingLeaf):
+    """``<SayTwice/>``: makes two requests."""
+
+    asks = Say
+
+    def try_once(self):
+        """Say two texts."""
+        yield from self.ask(Say("One."))
+        yield from self.ask(Say("Two."))
+
+
 INNER = '<SubTree ID="Inner"{}/>'
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
 <Sequence><START_OF_TREE/>{}<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback></Sequence>
@@ -83,6 +94,7 @@ def package(tmp_path):
     module = ModuleType("counting")
     module.SPECS = (leaf_spec("CountVisits", CountVisits, "Counts the visits."),
                     leaf_spec("Ponder", Ponder, "Takes two seconds."),
+                    leaf_spec("SayTwice", SayTwice, "Says two texts."),
                     leaf_spec("Pass", Pass, "Is skipped."),
                     leaf_spec("ChooseWay", ChooseWay, "Chooses a way."))
     CountVisits.visits = 0
@@ -168,6 +180,16 @@ def test_what_its_phrases_say_is_judged_and_a_question_of_it_is_answered():
         event = replace(line.event, request=Say("One, three.")) if is_it else line.event
         return [replace(line, event=event)]
     assert any("One, three." in text for text in Verdict(changed(of_test, other)).objections)
+
+
+def test_one_that_makes_several_requests_is_judged():
+    of_test = facts(on=LoadedMission(settings.defaults(), [parse(PONDERING.format("<SayTwice/>"))]))
+    assert Verdict(of_test).objections == ()
+
+    def thrice(line):
+        is_second = isinstance(line.event, Asked) and line.event.request == Say("Two.")
+        return [line, replace(line, event=replace(line.event, call=99))] if is_second else [line]
+    assert not Verdict(changed(of_test, thrice)).passed
 
 
 WAY = "<ChooseWay/><WaySpeech/><PerformDeicticGesture/>"

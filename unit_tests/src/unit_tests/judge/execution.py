@@ -495,8 +495,7 @@ class Execution(TaskContext):
             letter for uid, letter in traversal.recorded if uid == node.uid and letter != "-"]))
         causes = (event.failure.cause for event in traversal.finished
                   if event.uid == node.uid and event.failure)
-        kinds = tuple(getattr(node.spec, "calls", ()))
-        if node.status is not RUNNING and self._is_next(kinds):
+        if self._is_next(tuple(getattr(node.spec, "calls", ()))):  # it may ask several times
             self._take_next(node)
         return next(letters, ""), next(causes, None)
 
