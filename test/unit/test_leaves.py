@@ -26,6 +26,7 @@ from behavior_controller.leaves import data, registry
 from behavior_controller.leaves.base import (
     FailureLog, InstantAction, InstantCondition, ServiceLeaf, WorkingLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import TopicCondition
+from behavior_controller.leaves.dialogue import UtteranceCondition
 from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
 from behavior_controller.config.node_facts import MissionSpec, whole_mission
@@ -615,6 +616,19 @@ def test_a_request_of_a_wrong_kind_is_an_error_of_its_leaf(wanted, words):
             return wanted
     with pytest.raises(NodeError, match=r"its request\(\) .unit/test_leaves.py:\d+. " + words):
         next(FixtureBell("bell").try_once())
+
+
+@pytest.mark.parametrize("leaf, rule", [
+    (InstantAction, "act"), (InstantCondition, "holds"), (WorkingLeaf, "try_once, work"),
+    (ServiceLeaf, "request, try_once, work"), (TopicCondition, "own_evidence, is_evidence"),
+    (UtteranceCondition, "meaning, keep")])
+def test_a_leaf_that_bypasses_its_base_class_is_refused_with_what_to_write(leaf, rule):
+    bypass = type("FixtureBypass", (leaf,), {
+        "asks": Say, "own_evidence": Evidence(FACES), "update": lambda self: SUCCESS})
+    with pytest.raises(ValueError, match=(
+            rf"FixtureBypass.update .* bypasses the rule of the class {leaf.__name__}: write "
+            f"{rule} instead")):
+        registry().extend([leaf_spec("FixtureBypass", bypass, "Bypasses.")])
 
 
 class FixtureTwice(WorkingLeaf):

@@ -53,7 +53,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     becomes too old.
     """
 
-    RULE = ("own_evidence", "is_evidence")
+    RULE: Tuple[str, ...] = ("own_evidence", "is_evidence")
     sense: Sense
     # what the robot does that waits for it, in people's words, in place of those of the sense
     awaiting = ""

@@ -31,6 +31,7 @@ class UtteranceCondition(TopicCondition):
     It advances the question's time, so that one utterance answers only one question.
     """
 
+    RULE = ("meaning", "keep")
     sense = Sense.UTTERANCE
     ASKED_AT = QUESTION_ASKED_AT.changed(is_optional=True)
     PORTS: Tuple[Port, ...] = (ASKED_AT,)

@@ -1,6 +1,6 @@
 """The blackboard: typed entries by name, one storage for each tree instance, linked by remapping
 (BT.CPP section 9)."""
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, Iterator, Optional, Tuple
 
 from behavior_controller.bt.values import values
 from behavior_controller.bt.values.values import ANY, BT_ANY, GENERIC, TEXT, ValueFault
@@ -143,8 +143,12 @@ class Blackboard:
     def __setitem__(self, key: str, value: Any) -> None:
         self.set(key, value)
 
-    def __contains__(self, key: str) -> bool:
-        return self.get(key) is not None
+    def __contains__(self, key: object) -> bool:
+        return isinstance(key, str) and self.get(key) is not None
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the entries that live here and have a value."""
+        return (key for key, entry in self.local.items() if entry.value is not None)
 
     def set(self, key: str, value: Any, value_type: Optional[str] = None) -> None:
         """Write as a port or the host does (BT.CPP ``Blackboard::set``). Raises ValueFault on a
