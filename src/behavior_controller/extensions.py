@@ -47,6 +47,7 @@ read."""
 _EXPORT = re.compile(rb"<([\w.-]+)\s[^<>]*\b(?:leaves|interface|phrases)\s*=")
 
 _under_way: List[Tuple[str, str]] = []  # the import that has not ended: package, export
+_watched: List[int] = []  # the thread that is watched from the first import on
 _packages: Dict[str, str] = {}  # the package that exports a Python package
 
 
@@ -135,10 +136,9 @@ def frames_of_packages(frame: Optional[FrameType]) -> List[FrameType]:
 
 
 def watch() -> None:
-    """From now on, end the program with a line if code of an extension on this thread has not
-    returned after ``CODE_LIMIT``."""
-    with contextlib.suppress(RuntimeError):  # no thread is left: nothing is watched
-        threading.Thread(target=_watch, args=(threading.get_ident(),), daemon=True).start()
+    """End the program with a line if code of an extension on this thread, from its import on, has
+    not returned after ``CODE_LIMIT``."""
+    _watched[:] = [threading.get_ident()]
 
 
 def _watch(thread: int) -> None:
@@ -208,6 +208,9 @@ def _imported(package: str, export: str, name: str) -> ModuleType:
     """Import a module on this thread; others would have to wait for each other's imports."""
     _under_way[:] = [(package, export)]
     _packages[name.partition(".")[0]] = package
+    with contextlib.suppress(RuntimeError):  # no thread is left: nothing is watched
+        if _watched:
+            threading.Thread(target=_watch, args=(_watched.pop(),), daemon=True).start()
     try:
         return importlib.import_module(name)
     finally:
