@@ -144,13 +144,15 @@ def watch() -> None:
 def _watch(thread: int) -> None:
     before: object = None
     checks = 0  # counted, not timed: a machine may have been suspended
-    while checks * WATCH_INTERVAL < CODE_LIMIT:
+    error: Optional[BrokenExtension] = None
+    while error is None:
         time.sleep(WATCH_INTERVAL)
         frame = sys._current_frames().get(thread)
         under_way = (*_under_way, *frames_of_packages(frame)[-1:])[:1]
         checks = checks + 1 if under_way and under_way == before else 0
         before = under_way
-    line = f"{os.path.basename(sys.argv[0])}: {late(CODE_LIMIT, frame)}\n"
+        error = late(CODE_LIMIT, frame) if checks * WATCH_INTERVAL >= CODE_LIMIT else None
+    line = f"{os.path.basename(sys.argv[0])}: {error}\n"
     os.write(2, line.encode("utf-8", "backslashreplace"))
     os._exit(exit_codes.WRONG_INPUT)
 
