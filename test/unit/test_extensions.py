@@ -840,8 +840,9 @@ def value(seconds):
 BELL = Topic("/bell", "bell", "std_msgs/Bool", bool, bool, "none", False, simulated_value=value)
 TOPICS = (BELL,)
 """ % does)
-    (tmp_path / "m.xml").write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRang/>"
-                                    "</BehaviorTree></root>")
+    (tmp_path / "m.xml").write_text(
+        "<root BTCPP_format='4'><BehaviorTree ID='M'><ReactiveFallback><FixtureRang/>"
+        "<Sleep msec='3000'/></ReactiveFallback></BehaviorTree></root>")
     code, text = run("rehearseMission", str(tmp_path / "m.xml"), "--faults", "none", "--jobs", jobs,
                      packages=tmp_path, paths=[tmp_path / "a" / "src"])
     assert code == 4 and "Traceback" not in text, text
