@@ -50,6 +50,20 @@ def lines_of(queries, lines):
     return [numbers[call] for call in made]
 
 
+@pytest.mark.parametrize("robot, is_found", [("robot1", True), ("robot2", False)])
+def test_the_requests_to_one_of_several_robots_have_their_lines(robot, is_found):
+    played = facts()
+    world = played.world._replace(settings=dataclasses.replace(played.world.settings,
+                                                               robot="robot1"))
+    name = "/{}/textToSpeech/say_text"
+    query = Query(0, Say("a"), name.format("robot1"), BEGAN, "WelcomeSpeech")
+    line = line_of("a", 0.5)._replace(resource=name.format(robot))
+    witness = JournalCheck(played._replace(run=Run(), journal=[line], world=world),
+                           SimpleNamespace(queries={0: query}))
+    pair, = witness.pairs
+    assert pair.query is query and (pair.line is line) == is_found
+
+
 A_HALTED, B = ("a", 0.0), ("b", 1.0, 3.0, None)
 A_AGAIN = ("a", 1.0, 3.0, None)
 
