@@ -285,7 +285,8 @@ def simulated_nodes() -> str:
     """Return the nodes of simulatedRobot.launch."""
     nodes = "\n".join(
         f"    <node unless=\"$(arg {real})\" name=\"{node}\" pkg=\"unit_tests\" type=\"{node}\"\n"
-        "          args=\"$(arg arguments)\" output=\"screen\" respawn=\"true\" respawn_delay=\"1\"/>"
+        "          args=\"$(arg arguments)\" output=\"screen\" respawn=\"true\" "
+        "respawn_delay=\"1\"/>"
          for node, real in options.USE_REAL.items())
     if_any = "\"$(eval namespace != '/')\""
     return "\n".join(f"  <group {place}>\n{nodes}\n  </group>" for place in (

@@ -106,8 +106,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
     shown: List[str] = []
     code = exit_codes.UNAVAILABLE
     wanted = chosen.robot and f" of {chosen.robot}"
-    problem = (f"no mission{wanted} answers at {place} ({{}}): does behaviorController run, with this "
-               "monitorPort?")
+    problem = (f"no mission{wanted} answers at {place} ({{}}): does behaviorController run, with "
+               "this monitorPort?")
     try:
         for state in _states(chosen, chosen.watch):
             text = ready_lines(state.ready) if chosen.ready else lines(state, chosen.all)
