@@ -17,7 +17,7 @@ RELEASE = ("robotInterface:=release-1.0", "scenarioSpecification:=release_1_0_re
 
 
 def visit(arguments):
-    return run_test("failureRate:=0", *arguments)
+    return run_test("failureRate:=0", "speed:=5", *arguments)
 
 
 class TestReception(WholeTest):

@@ -18,7 +18,7 @@ VISITS = (("engages", "true"), ("engages", "false"), ("unclear", "true"), ("noGa
 
 
 def visit(arguments):
-    return run_test("scenarioSpecification:=receptionist", *arguments, **PATHS)
+    return run_test("scenarioSpecification:=receptionist", "speed:=5", *arguments, **PATHS)
 
 
 class TestReceptionist(WholeTest):

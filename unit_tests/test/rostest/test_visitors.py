@@ -20,7 +20,7 @@ ELSEWHERE = {("engages", "true"), ("engages", "false"), ("declines", "true"), ("
 
 def visit(visitor):
     behaviour, asr = visitor
-    return run_test("visitorBehaviour:=" + behaviour, "asrEnabled:=" + asr, *CLEAN)
+    return run_test("speed:=5", "visitorBehaviour:=" + behaviour, "asrEnabled:=" + asr, *CLEAN)
 
 
 class TestVisitors(WholeTest):
