@@ -1,4 +1,5 @@
 """Tests of a test in simulated time: the clock of the simulated nodes, and the judge's times."""
+import dataclasses
 import threading
 from unittest import mock
 
@@ -10,12 +11,15 @@ from rosgraph_msgs.msg import Clock
 
 from behavior_controller.bt import ManualClock
 from behavior_controller.run.events import Line, Noticed
+from behavior_controller.run.history import Run
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.rehearsal.play import START
 
 from unit_tests.judge.facts import by_record, speeds
 from unit_tests.judge.verdict import Verdict
+from unit_tests.robot import options
 from unit_tests.robot.ros_time import RosTime
+from unit_tests.run.test_node import too_fast
 
 from plays import UNIX, changed
 from test_judged_situations import from_then_on, of_mission
@@ -67,6 +71,17 @@ def test_the_speed_is_that_of_the_fastest_second_and_that_on_average():
     assert speeds(lines((0.0, 1.0, 50.0), (5.0, 6.0, 55.0), (25.0, 26.0, 56.0),
                         (30.0, 31.0, 60.0))) == (3.0, 20.0)
     assert speeds(lines((0.0, None, None), (9.0, None, None))) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("speed, told", [
+    (20.0, ["speed 20 was asked for, and 13.4 was reached: this machine does not go faster"]),
+    (14.0, []), (1.0, [])])
+def test_a_speed_that_was_not_reached_is_told(given, speed, told):
+    given()
+    own = dataclasses.replace(options.read(options.of_process()), speed=speed)
+    run = Run(lines((0.0, 1.0, 50.0), (26.8, 27.8, 52.0)))
+    assert too_fast(own, run) == told
+    assert too_fast(own, Run(lines((0.0, 1.0, 50.0), (0.1, 1.1, 50.5)))) == []  # too short
 
 
 def test_the_journal_gets_the_times_of_the_record():

@@ -70,16 +70,16 @@ class Facts(NamedTuple):
         return [line for line in self.journal if line.fault == CRASH]
 
 
-def speeds(lines: Iterable[events.Line]) -> Tuple[float, float]:
-    """Return the speed of the simulated time, on average and during its fastest second; 1.0 if it
-    is not simulated."""
+def speeds(lines: Iterable[events.Line], usual: float = 1.0) -> Tuple[float, float]:
+    """Return the speed of the simulated time, on average and during its fastest second; both are
+    the ``usual`` one if there is no second of it."""
     known = [(line.computer, line.time) for line in lines
              if line.ros is not None and line.computer is not None]
     fastest, first = 0.0, known[0] if known else (0.0, 0.0)
     for moment in known:
         if moment[0] >= first[0] + 1.0:
             fastest, first = max(fastest, _speed(first, moment)), moment
-    return (_speed(known[0], known[-1]), fastest) if fastest else (1.0, 1.0)
+    return (_speed(known[0], known[-1]), fastest) if fastest else (usual, usual)
 
 
 def _speed(first: Tuple[float, float], last: Tuple[float, float]) -> float:

@@ -154,7 +154,8 @@ class RosNode:
     def run(self) -> None:
         """Serve and publish until ROS shuts down."""
         rospy.on_shutdown(self._time.end)
-        self._time.await_first()
+        if self._time.await_first():
+            return
         node, offers = self._node, self._node.offers
         for service in offers.services:
             if isinstance(service, Action):

@@ -28,8 +28,9 @@ class ComputerTime:
     def __init__(self) -> None:
         self._ended = threading.Event()
 
-    def await_first(self) -> None:
-        """Return when the time has begun, or the node ends."""
+    def await_first(self) -> bool:
+        """Return when the time has begun, and whether the node ends instead."""
+        return self._ended.is_set()
 
     def now(self) -> float:
         """Return the time of an entry of the journal."""
@@ -54,11 +55,12 @@ class RosTime(ComputerTime):
         self._changed = threading.Condition()
         rospy.Subscriber(CLOCK.name, TYPES[CLOCK], self._hear, tcp_nodelay=True)
 
-    def await_first(self) -> None:
+    def await_first(self) -> bool:
         with self._changed:
             if not self._changed.wait_for(self._has_begun, 1.0):
                 rospy.loginfo("waiting for the time on %s", CLOCK.name)
             self._changed.wait_for(self._has_begun)
+        return self._ended.is_set()
 
     def _has_begun(self) -> bool:
         return self._ros is not None or self._ended.is_set()

@@ -115,9 +115,7 @@ def _test(own: Options) -> int:
                                expected=leaves_reached(stage, test.visitor_behaviour))
     if facts.stall > WORTH_TELLING:
         warnings.append(STALLED.format(facts.stall, facts.late))
-    reached = speeds(facts.run.lines)[0]
-    if own.has_clock and facts.run.lines and reached < KEPT_SHARE * own.speed:
-        warnings.append(TOO_FAST.format(own.speed, reached))
+    warnings += too_fast(own, facts.run)
     heading = title(facts, test, datetime.datetime.now()) + f"; speed {own.speed:g}" * own.has_clock
     report = Report(facts, heading, warnings)
     robot = world.settings.robot
@@ -140,6 +138,14 @@ def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> 
                 for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
     print(f"{seconds:4.0f} s: pass {len(run.visits) + 1}, {calls} calls, {faults} of them made to "
           f"fail; last: {ran or 'not started'}", flush=True)
+
+
+def too_fast(own: Options, run: Run) -> List[str]:
+    """Return a line if the speed of the simulated time is one that this machine has not reached."""
+    reached = speeds(run.lines, own.speed)[0]
+    if not own.has_clock or reached >= KEPT_SHARE * own.speed:
+        return []
+    return [TOO_FAST.format(own.speed, reached)]
 
 
 def _lasted(run: Run, own: Options, seconds: float) -> float:
@@ -190,7 +196,7 @@ def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> F
     read()
     return Facts(run, by_record(journal, run.lines), read_exit_code(folder), test, own.world,
                  cut_off=cut_off, has_timed_out=has_timed_out, errors=read_errors(folder),
-                 stall=stall, speed=max(own.speed, speeds(run.lines)[1]))
+                 stall=stall, speed=max(own.speed, speeds(run.lines, own.speed)[1]))
 
 
 def _of_robot(name: str, robot: str) -> str:
