@@ -30,7 +30,7 @@ def line_of(text, at, fault=None):
                         fault)
 
 
-def lines_of(queries, lines):
+def lines_of(queries, lines, speed=1.0):
     """Return for each query the number of its line, None: none; of each query text, when it was
     asked, when it was answered (None: the node was halted), and why it failed."""
     made, journal = {}, [line_of(*line) for line in lines]
@@ -41,7 +41,7 @@ def lines_of(queries, lines):
             at, cause = answered
             query.answered = BEGAN + at
             query.result = Answer() if cause is None else Failure(cause, "-", query.service)
-    witness = JournalCheck(facts()._replace(run=Run(), journal=journal),
+    witness = JournalCheck(facts()._replace(run=Run(), journal=journal, speed=speed),
                            SimpleNamespace(queries=made))
     numbers = {pair.query.call: journal.index(pair.line) if pair.line is not None else None
                for pair in witness.pairs if pair.query is not None}
@@ -90,6 +90,18 @@ A_AGAIN = ("a", 1.0, 3.0, None)
 def test_a_request_that_is_halted_may_reach_its_node_after_the_next_one_or_never(
         queries, lines, expected):
     assert lines_of(queries, lines) == expected
+
+
+A_SILENT, B_THEN = ("a", 0.0, 5.0, Cause.NO_ANSWER), ("b", 5.5, 5.6, None)
+
+
+@pytest.mark.parametrize("lines, speed, expected", [
+    # by the clock of its node it came before it was made
+    ([("b", 5.4)], 1.0, [0, None]), ([("b", 5.4)], 10.0, [None, 0]),
+    # the one before was late on its way
+    ([("a", 5.5), ("b", 5.6)], 10.0, [0, 1]), ([("a", 5.55)], 10.0, [0, None])])
+def test_a_request_without_an_answer_may_reach_its_node_late_or_never(lines, speed, expected):
+    assert lines_of([A_SILENT, B_THEN], lines, speed) == expected
 
 
 @pytest.mark.parametrize("cause, fault, may_reach", [

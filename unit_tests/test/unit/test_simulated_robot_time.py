@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from rosgraph_msgs.msg import Clock
 
 from behavior_controller.bt import ManualClock
-from behavior_controller.run.events import Line, Noticed
+from behavior_controller.run.events import Asked, Line, Noticed
 from behavior_controller.run.history import Run
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.rehearsal.play import START
@@ -21,7 +21,7 @@ from unit_tests.robot import options
 from unit_tests.robot.ros_time import RosTime
 from unit_tests.run.test_node import too_fast
 
-from plays import UNIX, changed
+from plays import UNIX, calls, changed, facts
 from test_judged_situations import from_then_on, of_mission
 
 LONG = "<WelcomeSpeech/><Sleep msec='6000'/><WelcomeSpeech/><Sleep msec='60000'/>"
@@ -116,6 +116,19 @@ def test_a_request_whose_deadline_is_no_time_for_a_process_may_reach_no_node():
     assert told in str(Verdict(unheard))
     assert told in str(Verdict(unheard._replace(speed=deadline)))  # 1 s, less than is allowed for
     assert Verdict(unheard._replace(speed=2.0 * deadline)).objections == ()
+
+
+@pytest.mark.parametrize("speed, is_early", [(1.0, True), (0.4, False)])
+def test_the_pause_before_a_part_of_the_safe_state_is_the_computers(speed, is_early):
+    last = calls(facts(), "overtAttention")[-1].call
+    of_test = facts([f"overtAttention:{last}"])
+    *_, again = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)]
+
+    def sooner(line):  # 0.04 s after the failure, and not 0.1 s
+        return [replace(line, time=line.time - 0.06 * (line.event is again))]
+
+    told = "asked for again: switching attention off"
+    assert (told in str(Verdict(changed(of_test, sooner)._replace(speed=speed)))) is is_early
 
 
 # -------------------------------------------------------------------------------------- a jump back

@@ -300,7 +300,7 @@ class Execution(TaskContext):
         """Object to attempts at a part of the safe state that were not due, or did not come."""
         for before, query in zip(asked, asked[1:]):
             pause = query.asked - (before.answered or math.inf)
-            if before.cause in (None, *ONCE) or pause < SAFE_RETRY / 2:
+            if before.cause in (None, *ONCE) or pause < self._facts.shortest(SAFE_RETRY):
                 self._differ(f"at the end the safe state is due, once; asked for again: {query}")
         last, left = asked[-1], asked[0].asked + SAFE_LIMIT - self.now
         if last.cause not in (None, *ONCE) and left > self._facts.early:

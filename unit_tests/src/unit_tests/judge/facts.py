@@ -54,6 +54,10 @@ class Facts(NamedTuple):
         """Seconds by which something may seem early."""
         return EARLY_TOLERANCE * self.pace
 
+    def shortest(self, seconds: float) -> float:
+        """Return what a pause of so many seconds of a process takes at least."""
+        return seconds / 2 * min(1.0, self.speed)
+
     @property
     def away(self) -> float:
         """Seconds after a node's crash in which it may be away."""

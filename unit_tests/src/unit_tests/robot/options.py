@@ -48,7 +48,7 @@ USE_REAL = {node: "use_real_" + node for node in NODES}
 CLOCK_NODE = "simulatedClock"
 """The node that publishes /clock."""
 
-SPEED = Key("speed", number(0.1, 100.0), 1.0, "how many times as fast as the computer's time the "
+SPEED = Key("speed", number(0.1, 20.0), 1.0, "how many times as fast as the computer's time the "
             "simulated time goes, which a node publishes on `/clock`; 1: no simulated time")
 
 OWN = (Key("outputFile", Reader("a file", str), "",
