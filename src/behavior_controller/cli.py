@@ -114,7 +114,8 @@ def _watch(options: argparse.Namespace) -> NoReturn:
         added = _state([], read_ones.difference(before))
         before.update((path, state) for path, state in added.items() if state)
         # what may have been saved since it was read is checked again
-        seen = {path: state for path, state in before.items() if not state or state[0] < surely_read}
+        seen = {path: state for path, state in before.items()
+                if not state or state[0] < surely_read}
         files |= read_ones
         while _state(given, files) == seen:
             time.sleep(_WATCH_EVERY)

@@ -7,6 +7,7 @@ import itertools
 import os
 import re
 import stat
+import unicodedata
 from typing import Any, Iterable, NamedTuple
 
 LONGEST = 1000
@@ -16,6 +17,9 @@ length."""
 MOST_BYTES = 1_000_000
 """The most bytes of a text file that a person writes."""
 
+# letters of other alphabets that look like Latin ones
+_LATIN = str.maketrans("АВЕКМНОРСТХЅІЈасеорхуѕіјкмтнΑΒΕΖΗΙΚΜΝΟΡΤΥΧοα",
+                       "ABEKMHOPCTXSIJaceopxysijkmtnABEZHIKMNOPTYXoa")
 _TAIL = 36
 _MOST_NAMES = 20  # in a list
 
@@ -129,8 +133,28 @@ def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     ``likeness`` is the required similarity, from 0 to 1 (equal).
     """
     by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), list(by_lower), cutoff=likeness)
-    return f"did you mean {by_lower[near[0]]}?" if near else ""
+    plain = word.translate(_LATIN).lower()
+    near = difflib.get_close_matches(plain, list(by_lower), cutoff=likeness)
+    return meant(word, by_lower[near[0]]) if near else ""
+
+
+def meant(word: str, name: str) -> str:
+    """Return ``did you mean …?`` for a name, and the letter of another alphabet that ``word`` has
+    in place of one of its letters, which a reader cannot see."""
+    foreign = named_letters("".join(letter for letter in word if letter not in name))
+    return f"did you mean {quoted(name)}?{foreign and ' ' + foreign}"
+
+
+def named_letters(text: str) -> str:
+    """Return the names of the first letters of a text that are not Latin; "" if all are."""
+    names = {letter: unicodedata.name(letter, "") for letter in text if letter > "\x7f"}
+    return ", ".join(f"{letter} is {name}" for letter, name in list(names.items())[:3]
+                     if name and not name.startswith("LATIN"))
+
+
+def quoted(name: str) -> str:
+    """Return a name, in quotes if a reader could not see where it begins or ends."""
+    return name if name and name == name.strip() else f'"{name}"'
 
 
 def first_names(names: Iterable[str]) -> str:

@@ -54,7 +54,7 @@ def faults(body, *more):
     checked = check(documents, REGISTRY)
     assert checked.faults == []
     found = lint(checked)
-    assert all(fault.is_warning for fault in found)
+    assert all(fault.is_warning for fault in found if fault.code != "script-word")
     return found
 
 
@@ -116,6 +116,10 @@ CANNOT_BE_MEANT = {
         "<Sequence><Act/>\n<Recover/></Sequence>", (3, 1), "recovery-misplaced"),
     "another kind than it says": (
         '<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1), "kind-mismatch"),
+    "the name from an entry of the robot": (
+        '<SetBlackboard\noutput_key="{given}" value="1"/>', (3, 1), "name-from-entry"),
+    "the name from an entry that nothing writes": (
+        '<UnsetBlackboard\nkey="{x}"/>', (3, 1), "name-from-entry"),
     "read, never written": ('<In\nin="{goal}"/>', (3, 1), "never-written"),
     "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), "never-written"),
     "read in a condition": (
@@ -184,7 +188,6 @@ def test_what_cannot_be_meant(rule):
     '<Sequence><In in="{x}"/><Out out="{x}"/></Sequence>',
     '<Sequence><In in="{x}"/><SetBlackboard output_key="x" value="1"/></Sequence>',
     '<Sequence><Script code="a := 1; a += 1"/><ScriptCondition code="a > 1"/></Sequence>',
-    '<Sequence><SetBlackboard output_key="{given}" value="1"/><In in="{whatever}"/></Sequence>',
     '<Sequence><Script code="{given}"/><In in="{whatever}"/></Sequence>',
     '<LoopString queue="a;b" value="{item}"><In in="{item}"/></LoopString>',
     "<Sequence><Aim/><Hurry/><Drive/></Sequence>", '<Drive target="5" speed="3"/>',
@@ -201,7 +204,7 @@ def test_what_cannot_be_meant(rule):
     '<Precondition if="given == 1" else="{given}"><Act/></Precondition>',
     '<Sequence><Out out="{a b}"/><In in="a b"/></Sequence>', """<In in='json:["{given}"]'/>""",
     "<TryCatch><AlwaysFailure/><Recover/></TryCatch>",
-    '<Repeat num_cycles="3"><AlwaysSuccess/></Repeat>', '<UnsetBlackboard key="{x}"/>', "<Out/>"])
+    '<Repeat num_cycles="3"><AlwaysSuccess/></Repeat>', '<UnsetBlackboard key="x"/>', "<Out/>"])
 def test_what_can_be_meant(body):
     assert warnings(body) == []
 
@@ -284,7 +287,7 @@ def test_what_is_said_of_a_script(rule):
     ("n := 2.5; n = -0.5", True), ("n := 2.5", False), ("n := -0.0", False),
     # the entry holds reals, of which all but negative ones are true or false
     ("n := 2.5; n = 3", False),
-    ("n := 1 - 3", False), ("n := true", False), ("n := '1'", False), ("n := 'true'", False)])
+    ("n := 1 - 3", False), ("n := true", False), ("n := '1'", True), ("n := 'true'", True)])
 def test_a_number_that_is_neither_true_nor_false_is_told_where_a_script_needs_that(written,
                                                                                    is_told):
     body = '<Sequence>\n<Script code="{}"/>\n<ScriptCondition code="{}"/></Sequence>'

@@ -520,6 +520,54 @@ def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
                     if not fault.is_warning) == [expected]
 
 
+@pytest.mark.parametrize("body, expected", [
+    ("<Success/>", "unknown node Success (BehaviorTree.CPP calls it AlwaysSuccess)"),
+    ("<failure/>", "unknown node failure (BehaviorTree.CPP calls it AlwaysFailure)"),
+    ('<Wait msec="5"/>', "unknown node Wait (BehaviorTree.CPP calls it Sleep, with the port msec)"),
+    ("<N\u0430vigate/>", "unknown node N\u0430vigate (did you mean Navigate? \u0430 is CYRILLIC "
+     "SMALL LETTER A)"),
+    ("<\u0422imeout/>", "unknown node \u0422imeout (did you mean Timeout? \u0422 is CYRILLIC "
+     "CAPITAL LETTER TE)"),
+    ('<Sleep ms\u03b5c="5"/>', "Sleep has no port ms\u03b5c (did you mean msec? \u03b5 is GREEK "
+     "SMALL LETTER EPSILON)"),
+    ('<Sch\u00f6n/>', "unknown node Sch\u00f6n (exportNodeModel prints every node type with its "
+     "ports)"),
+    ('<SubTree ID="Main "/>', 'there is no tree "Main " (did you mean Main?)'),
+    ('<Action ID="Navigate "/>', 'unknown node "Navigate " (did you mean Navigate?)'),
+    ('<Script code="\u0430 := 1"/>', "the script of code cannot be read: Invalid token '\u0430' at "
+     "position 0 (\u0430 is CYRILLIC SMALL LETTER A)"),
+    ('<Script code="a := \u2018x\u2019"/>', "the script of code cannot be read: Invalid token "
+     "'\u2018' at position 5 (\u2018 is LEFT SINGLE QUOTATION MARK)"),
+    ('<Script code="a := 12,75"/>', "the script of code cannot be read: Invalid token ',' at position "
+     "7 (a number has a point: write 12.75)"),
+    ('<Script code="a := min(b, 2)"/>', "the script of code cannot be read: Invalid token ',' at "
+     "position 10 (a script has no functions; condition ? value : other chooses a value)"),
+])
+def test_advice_for_what_an_author_knows_from_elsewhere(body, expected):
+    assert in_words(fault for fault in test_checks.checked(main(body)).faults
+                    if not fault.is_warning) == [expected]
+
+
+@pytest.mark.parametrize("node, queue, items", [
+    ("LoopInt", "1,2,3", "1;2;3"), ("LoopDouble", "1.5, 2", "1.5;2"), ("LoopInt", "1 2", "1;2"),
+    ("LoopString", "door, lift", "door;lift"), ("LoopBool", "true,false", "true;false"),
+    ("LoopInt", "[1, -2]", "1;-2")])
+def test_the_elements_of_a_list_are_separated_by_semicolons(node, queue, items):
+    body = '<{} queue="{}" value="{{v}}"><Sleep msec="5"/></{}>'.format(node, queue, node)
+    hint = "elements are separated by semicolons: write {}".format(items)
+    assert hint in [fault.hint for fault in test_checks.checked(main(body)).faults]
+
+
+def test_a_misspelt_port_of_a_model_is_told_at_the_model():
+    text = root(tree('<SubTree ID="S" pause="500"/>') + tree(
+        '<ScriptCondition code="pause > 1"/>', "S") + '<TreeNodesModel>\n<SubTree ID="S">'
+        '<input_port name="pasue"/></SubTree></TreeNodesModel>', 'main_tree_to_execute="Main"')
+    fault, = [fault for fault in test_checks.checked(text).faults if not fault.is_warning]
+    assert (fault.line, fault.code, fault.hint) == (
+        text[:text.index("<input_port")].count("\n") + 1, "model-port-missing",
+        "did you mean pause?")
+
+
 UNITS = {
     "ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000,
     "seconds": 1000, "min": 60_000, "minute": 60_000, "minutes": 60_000,

@@ -14,7 +14,8 @@ import pytest
 
 from behavior_controller import cli, folders
 from behavior_controller.bt.linter.calls import is_misspelling
-from behavior_controller.errors import Fault
+from behavior_controller.errors import Fault, MissionError
+from behavior_controller.missions.load import load_tree
 from behavior_controller.missions.validation import Judgement, Validation, as_json
 
 HEAD = '<root BTCPP_format="4">\n{}\n</root>'
@@ -106,6 +107,63 @@ def test_what_the_robot_provides_is_not_asked_for(file):
         "m.xml: checked, 1 node, 0 warnings; not a mission of this robot, which lacks 1 node type "
         "(taken as stubs): FixtureDrive"
     ]
+
+
+# the node types of another robot that has some of our names: a workshop's, and a football team's
+THEIRS = """<TreeNodesModel>
+  <Action ID="Navigate"><input_port name="target" type="std::string"/>
+    <input_port name="action_name" type="std::string" default=""/></Action>
+  <Action ID="SetRobotPose"><input_port name="x" type="double"/><input_port name="y"/></Action>
+  <Condition ID="WelcomeSpeech"/>
+</TreeNodesModel>"""
+TREE_OF_THEIRS = TREE.format("Main", """<Sequence><Navigate target="office"/>
+  <SetRobotPose x="{start_x}" y="-3,5"/><WelcomeSpeech/></Sequence>""")
+SUM_OF_THEIRS = ("{}: checked, 4 nodes, 3 warnings; not a mission of this robot, which lacks 3 node "
+                 "types (taken as stubs): Navigate, SetRobotPose, WelcomeSpeech; defined by the "
+                 "palette, not as here: Navigate, SetRobotPose, WelcomeSpeech")
+
+
+def test_a_type_that_the_file_itself_defines_otherwise_is_another_robot_s(file):
+    path = file("m.xml", TREE_OF_THEIRS, THEIRS)
+    assert told(path) == [("m.xml", line, "palette-other-node") for line in (5, 7, 8)]
+    assert said(path) == [SUM_OF_THEIRS.format("m.xml")] and not judged(path)[0].is_wrong
+
+
+def test_a_type_that_a_palette_or_a_project_defines_otherwise_is_another_robot_s(file):
+    path, palette = file("m.xml", TREE_OF_THEIRS), file("p.xml", THEIRS)
+    assert "wrong-literal" in {code for _, _, code in told(path)}
+    assert said(path, palettes=[palette])[-1] == SUM_OF_THEIRS.format("m.xml")
+    project = file("p.btproj", '<include path="m.xml"/>', THEIRS)
+    assert said(project) == [SUM_OF_THEIRS.format("p.btproj")]
+
+
+def test_a_mission_with_another_robot_s_definition_of_a_node_is_not_run(file):
+    path = file("m.xml", TREE.format("Main", "<Navigate/>"), THEIRS)
+    with pytest.raises(MissionError) as caught:
+        load_tree(path)
+    fault, = caught.value.faults
+    assert (fault.line, fault.code, fault.is_warning) == (4, "palette-other-node", False)
+
+
+@pytest.mark.parametrize("model", [
+    '<Action ID="Navigate"/>', '<Action ID="Navigate"><input_port name="target" type="Location"/>'
+    '</Action>', '<Decorator ID="Timeout"><input_port name="seconds"/></Decorator>',
+    '<Action ID="NavigateAsync"><input_port name="other"/></Action>'])
+def test_a_model_with_fewer_ports_or_of_the_library_or_not_in_use_is_no_other_definition(file,
+                                                                                        model):
+    path = file("m.xml", TREE.format("Main", '<Timeout msec="9000"><Navigate target="1;2;3"/>'
+                                     '</Timeout>'), "<TreeNodesModel>{}</TreeNodesModel>".format(model))
+    assert "palette-other-node" not in {code for _, _, code in told(path)}
+    assert load_tree(path).root.name == "Timeout"
+
+
+def test_words_of_scripts_that_another_robot_may_know_are_no_fault_of_its_missions(file):
+    body = ('<Sequence><FixtureDrive/><Script code="colour := RED"/><Script code="n := abs(colour)"/>'
+            '<ScriptCondition code="colour == SUCCESS"/></Sequence>')
+    path = file("m.xml", TREE.format("Main", body),
+                '<TreeNodesModel><Action ID="FixtureDrive"/></TreeNodesModel>')
+    assert not judged(path)[0].is_wrong
+    assert judged(file("m.xml", TREE.format("Main", body.replace("<FixtureDrive/>", ""))))[0].is_wrong
 
 
 @pytest.mark.parametrize("count, rest", [(20, ""), (21, ", …")])

@@ -7,6 +7,7 @@ from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple, Union
 from behavior_controller import extensions, folders, leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy
 from behavior_controller.config.knowledge_files import Knowledge
+from behavior_controller.bt.linter.palette import others
 from behavior_controller.bt.linter.walker import lint
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt import Clock, Registry, Tree
@@ -14,7 +15,8 @@ from behavior_controller.bt.engine.registry import argument
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader import rules
-from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
+from behavior_controller.errors import (
+    ConfigurationError, Fault, FaultsFound, MissionError, attempt)
 from behavior_controller.run.observed_gateway import ObservedGateway
 from behavior_controller.leaves import data
 from behavior_controller.run.events import Events, TreeShown
@@ -209,6 +211,8 @@ def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None,
                registry: Optional[Registry] = None) -> Tree:
     """As ``load_tree``, given documents, the mission last, and optionally other node types."""
     known = leaves.registry() if registry is None else registry
+    if registry is None:
+        MissionError.raise_any(list(others(documents, known).values()))
     return build(documents, known, clock, main_tree=main_tree, wake=wake, lint=lint)
 
 

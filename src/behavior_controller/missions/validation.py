@@ -29,6 +29,7 @@ class Judgement:
     faults: List[Fault] = field(default_factory=list)
     nodes: int = 0  # of the unfolded trees, if they have no fault
     stubs: Tuple[str, ...] = ()
+    others: Tuple[str, ...] = ()  # of the stubs, those that this robot has too, as another node
     mains: Tuple[str, ...] = ()  # if more than one, each was checked as a main tree
     palette: Optional[int] = None  # node types of a file that contains only a palette
     part_of: str = ""
@@ -59,6 +60,8 @@ class Judgement:
             lacking = count(len(self.stubs), "node type", "node types")
             line += (f"; not a mission of this robot, which lacks {lacking} (taken as stubs): "
                      f"{first_names(map(clean, self.stubs))}")
+        if self.others:
+            line += f"; defined by the palette, not as here: {first_names(map(clean, self.others))}"
         return line
 
 
@@ -162,10 +165,14 @@ class Validation:
                  main: Optional[str]) -> Judgement:
         registry = leaves.registry()
         specs, faults = stubs(documents + palettes, registry)
-        registry.extend(specs)
         used = set(used_types(documents))
+        theirs = tuple(spec.id for spec in specs if spec.id in registry)
+        for node_id in theirs:
+            del registry[node_id]
         lacking = tuple(spec.id for spec in specs if spec.id in used)
-        judgement = Judgement(path, stubs=lacking, mains=_main_trees(documents, main))
+        registry.extend(specs)
+        judgement = Judgement(path, stubs=lacking, others=theirs,
+                              mains=_main_trees(documents, main))
         of_robot: List[Fault] = []  # in the files with what it knows and says in this mission
         known, _, _ = robot_files(self._settings, folders.mission_name(path), of_robot)
         for tree_id in judgement.mains or (main,):

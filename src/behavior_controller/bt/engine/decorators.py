@@ -11,7 +11,7 @@ from behavior_controller.bt.engine.node import (
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.registry import Kind, Port, Role
 from behavior_controller.bt.script.parser import Script, compile_script, to_bool
-from behavior_controller.bt.values.values import TEXT
+from behavior_controller.bt.values.values import TEXT, ValueFault
 from behavior_controller.bt.values.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
@@ -284,7 +284,10 @@ class Loop(Decorator):
         if text is None:
             raise ConfigureError("[queue] not found")
         if ports.reference(text, "queue") is None:
-            self.literal = self._items(text)
+            try:
+                self.literal = self._items(text)
+            except ValueFault as fault:
+                raise ConfigureError(str(fault), "queue") from fault
 
     def update(self) -> Result:
         """Take the next item unless the child is under way, then tick the child."""

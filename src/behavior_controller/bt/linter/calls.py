@@ -12,7 +12,7 @@ from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.values.values import TEXT
-from behavior_controller.text import first_names
+from behavior_controller.text import first_names, meant, quoted
 
 
 def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
@@ -106,8 +106,22 @@ def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, t
     near = _meant(entry.name, facts.used[entry.tree])
     if near:
         facts.excuse(tree, outer)
-        text = f"the entry {outer} is named nowhere else"
-        facts.report(rules.ENTRY_MISSPELT, call, text, f"did you mean {near}?", name)
+        text = f"the entry {quoted(outer)} is named nowhere else"
+        facts.report(rules.ENTRY_MISSPELT, call, text, meant(entry.name, near), name)
+
+
+def check_tree_models(facts: MissionFacts) -> None:
+    """Warn of each port of a tree's model that the tree does not use, if it uses one of nearly its
+    name that the model lacks."""
+    for tree in facts.elements:
+        names = {port.name for port in facts.trees.models.get(tree, ())}
+        used = set(facts.used[tree]) if names else set()
+        for name in sorted(names - used):
+            near = _meant(name, used - names)
+            if near:
+                text = f"the tree {tree} does not use the port {name} of its model"
+                element = facts.trees.model_ports[tree, name]
+                facts.report(rules.MODEL_PORT_UNUSED, element, text, meant(name, near), "name")
 
 
 # --------------------------------------------------------------------- entries that are not written
@@ -122,6 +136,7 @@ def check_entries(facts: MissionFacts) -> None:
     for use in facts.flow.all():
         if facts.is_host_known:
             _check_written(facts, use)
+            _check_order(facts, use)
         read, name = use.read, use.name
         is_odd = name in FOREIGN_WORDS or name != name.strip() or "{" in name
         # what another tree reads, its callers must give it, if they can
@@ -147,9 +162,23 @@ def _check_written(facts: MissionFacts, use: Name) -> None:
                          if other.name[:1] + other.name[-1:] == name[:1] + name[-1:]
                          and {READ, WRITTEN, CREATED} <= other.entry.uses])
     if near:
-        text, hint = f"the entry {name} is written here, and read nowhere", f"did you mean {near}?"
+        text = f"the entry {quoted(name)} is written here, and read nowhere"
         element, attribute, at, _ = place
-        facts.report(rules.ENTRY_MISSPELT, element, text, hint, attribute, at)
+        facts.report(rules.ENTRY_MISSPELT, element, text, meant(name, near), attribute, at)
+
+
+def _check_order(facts: MissionFacts, use: Name) -> None:
+    """Warn of a node that reads an entry before any other is ticked that writes it."""
+    read, is_told = use.read, SUPPRESSED in use.entry.uses
+    if read is None or read.script is not None or not use.writers or is_told:
+        return
+    if any(name.writers for name in use.entry.names if name is not use):
+        return
+    if all(facts.is_before(read.element, writer) for writer in use.writers):
+        writer = use.writers[0].type_id
+        text = f"the entry {quoted(use.name)} is read here, before {writer} writes it"
+        hint = "move it behind the node that writes it"
+        facts.report(rules.READ_TOO_EARLY, read.element, text, hint, read.attribute, read.at)
 
 
 def _check_read(facts: MissionFacts, use: Name, read: Access) -> None:
@@ -166,7 +195,7 @@ def _check_read(facts: MissionFacts, use: Name, read: Access) -> None:
         # compared or assigned, as a text would be
         if any(operand.kind == "name" and operand.word == name for operand in operands):
             hint = f"a text needs single quotes: '{name}'"
-    text = f"the entry {name} is read here, but nothing writes it"
+    text = f"the entry {quoted(name)} is read here, but nothing writes it"
     facts.report(rules.NEVER_WRITTEN, read.element, text, hint, read.attribute, read.at)
 
 

@@ -1,10 +1,12 @@
 """What is known of a mission without errors and without running it: how nodes can end, and what its
 trees read and write."""
+from functools import cached_property
 from typing import Dict, Iterator, List, Mapping, Set, Tuple
 
 from behavior_controller.bt.engine import ports
+from behavior_controller.bt.linter.least_times import Times, least_times
 from behavior_controller.bt.engine.node import DECISIONS
-from behavior_controller.bt.engine.possible_results import ENDS_BY_NAME
+from behavior_controller.bt.engine.possible_results import ENDS_BY_NAME, SUCCEEDS
 from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port
 from behavior_controller.bt.loader.document import Element
@@ -45,6 +47,11 @@ class MissionFacts:
         # a mission for another robot may be given entries by it
         self.is_host_known = not any(self.spec(element).is_stub for _, element in self.walk())
 
+    @cached_property
+    def least_times(self) -> Dict[int, Times]:
+        """The least times of each element."""
+        return least_times(self.elements, self.ends, self.registry)
+
     def excuse(self, tree: str, name: str) -> None:
         """Note that a warning is about an entry."""
         self.flow.name(tree, name).entry.uses.add(SUPPRESSED)
@@ -71,6 +78,56 @@ class MissionFacts:
             if tree and tree not in called:
                 called.add(tree)
                 waiting += self.elements[tree]
+
+    @cached_property
+    def _calls(self) -> Dict[str, List[Tuple[str, Element]]]:
+        """The SubTree elements that call each tree, with the trees that they stand in."""
+        calls: Dict[str, List[Tuple[str, Element]]] = {tree: [] for tree in self.elements}
+        for tree, element in self.walk():
+            if element.tag == "SubTree":
+                calls[element.attributes["ID"]].append((tree, element))
+        return calls
+
+    @cached_property
+    def _tree_of(self) -> Dict[int, Tuple[int, str]]:
+        """The tree that an element stands in; called trees have lower numbers."""
+        return {id(element): (number, tree)
+                for number, (tree, elements) in enumerate(self.elements.items())
+                for element in elements}
+
+    def is_before(self, one: Element, other: Element) -> bool:
+        """Return whether a Sequence ticks ``one`` before ``other``, and neither of them again; it
+        is not known of trees that are called more than once."""
+        places = [one, other]
+        trees = [self._tree_of[id(element)] for element in places]
+        while trees[0] != trees[1]:
+            index = trees.index(min(trees))
+            calls = self._calls[trees[index][1]]
+            if len(calls) != 1:
+                return False
+            places[index] = calls[0][1]
+            trees[index] = self._tree_of[id(places[index])]
+        one, other = places
+        tree = trees[0][1]
+        around = self._around(tree, one, other)
+        if one.last >= other.number or not around or self.spec(around[-1]).advances_on != SUCCEEDS:
+            return False
+        while not any(self._may_repeat(element) for element in around):
+            calls = self._calls[tree]
+            if tree == self.trees.main or len(calls) != 1:
+                return tree == self.trees.main
+            tree, call = calls[0]
+            around = self._around(tree, call, call)
+        return False
+
+    def _around(self, tree: str, one: Element, other: Element) -> List[Element]:
+        """Return the elements of a tree in which both stand, from the outermost."""
+        return [element for element in self.elements[tree]
+                if element.number < one.number and other.number <= element.last]
+
+    def _may_repeat(self, element: Element) -> bool:
+        spec = self.spec(element)
+        return bool(spec.repeats_on) or spec.is_reactive or spec.is_stub
 
     def spec(self, element: Element) -> NodeSpec:
         """Return the node type of an element."""

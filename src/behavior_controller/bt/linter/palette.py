@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape, quoteattr
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.loader.checks import ELSEWHERE
 from behavior_controller.bt.loader.structure import PORT_ELEMENTS, Findings
-from behavior_controller.bt.engine.builtins import AlwaysSuccess
+from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.controls import Sequence as SequenceNode
 from behavior_controller.bt.engine.decorators import ForceSuccess
 from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
@@ -24,6 +24,7 @@ from behavior_controller.text import did_you_mean, without_controls
 
 _FACTORIES = {Kind.ACTION: AlwaysSuccess, Kind.CONDITION: AlwaysSuccess, Kind.CONTROL: SequenceNode,
               Kind.DECORATOR: ForceSuccess}
+_BUILT_IN = {spec.id for spec in builtin_specs()}
 _TYPES = {name: kind.name for kind in TYPES.values() for name in (kind.name, kind.cpp_name)}
 
 
@@ -82,19 +83,64 @@ def used_types(documents: Iterable[Document]) -> List[str]:
 # -------------------------------------------------------------------------------------------- stubs
 
 
-def stubs(documents: Iterable[Document], registry: Registry) -> Tuple[List[NodeSpec], List[Fault]]:
-    """Return a node type for each model in ``documents`` that ``registry`` lacks, and what is wrong
-    with models: also a name that is nearly one of ``registry``.
+def others(documents: Sequence[Document], registry: Registry) -> Dict[str, Fault]:
+    """Return the node types in use that a palette defines with another kind or other ports than
+    ``registry`` does, each with the fault that this robot cannot run it.
+
+    The first model of a name counts. Those of BehaviorTree.CPP itself are what they are.
+    """
+    first: Dict[str, Element] = {}
+    for model in models(documents):
+        first.setdefault(model.attributes.get("ID", ""), model)
+    found = {}
+    for node_id in used_types(documents):
+        spec = registry.get(node_id) if node_id in first and node_id not in _BUILT_IN else None
+        wrong = "" if spec is None else _difference(first[node_id], spec)
+        if wrong:
+            text = f"{node_id} is a node of another robot: the palette has {wrong}"
+            hint = "of a node of this robot, exportNodeModel prints the model"
+            found[node_id] = first[node_id].fault(rules.PALETTE_OTHER_NODE, text, hint, "ID")
+    return found
+
+
+def _difference(model: Element, spec: NodeSpec) -> str:
+    """Return in which way a model defines another node type than ``spec``; "" for the same one,
+    perhaps with fewer ports, as an older release had it."""
+    if model.tag != spec.kind.value:
+        return f"it as of kind {model.tag}, and it is of kind {spec.kind.value} here"
+    for element in model.children:
+        name, type_name = (element.attributes.get(key, "") for key in ("name", "type"))
+        port = spec.port_named.get(name)
+        if element.tag not in PORT_ELEMENTS:
+            continue
+        if port is None:
+            return f"its port {name}, which it has not here"
+        if port.direction.value != element.tag:
+            return f"its port {name} as an {element.tag}, and it is an {port.direction.value} here"
+        is_bare = not type_name and port.default is not None and "default" not in element.attributes
+        is_other = is_bare or _TYPES.get(type_name, port.type) not in (port.type, ANY)
+        if port.type != ANY and is_other:
+            return f"its port {name} of type {type_name or ANY}, and it is of type {port.type} here"
+    return ""
+
+
+def stubs(documents: Sequence[Document], registry: Registry) -> Tuple[List[NodeSpec], List[Fault]]:
+    """Return a node type for each model in ``documents`` that ``registry`` lacks or defines
+    otherwise, and what is wrong with models: also a name that is nearly one of ``registry``.
 
     The first model of a name counts. What an older version of BehaviorTree.CPP had is not taken.
     """
     made: Dict[str, NodeSpec] = {}
-    faults: List[Fault] = []
+    theirs = others(documents, registry)
+    faults = [fault._replace(is_warning=True, hint="the palette's definition is taken")
+              for fault in theirs.values()]
     for model in models(documents):
         node_id = model.attributes.get("ID", "")
         if not node_id:
             text = f"<{model.tag}> in <TreeNodesModel> lacks the attribute ID"
             faults.append(model.fault(rules.ID_MISSING, text, is_warning=True))
+        elif node_id in theirs:
+            made.setdefault(node_id, _stub(model, node_id))
         elif node_id not in registry and node_id not in ELSEWHERE:
             made.setdefault(node_id, _stub(model, node_id))
             hint = did_you_mean(node_id, registry, likeness=0.93)

@@ -1,21 +1,28 @@
 """Rules about scripts that can be read, but hardly do what their author means."""
-from typing import Iterator, List, Optional, Tuple
+from typing import Dict, Iterator, List, Optional, Tuple
 
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.loader.flow import (
-    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, Use, literal_kind)
+    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, Literal, Use,
+    literal_kind)
+from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.engine.possible_results import SUCCEEDS
-from behavior_controller.bt.script.parser import Operand, Operation
+from behavior_controller.bt.script.parser import NO_FUNCTIONS, Assignment, Operand, Operation
+from behavior_controller.bt.values.status import BY_NAME
 from behavior_controller.bt.values.values import GENERIC
 from behavior_controller.text import did_you_mean
 
 FOREIGN_WORDS = {
+    **dict.fromkeys(("if", "then", "else", "elif"), "write condition ? value : other"),
+    "is": "write ==", "xor": "write !=", "in": "compare with each", "return": "leave it out",
     "not": "write !", "and": "write &&", "or": "write ||", "True": "write true",
     "TRUE": "write true", "False": "write false", "FALSE": "write false",
     **dict.fromkeys(("null", "NULL", "None", "nil"), "an entry is never null")}
 """What other languages mean by a word, and scripts do not."""
+_CHARACTERS = {"lt": "<", "gt": ">", "amp": "&", "quot": '"', "apos": "'"}
+"""What XML writes as &lt; and the like."""
 
 _COMPARISONS = ("==", "!=", "<", ">", "<=", ">=")
 _TEXTS = {"text", NUMERAL, SOME_TEXT}
@@ -27,6 +34,8 @@ Finding = Tuple[rules.LintRule, str, str, int]
 
 def check_scripts(facts: MissionFacts) -> None:
     """Apply the rules to each script of a mission, and to what its scripts and texts write."""
+    # a name that nothing writes fails, unless another robot may give it a meaning
+    facts.findings.refuses_late = facts.is_host_known and facts.flow.is_known
     for use in facts.flow.scripts:
         findings = list(_words(facts, use)) or [*_effects(facts, use), *_assigning(use)]
         not_created = list(_not_created(facts, use))
@@ -35,6 +44,8 @@ def check_scripts(facts: MissionFacts) -> None:
         findings += _mixed(facts, use)
         for rule, text, hint, at in findings:
             facts.report(rule, use.element, text, hint, use.attribute, at)
+    facts.findings.refuses_late = False
+    _check_literals(facts)
     for entry in dict.fromkeys(name.entry for name in facts.flow.all()):
         _check_changed(facts, entry)
         _check_emptied(facts, entry)
@@ -43,8 +54,19 @@ def check_scripts(facts: MissionFacts) -> None:
 def _words(facts: MissionFacts, use: Use) -> Iterator[Finding]:
     for name, at in sorted(use.script.facts.read.items(), key=lambda item: item[1]):
         uses = facts.flow.name(use.tree, name).entry.uses
-        if name in FOREIGN_WORDS and uses.isdisjoint((WRITTEN, TOUCHED)):
-            yield rules.SCRIPT_WORD, f"{name} means nothing in a script", FOREIGN_WORDS[name], at
+        text, hint = f"{name} means nothing in a script", FOREIGN_WORDS.get(name, "")
+        sign = _CHARACTERS.get(name.lower())
+        if sign and use.script.text[at - 1:at] == "&":
+            text = f"&{name} is no character reference"
+            hint = f"write &{name.lower()}; with its semicolon, for {sign}"
+        elif name in use.script.facts.calls and not hint:
+            text, hint = f"{name}(…) would call a function", NO_FUNCTIONS
+        elif name in BY_NAME and facts.is_host_known:
+            text = f"the status {name} means nothing in a script"
+            hint = "let _onSuccess or _onFailure set an entry, and compare that"
+        if hint and uses.isdisjoint((WRITTEN, TOUCHED)):
+            facts.excuse(use.tree, name)
+            yield rules.SCRIPT_WORD, text, hint, at
             return
 
 
@@ -93,31 +115,44 @@ def _not_created(facts: MissionFacts, use: Use) -> Iterator[Finding]:
 def _truth(facts: MissionFacts, use: Use) -> Iterator[Finding]:
     """Warn of a number that is neither 0 nor 1 where a script needs a truth value."""
     script = use.script.facts
-    operands = [operand for sign, *both in script.operations if sign in ("&&", "||")
-                for operand in both]
-    if use.is_condition:
-        operands.append(script.statements[-1].value)
-    for operand in operands:
+    for operand in _conditions(use):
         words, what = [operand.word], operand.word
         if operand.kind == "name":
             entry = facts.flow.name(use.tree, operand.word).entry
             words = [value.word for value in entry.known_values if entry.kind == "number"]
             what = f"{operand.word}, which holds {_no_truth(words)},"
-        if _no_truth(words):
+            if entry.kind in ("text", NUMERAL):
+                words, what = ["2"], f"{operand.word}, which holds a text,"
+        if operand.kind == "text" or _no_truth(words):
             hint = f"compare it, as in {operand.word} > 0"
+            if operand.kind == "text" or what.endswith("a text,"):
+                hint = f"compare it, as in {operand.word} == 'yes'"
             yield (rules.NUMBER_AS_TRUTH, f"{what} is neither true nor false", hint,
                    operand.position)
             return
 
 
-def _mixed(facts: MissionFacts, use: Use) -> Iterator[Finding]:
+def _conditions(use: Use) -> List[Operand]:
+    """Return the operands of a script that must be true or false."""
     script = use.script.facts
-    operations = list(script.operations)
-    for assignment in script.assignments:
+    operands = [operand for sign, *both in script.operations if sign in ("&&", "||")
+                for operand in both]
+    return operands + ([script.statements[-1].value] if use.is_condition else [])
+
+
+def _operations(use: Use) -> List[Operation]:
+    """Return the operations of a script, with those of += and the like."""
+    operations = list(use.script.facts.operations)
+    for assignment in use.script.facts.assignments:
         if assignment.sign not in (":=", "="):
             target = Operand("name", assignment.name, assignment.position)
             operations.append(Operation(assignment.sign, target, assignment.value))
-    for operation in operations:
+    return operations
+
+
+def _mixed(facts: MissionFacts, use: Use) -> Iterator[Finding]:
+    script = use.script.facts
+    for operation in _operations(use):
         kinds = _kind(facts, use, operation.left), _kind(facts, use, operation.right)
         wrong = _wrong(operation, *kinds)
         if wrong:
@@ -126,6 +161,74 @@ def _mixed(facts: MissionFacts, use: Use) -> Iterator[Finding]:
         if _kind(facts, use, operand) in _TEXTS:
             text = f"{signs}{operand.word} needs a number, and gets a text"
             yield rules.TEXT_AND_NUMBER, text, "", operand.position
+
+
+def _check_literals(facts: MissionFacts) -> None:
+    """Warn of each text or number that a SubTree gives its tree, and with which a script in it, or
+    in a tree below it, fails."""
+    uses: Dict[Tuple[str, str], List[Use]] = {}
+    for use in facts.flow.scripts if facts.flow.literals else ():
+        written = [assignment.name for assignment in use.script.facts.assignments]
+        for name in {*use.script.facts.read, *written}:
+            uses.setdefault((use.tree, name), []).append(use)
+    known: Dict[Tuple[str, str, str], Optional[Tuple[Use, str, str]]] = {}
+    for literal in facts.flow.literals:
+        key = literal.name.tree, literal.name.name, literal.text
+        if literal.text.isidentifier() and literal.name.is_own and not literal.name.read:
+            continue  # told already: what the tree writes there is lost
+        if key not in known:
+            known[key] = next((
+                (use, *wrong) for name in literal.name.below()
+                for use in uses.get((name.tree, name.name), ())
+                if facts.findings.may_compare(1)
+                for wrong in _with_literal(facts, use, name.name, literal)), None)
+        found = known[key]
+        if found is not None:
+            use, wrong, hint = found
+            name, where = literal.name.name, use.element.where(use.attribute)
+            text = f"with {name}=\"{literal.text}\" {use.attribute} fails: {wrong} ({where})"
+            entry = literal.text.strip(":${} ")
+            if entry.isidentifier() and entry not in ("true", "false"):
+                hint = f"an entry is written {{{entry}}}"
+            facts.report(rules.LITERAL_IN_SCRIPT, literal.call, text, hint, name)
+
+
+def _with_literal(facts: MissionFacts, use: Use, name: str,
+                  literal: Literal) -> Iterator[Tuple[str, str]]:
+    """Yield what fails in a script if ``name`` is a literal, and a hint."""
+    def kind_of(operand: Operand) -> str:
+        is_it = (operand.kind, operand.word) == ("name", name)
+        return literal.kind if is_it else _kind(facts, use, operand)
+
+    for operation in _operations(use):
+        if name in (operation.left.word, operation.right.word):
+            wrong = _wrong(operation, kind_of(operation.left), kind_of(operation.right))
+            yield from [wrong] if wrong else ()
+    for signs, operand in use.script.facts.prefixed:
+        if operand.word == name and literal.kind != "number":
+            yield f"{signs}{name} needs a number", ""
+    for operand in _conditions(use):
+        if (operand.kind, operand.word) == ("name", name) and (
+                literal.kind != "number" or _no_truth([literal.text])):
+            yield f"{name} is neither true nor false", f"compare it, as in {name} == …"
+    for assignment in use.script.facts.assignments:
+        if assignment.name == name:
+            yield from _wrong_value(assignment, literal)
+
+
+def _wrong_value(assignment: Assignment, literal: Literal) -> Iterator[Tuple[str, str]]:
+    """Yield what is wrong with a value that is assigned to an entry which holds a literal."""
+    kind, word = literal_kind(assignment.value), assignment.value.word
+    sets = assignment.sign in (":=", "=")
+    said = f"{assignment.name} {assignment.sign} {word}"
+    if sets and kind == "number" and literal.kind != "number":
+        yield f"{said} changes a text to a number", "the first value decides the kind of an entry"
+    elif sets and kind == "text" and literal.kind == "number":
+        yield f"{said} changes a number to a text", "the first value decides the kind of an entry"
+    elif assignment.sign in (":=", "=", "+=", "-=") and kind == "number" and (
+            not word.isalnum() and not float(word).is_integer()
+            and ports.subtree_literal(literal.text)[0] in ("int", "int64")):
+        yield f"{said} gives an integer a fraction", f"write {assignment.name}=\"{literal.text}.0\""
 
 
 def _kind(facts: MissionFacts, use: Use, operand: Operand) -> str:

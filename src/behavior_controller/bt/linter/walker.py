@@ -2,7 +2,8 @@
 on which each rule looks at each of them."""
 from typing import List
 
-from behavior_controller.bt.linter.calls import check_call, check_entries
+from behavior_controller.bt.linter.calls import (
+    check_call, check_entries, check_tree_models)
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.linter.palette import check_models
 from behavior_controller.bt.linter.scripts import check_scripts
@@ -19,6 +20,7 @@ def lint(trees: Trees) -> List[Fault]:
         facts = MissionFacts(trees)
         for tree, element in facts.walk():
             (check_call if element.tag == "SubTree" else check_node)(facts, element, tree)
+        check_tree_models(facts)
         check_scripts(facts)
         check_entries(facts)
     return trees.faults

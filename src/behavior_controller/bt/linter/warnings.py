@@ -3,12 +3,14 @@
 Only the NodeSpecs say what nodes do. A warning must be worth reading: if the file and the node
 types do not decide, there is none.
 """
+import math
 import re
 from typing import Iterator, Tuple
 
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import MissionFacts
-from behavior_controller.bt.loader.structure import CONDITIONS
+from behavior_controller.bt.linter.least_times import milliseconds
+from behavior_controller.bt.loader.structure import CONDITIONS, is_port_name
 from behavior_controller.bt.engine.possible_results import FAILS, OF_A_LEAF, SKIPS, SUCCEEDS
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import EXPLICIT, Element
@@ -55,14 +57,29 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
         _check_repeat(facts, element, spec)
     if spec.is_reactive:
         _check_reactive(facts, element, spec)
+    limit = milliseconds(element.attributes, spec.limit)
+    if limit:
+        child = element.children[0]
+        least = facts.least_times[id(child)][0]
+        if limit < least < math.inf:
+            text = (f"{spec.id} ends its child after {limit:.0f} ms, and {_called(child)} needs at "
+                    f"least {least:.0f} ms to succeed")
+            hint = "give it more time, or its child less to wait for"
+            report(rules.TIMEOUT_TOO_SHORT, element, text, hint, spec.limit)
 
 
 def check_ignored(facts: MissionFacts, element: Element) -> bool:
     """Warn of attributes that begin with _ and mean nothing, but nearly do; return whether there is
     one."""
     before = len(facts.findings.warnings)
+    ports_known = facts.spec(element).port_named
     for name in element.attributes:
-        if name[0] != "_" or name in CONDITIONS or name in IGNORED_ON_PURPOSE:
+        if name in CONDITIONS or name in IGNORED_ON_PURPOSE:
+            continue
+        if name[0] != "_":
+            near = "" if name.isascii() or name in ports_known else did_you_mean(name, ports_known)
+            if near and not is_port_name(name):
+                facts.report(rules.ATTRIBUTE_IGNORED, element, f"{name} is ignored", near, name)
             continue
         near = did_you_mean(name, CONDITIONS + ("_autoremap",))
         if name != "_autoremap" and near:
@@ -140,12 +157,23 @@ def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: st
 
 
 def _check_name(facts: MissionFacts, element: Element, port: Port, tree: str) -> None:
-    """Warn of an entry that is taken for the name of another, and holds a number."""
+    """Warn of an entry that is taken for the name of another, unless all that it is known to hold
+    are names of entries."""
     key = ports.reference(element.attributes[port.name], port.name)
-    if key is not None and facts.flow.name(tree, key).entry.is_number:
-        text = f"{port.name}=\"{{{key}}}\" is the entry whose name {key} holds, which is a number"
-        hint = f"the entry itself is written {port.name}=\"{key}\""
-        facts.report(rules.NAME_IS_NUMBER, element, text, hint, port.name)
+    if key is None:
+        return
+    name = facts.flow.name(tree, key)
+    held = [value.word.strip("'") for value in name.entry.known_values]
+    held += [literal.text for literal in facts.flow.literals if name in literal.name.below()]
+    rule, text = rules.NAME_FROM_ENTRY, ""
+    if name.entry.is_number:
+        rule, text = rules.NAME_IS_NUMBER, ", which is a number"
+    elif held and all(facts.flow.is_named(word) for word in held):
+        return
+    text = f"{port.name}=\"{{{key}}}\" is the entry whose name {key} holds{text}"
+    hint = f"the entry itself is written {port.name}=\"{key}\""
+    facts.report(rule, element, text, hint, port.name)
+    facts.excuse(tree, key)
 
 
 def _check_case(facts: MissionFacts, element: Element, port: Port, tree: str) -> None:

@@ -17,7 +17,7 @@ from behavior_controller.bt.engine.registry import (
     Direction, Kind, NodeSpec, Port, Role, argument)
 from behavior_controller.bt.loader.structure import (
     AROUND_THEM, CONDITIONS, Trees, is_port_name, remaps_all)
-from behavior_controller.text import did_you_mean
+from behavior_controller.text import did_you_mean, quoted
 
 LONGEST_SCRIPT = 20_000  # characters
 
@@ -34,6 +34,22 @@ ELSEWHERE = {"SubTreePlus": "version 4 writes <SubTree>, and _autoremap for __au
              "include": "it belongs directly below <root>",
              "TreeNodesModel": "it belongs directly below <root>"}
 """Names of a node type in other versions and tools -> its name here."""
+_OTHER_NAMES = {
+    **dict.fromkeys(("Success", "Succeed", "Succeeder"), "AlwaysSuccess"),
+    **dict.fromkeys(("Failure", "Fail", "Failer"), "AlwaysFailure"),
+    **dict.fromkeys(("Wait", "Pause"), "Sleep, with the port msec"),
+    **dict.fromkeys(("Not", "Invert", "Negate"), "Inverter"),
+    **dict.fromkeys(("And", "All", "Steps"), "Sequence"),
+    **dict.fromkeys(("Or", "Any", "Priority", "Select"), "Fallback"),
+    **dict.fromkeys(("Retry", "RepeatUntilSuccess", "UntilSuccess"), "RetryUntilSuccessful"),
+    **dict.fromkeys(("RepeatUntilFailure", "UntilFailure", "UntilFail"), "KeepRunningUntilFailure"),
+    **dict.fromkeys(("Set", "SetVariable", "Assign"), "Script, or SetBlackboard for a text"),
+    **dict.fromkeys(("If", "IfThen"), "IfThenElse"), "While": "WhileDoElse", "Try": "TryCatch",
+    **dict.fromkeys(("Switch", "Case"), "Switch2 to Switch6"), "Once": "RunOnce",
+    **dict.fromkeys(("Loop", "ForEach", "For"), "LoopString, LoopInt, LoopDouble or LoopBool"),
+    **dict.fromkeys(("Check", "Compare", "CheckBlackboard"), "ScriptCondition")}
+"""What other tools call a node type of the library, which another robot may have under that name
+-> its name here."""
 _PORTS_ELSEWHERE = {("Parallel", "threshold"): "version 4 writes success_count",
                     ("Parallel", "success_threshold"): "version 4 writes success_count",
                     ("Parallel", "failure_threshold"): "version 4 writes failure_count"}
@@ -97,10 +113,13 @@ def _report_unknown(trees: Trees, element: Element, node_id: str) -> None:
         hint = f"it is called with <SubTree ID=\"{node_id}\"/>"
         trees.report(rules.TREE_AS_NODE, element, text, hint, attribute)
     else:
+        other = _OTHER_NAMES.get(node_id[:1].upper() + node_id[1:])
         hint = (ELSEWHERE.get(node_id)
+                or (f"BehaviorTree.CPP calls it {other}" if other else "")
                 or trees.nearest(node_id, trees.registry)
                 or "exportNodeModel prints every node type with its ports")
-        trees.report(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
+        text = f"unknown node {quoted(node_id)}"
+        trees.report(rules.UNKNOWN_NODE, element, text, hint, attribute)
 
 
 def _check_children(trees: Trees, element: Element, spec: NodeSpec) -> None:
@@ -157,8 +176,16 @@ def _check_port(trees: Trees, element: Element, port: Port, text: str) -> None:
         trees.report(rules.OUTPUT_IS_TEXT, element, text, hint, port.name)
     elif port.role is Role.SCRIPT and text:
         _check_script(trees, element, port.name, text)
-    else:
-        is_cut_short(trees.report, element, port.name, port, port.literal or port.type)
+    elif not is_cut_short(trees.report, element, port.name, port, port.literal or port.type):
+        _check_list(trees, element, port, text)
+
+
+def _check_list(trees: Trees, element: Element, port: Port, text: str) -> None:
+    """Warn of a list of texts or truth values with commas, which is one element."""
+    is_list = (port.literal or port.type) in values.VECTORS
+    if is_list and "," in text and ";" not in text and not text.startswith("json:"):
+        wrong = f"{port.name}=\"{text}\" is one element"
+        trees.report(rules.LIST_SEPARATOR, element, wrong, _separated(text), port.name)
 
 
 def _check_script(trees: Trees, element: Element, name: str, text: str) -> None:
@@ -197,7 +224,7 @@ def _check_call(trees: Trees, element: Element, tree_id: str) -> None:
         trees.findings.faulty.add(id(element))
         if trees.is_complete:
             hint = trees.nearest(tree_id, trees.trees, "the trees")
-            text = f"there is no tree {tree_id}"
+            text = f"there is no tree {quoted(tree_id)}"
             trees.report(rules.UNKNOWN_TREE, element, text, hint, "ID")
     try:
         gets_all = remaps_all(element)
@@ -226,6 +253,11 @@ def _report_missing(trees: Trees, element: Element, tree_id: str, port: Port) ->
     hint = f"write {port.name}=\"{{{port.name}}}\""
     if other:
         text, hint = f"{text}; it has no port {other}", meant
+        words = trees.words(tree_id)
+        if other in words and port.name not in words:  # the model is what is misspelt
+            element = trees.model_ports[tree_id, port.name]
+            text = f"the tree {tree_id} does not use the port {port.name} of its model"
+            other, hint = "name", f"did you mean {other}?"
     trees.report(rules.MODEL_PORT_MISSING, element, text, hint, other)
 
 
@@ -246,6 +278,11 @@ def is_cut_short(report: Callable[..., None], element: Element, attribute: str, 
     return bool(rest)
 
 
+def _separated(text: str) -> str:
+    items = re.split(r"\s*[,;]\s*", text.strip(" []")) if "," in text else text.split()
+    return f"elements are separated by semicolons: write {';'.join(items)}"
+
+
 _THOUSANDS = re.compile(r"-?[0-9]{1,3}(?:[,._' ][0-9]{3})+")
 _AMOUNT = re.compile(r"([0-9]+(?:[.,][0-9]+)?)\s*(ms|milli|s|min|h)[a-z]*", re.IGNORECASE)
 _MILLISECONDS = {"ms": 1, "milli": 1, "s": 1000, "min": 60_000, "h": 3_600_000}
@@ -253,6 +290,8 @@ _MILLISECONDS = {"ms": 1, "milli": 1, "s": 1000, "min": 60_000, "h": 3_600_000}
 
 def _meant(text: str, port: Port, type_name: str) -> str:
     """Return what may be meant by a number that is read only in part."""
+    if type_name in values.VECTORS and re.search(r"[0-9]\s*[,\s]\s*-?[0-9.]", text):
+        return _separated(text)
     amount = _AMOUNT.fullmatch(text.strip())
     number = values.whole_real(text.replace(",", "."))
     if amount is not None and port.name.endswith("msec"):

@@ -65,6 +65,21 @@ class Value(NamedTuple):
         return self.assignment is not None and self.assignment.is_own
 
 
+class Literal(NamedTuple):
+    """A text that a SubTree gives its tree for the entry ``name``, by an attribute or a default of
+    its model."""
+
+    call: Element
+    text: str
+    name: "Name"
+
+    @property
+    def kind(self) -> str:
+        """The kind that a script finds: text, number, NUMERAL."""
+        is_text = ports.subtree_literal(self.text)[0] == TEXT
+        return _kind_of_text(self.text) if is_text else "number"
+
+
 class EntryFacts:
     """One entry, under all names that trees have for it."""
 
@@ -109,6 +124,19 @@ class Name:
         self.write: Optional[Access] = None  # by a node
         # the tree writes it itself, or a tree that it calls; not what its callers give it
         self.is_own = False
+        self.writers: List[Element] = []  # also calls of trees that write it
+        self.inside: List["Name"] = []  # its names in the trees that are called with it
+
+    def below(self) -> List["Name"]:
+        """Return the name and all that it has in the trees that are called with it, each once."""
+        names = {id(self): self}
+        waiting = [self]
+        for name in waiting:
+            for inner in name.inside:
+                if id(inner) not in names:
+                    names[id(inner)] = inner
+                    waiting.append(inner)
+        return waiting
 
     def join(self, other: "Name") -> None:
         """Note that both names mean the same entry."""
@@ -132,6 +160,7 @@ class Flow:
         # tree -> its names; those with ``@`` are of the main tree
         self.names: Dict[str, Dict[str, Name]] = {tree: {} for tree in [*trees, main]}
         self.scripts: List[Use] = []
+        self.literals: List[Literal] = []
         self.is_known = True  # False: a script or a name comes from the blackboard itself
         for tree, elements in trees.items():
             for element in elements:
@@ -164,6 +193,11 @@ class Flow:
         """Return the names that ``tree`` uses itself."""
         return [name.name for name in self.names[tree].values() if name.mentions]
 
+    def is_named(self, name: str) -> bool:
+        """Return whether a tree uses an entry of this name."""
+        name = name.lstrip("@")
+        return any(name in names and names[name].mentions for names in self.names.values())
+
     def needs(self, tree: str) -> List[str]:
         """Return the entries that ``tree`` reads, and that it leaves to its callers to write."""
         return [name for name, use in sorted(self.names[tree].items())
@@ -183,6 +217,7 @@ class Flow:
         result = self._mention(tree, name)
         result.is_own = True
         result.write = result.write or access
+        result.writers.append(access.element)
         result.entry.uses.update((WRITTEN, *uses))
         return result
 
@@ -190,9 +225,10 @@ class Flow:
         """Note what a port reads and writes; ``is_condition``: the script that it may hold decides
         something."""
         text = element.attributes.get(port.name, port.default)
-        if text is None or port.role is Role.NAMES:
+        name = None if text is None else ports.reference(text, port.name)
+        if text is None or (port.role is Role.NAMES and name is None):
             return
-        name, is_given = ports.reference(text, port.name), port.name in element.attributes
+        is_given = port.name in element.attributes
         place = Access(element, port.name)
         if name is None and port.role is Role.WATCHED:
             name = text
@@ -247,7 +283,9 @@ class Flow:
             if outer is not None:
                 self._remap(called, name, tree, outer, call)
             elif text is not None:
-                self.name(called, name).entry.uses.update((WRITTEN, CREATED, TOUCHED))
+                inner = self.name(called, name)
+                inner.entry.uses.update((WRITTEN, CREATED, TOUCHED))
+                self.literals.append(Literal(call, text, inner))
         for name in sorted(self.names[called]) if remaps_all(call) else ():
             if name[0] != "_" and name not in texts:
                 self._remap(called, name, tree, name, call)
@@ -257,9 +295,11 @@ class Flow:
         name, outer_name = self.name(called, inner), self._mention(tree, outer)
         if name.is_own:
             outer_name.is_own = True
+            outer_name.writers.append(call)
         elif name.read:
             outer_name.read = outer_name.read or Access(call, inner)
         name.join(outer_name)
+        outer_name.inside.append(name)
 
 
 def literal_kind(value: Operand) -> str:

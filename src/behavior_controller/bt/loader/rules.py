@@ -62,6 +62,7 @@ INCLUDE_CIRCLE = error("A file includes itself, directly or through others.")
 
 # --------------------------------------------------------------------------------- <root> and trees
 
+ATTRIBUTE_IGNORED = warning("An attribute means nothing on its element, and may be misspelt.")
 WRONG_ROOT = error("The first element must be <root>.")
 FORMAT_MISSING = warning('<root> does not say BTCPP_format="4".')
 OTHER_FORMAT = warning("BTCPP_format is not 4; the file is read as version 4 all the same.")
@@ -106,6 +107,7 @@ SAME_PATH = error("Two SubTrees side by side have the same name.")
 UNKNOWN_PORT = late("The node type has no port of this name.")
 WRONG_LITERAL = late("The text cannot be a value of the port's type.")
 NUMBER_CUT_SHORT = warning("Only the beginning of the text is read as a number.")
+LIST_SEPARATOR = warning("A list has commas; its elements are separated by semicolons.")
 OUTPUT_IS_TEXT = warning("What a node writes needs an entry, and the port has a fixed text.")
 PORT_MISSING = warning("A port that the node needs is not given.")
 NAME_ARGUMENT = late("The name of the node is its argument, and is missing or none that it takes.")
@@ -127,6 +129,7 @@ ENTRY_TYPE = error("An entry is used by ports of different types, or its name ca
 UNKNOWN_TREE = late("A SubTree calls a tree that does not exist.")
 AUTOREMAP_VALUE = late("_autoremap must be true or false.")
 MODEL_PORT_MISSING = late("A port that the model of the tree asks for is not given.")
+MODEL_PORT_UNUSED = warning("The tree does not use a port of its model, but one spelt nearly so.")
 MODEL_PORT_UNKNOWN = warning("The model of the tree has no port of this name.")
 MODEL_PORT_NAME = error("The name of a port in a model of a tree is missing or not allowed.")
 SUBTREE_PORT_UNKNOWN = warning("The tree uses no entry of this name.")
@@ -138,24 +141,28 @@ UNBRACED = warning("Version 3 took the text for the name of an entry; version 4 
 # ------------------------------------------------------------------------------------------ scripts
 
 SCRIPT_SYNTAX = late("A script cannot be read.")
-SCRIPT_WORD = warning("A word that other languages know means nothing in a script.")
+SCRIPT_WORD = late("A word, a call or a character reference means nothing in a script: it fails.")
 SCRIPT_NO_EFFECT = warning("A statement is evaluated, and its value is used for nothing.")
 CONDITION_ASSIGNS = warning("A condition assigns a value instead of comparing with it.")
 NOT_CREATED = warning("An entry is assigned, and nothing creates it; := does.")
 TEXT_AND_NUMBER = warning("A text is compared or calculated with a number.")
 KIND_CHANGES = warning("An entry that holds a text is assigned a number, or the reverse.")
-NUMBER_AS_TRUTH = warning("A number that is neither 0 nor 1 is taken for a truth value: it fails.")
+NUMBER_AS_TRUTH = warning("A text, or a number but 0 and 1, is taken for a truth value: it fails.")
 TEXT_EMPTIES = warning("A text is set on an entry that a script has made, which makes it empty.")
+LITERAL_IN_SCRIPT = warning("A text or number that a SubTree is given makes a script in it fail.")
+NAME_FROM_ENTRY = warning("The braces take the name of an entry from another entry's text.")
 NAME_IS_NUMBER = warning("The name of an entry is taken from an entry that holds a number.")
 
 # --------------------------------------------------------------------------------------------- data
 
 NEVER_WRITTEN = warning("An entry is read, and nothing writes it.")
+READ_TOO_EARLY = warning("An entry is read before any node that writes it is ticked.")
 ENTRY_MISSPELT = warning("An entry is named once, and another that is used has nearly its name.")
 
 # ------------------------------------------------------------------------------------------ outcome
 
 NEVER_REACHED = warning("A node is never ticked, because of how the one before it ends.")
+TIMEOUT_TOO_SHORT = warning("A Timeout ends before the child can succeed.")
 NEVER_REPEATS = warning("A repeat or retry whose child never ends as it would have to.")
 NEVER_WAITS = warning("A node repeats forever, and nothing in it waits.")
 RETRIES_FOR_EVER = warning("A loop without limit or pause asks a service that may fail at once.")
@@ -165,6 +172,7 @@ RECOVERY_MISPLACED = warning("A recovery has no failure before it.")
 # ------------------------------------------------------------------------------------------ palette
 
 PALETTE_UNKNOWN_NODE = warning("The palette has a node type that is not known.")
+PALETTE_OTHER_NODE = error("The palette defines a node type of ours otherwise: for another robot.")
 PALETTE_EMPTY = warning("A file holds a palette alone, and that has no node types.")
 PALETTE_KIND = warning("The palette has a node type as of another kind.")
 PALETTE_PORT = warning("The palette has a port that the node type lacks.")

@@ -10,9 +10,10 @@ from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.registry import Direction, Port
 from behavior_controller.bt.values.values import TYPES
 from behavior_controller.errors import Fault
-from behavior_controller.text import did_you_mean, first_names
+from behavior_controller.text import did_you_mean, first_names, quoted
 
 _FORBIDDEN = re.compile(r"[\x00- \x7f<>&\"'/\\:*?|.]")  # in names
+_WORD = re.compile(r"[A-Za-z_]\w*")
 _SIGNS = "any of <>&\"'/\\:*?|."
 AROUND_THEM = "put a Sequence around them"
 CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
@@ -22,6 +23,10 @@ RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
 _MANY = 10 ** 9  # nodes: counted no further
 _BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
+_ATTRIBUTES: Dict[str, Tuple[str, ...]] = {
+    "root": ("BTCPP_format", "main_tree_to_execute", "project_name"), "BehaviorTree": ("ID",),
+    "include": ("path", "ros_pkg"), "TreeNodesModel": ()}
+"""The attributes that mean something on what is around nodes."""
 STRUCTURE = EXPLICIT + _BELOW_ROOT + ("root",)
 """Elements that cannot be node types."""
 
@@ -96,6 +101,7 @@ class Trees:
         # every <BehaviorTree>, also those that another replaces
         self.bodies: List[Tuple[str, Element]] = []
         self.models: Dict[str, List[Port]] = {}
+        self.model_ports: Dict[Tuple[str, str], Element] = {}  # by tree and name
         self.main = ""  # empty: there is none
         self.calls: Dict[str, List[Element]] = {}  # tree -> its SubTree elements
         # the trees that are part of the mission, called ones first, with the number of their nodes,
@@ -123,7 +129,10 @@ class Trees:
         version = root.attributes.get("BTCPP_format")
         if version is None:
             text, hint = "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4"
-            self.report(rules.FORMAT_MISSING, root, text, hint)
+            meant = next((name for name in root.attributes
+                          if did_you_mean(name, ["BTCPP_format"], 0.8)), None)
+            self.report(rules.FORMAT_MISSING, root, text,
+                        "did you mean BTCPP_format?" if meant else hint, meant)
         elif version != "4":
             text = f"BTCPP_format is {version}; the file is read as version 4"
             self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
@@ -132,6 +141,8 @@ class Trees:
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
         for extra in models[1:]:
             self.report(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")
+        for element in [root, *root.children]:
+            self._check_attributes(element)
         for child in root.children:
             if child.tag == "BehaviorTree":
                 self._tree(child, root)
@@ -143,6 +154,21 @@ class Trees:
                 self.report(rules.IGNORED_BELOW_ROOT, child, text, hint)
         for model in models:
             self._models(model)
+
+    def _check_attributes(self, element: Element) -> None:
+        """Warn of the attributes of a tree or of what is around trees that mean nothing."""
+        known = _ATTRIBUTES.get(element.tag, ())
+        for name in element.attributes if element.tag in _ATTRIBUTES else ():
+            is_odd = name[0] != "_" or bool(did_you_mean(name, CONDITIONS, 0.8))
+            meant = {"BehaviorTree": "ID", "root": "BTCPP_format"}.get(element.tag, "")
+            is_told = meant not in element.attributes and did_you_mean(name, [meant], 0.8)
+            if name in known or not is_odd or is_told:
+                continue
+            hint = self.nearest(name, known, "it may have")
+            if name[0] == "_":
+                hint = "a condition belongs on the <SubTree> that calls the tree, or on a node"
+            text = f"{name} means nothing on <{element.tag}>"
+            self.report(rules.ATTRIBUTE_IGNORED, element, text, hint, name)
 
     def _tree(self, tree: Element, root: Element) -> None:
         tree_id = tree.attributes.get("ID", "")
@@ -199,10 +225,18 @@ class Trees:
             if model.tag == "SubTree" and "ID" not in model.attributes:
                 self.report_no_id(model, " in <TreeNodesModel>")
             elif model.tag == "SubTree":
-                self.models[model.attributes["ID"]] = [
-                    Port(port.attributes["name"], default=port.attributes.get("default"))
-                    for port in model.children
-                    if port.tag in PORT_ELEMENTS and self._usable_port(port)]
+                tree_id = model.attributes["ID"]
+                usable = {port.attributes["name"]: port for port in model.children
+                          if port.tag in PORT_ELEMENTS and self._usable_port(port)}
+                self.models[tree_id] = [Port(name, default=port.attributes.get("default"))
+                                        for name, port in usable.items()]
+                self.model_ports.update(((tree_id, name), port) for name, port in usable.items())
+
+    def words(self, tree_id: str) -> Set[str]:
+        """Return the words in the attributes of a tree's nodes, such as the entries that it uses.
+        """
+        return {word for element in self.trees[tree_id].below
+                for text in element.attributes.values() for word in _WORD.findall(text)}
 
     def _usable_port(self, port: Element) -> bool:
         name = port.attributes.get("name")
@@ -215,7 +249,7 @@ class Trees:
         elif name[0] in "0123456789":
             wrong = f"the name of a port cannot start with a digit: {name}"
         elif _FORBIDDEN.search(name):
-            wrong = f"the name of a port cannot contain blanks or {_SIGNS}: {name}"
+            wrong = f"the name of a port cannot contain blanks or {_SIGNS}: {quoted(name)}"
         else:
             return True
         self.report(rules.MODEL_PORT_NAME, port, wrong, attribute="name")
@@ -239,7 +273,8 @@ class Trees:
         if self.main or (root.tag != "root" and not named):
             return
         if named:
-            text, attribute = f"there is no tree {named} to execute", "main_tree_to_execute"
+            text = f"there is no tree {quoted(named)} to execute"
+            attribute = "main_tree_to_execute"
             hint = self.nearest(named, self.trees, "the trees")
             self.report(rules.MAIN_TREE_UNKNOWN, root, text, hint, None if wanted else attribute)
         elif not self.trees:
@@ -294,7 +329,8 @@ class Trees:
         is a library."""
         for tree_id, tree in self.trees.items():
             if tree.document is self.documents[-1] and tree_id not in self.used:
-                text, hint = f"the tree {tree_id} is not used", f"the main tree is {self.main}"
+                text = f"the tree {quoted(tree_id)} is not used"
+                hint = f"the main tree is {quoted(self.main)}"
                 self.report(rules.TREE_UNUSED, tree, text, hint)
 
 

@@ -371,10 +371,8 @@ def _of_structure(text: str, tags: List[_Tag], by_indent: bool) -> List[MarkupFa
                 faults.append(_mismatch(name, offset, opened))
                 opened.pop()
             elif closed >= 0:
-                faults += [
-                    MarkupFault(rules.ELEMENT_NOT_CLOSED, f"<{inner}> is not closed before </{name}>",
-                                begin)
-                    for inner, begin, sure in opened[closed + 1:] if sure == "open"]
+                faults += [_mismatch(name, offset, [tag, each]) for each in opened[closed + 1:]
+                           if each[2] == "open"]
                 del opened[closed:]
             elif name not in doubtful:
                 faults.append(_mismatch(name, offset, [("", 0, "")] + opened[-1:]))
@@ -431,7 +429,8 @@ def _tag_faults(match: "re.Match[str]") -> Iterator[MarkupFault]:
         elif not _PLAIN_NAME.fullmatch(name) and ":" not in name:
             wrong = f"{name} cannot be the name of an attribute"
             yield MarkupFault(rules.ATTRIBUTE_NAME, wrong, offset)
-        elif _NOT_IN_XML.search(value + "".join(itertools.starmap(_character, _CHARACTER.findall(value)))):
+        elif _NOT_IN_XML.search(value + "".join(
+                itertools.starmap(_character, _CHARACTER.findall(value)))):
             wrong = f"the value of {name} holds a character that XML does not allow"
             yield MarkupFault(rules.FORBIDDEN_CHARACTER, wrong, offset)
         seen.add(name)

@@ -7,13 +7,14 @@ running one too.
 import functools
 import re
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, NamedTuple, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Set, Tuple
 
 from behavior_controller.bt.script import operators
 from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.script.operators import Evaluate, Rest, ScriptError
 from behavior_controller.bt.values.values import Enums, ValueFault, shown, to_bool
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.text import named_letters
 
 __all__ = ["Script", "ScriptError", "ScriptSyntaxError", "compile_script", "to_bool"]
 
@@ -76,6 +77,7 @@ class ScriptFacts(NamedTuple):
     assignments: List[Assignment]
     operations: List[Operation]
     prefixed: List[Tuple[str, Operand]]  # the signs before an operand, and that
+    calls: Set[str]  # the names that a parenthesis follows: two statements
     read: Dict[str, int]  # the names that are read, and where first
 
 
@@ -111,14 +113,27 @@ def _tokens(text: str) -> List[Token]:
         word = match.group()
         if kind == "wrong":
             wrong = f"Invalid token '{shown(word)}' at position {match.start()}"
-            raise ScriptSyntaxError(wrong, match.start(), _HINTS.get(word[0], ""))
+            raise ScriptSyntaxError(wrong, match.start(), _hint(text, match.start()))
         tokens.append((word if kind == "operator" else str(kind), word, match.start()))
     tokens.append(("end", "", len(text)))
     return tokens
 
 
+def _hint(text: str, at: int) -> str:
+    """Return what may be meant by the character there, which begins no token."""
+    if text[at] == "," and _IN_CALL.search(text, 0, at):
+        return NO_FUNCTIONS
+    number = re.search(r"[0-9]+$", text[:at]), re.match("[0-9]+", text[at + 1:])
+    if text[at] == "," and number[0] and number[1]:
+        return f"a number has a point: write {number[0].group()}.{number[1].group()}"
+    return _HINTS.get(text[at]) or named_letters(text[at])
+
+
+NO_FUNCTIONS = "a script has no functions; condition ? value : other chooses a value"
+_IN_CALL = re.compile(r"\w\([^()]*$")
 _HINTS = {'"': "a text needs single quotes: 'yes'", "%": "scripts have no remainder",
           ",": "statements are separated by ;", "[": "scripts have no lists",
+          ".": "a name has no dot, and a number digits on both sides of it",
           "#": "scripts have no remarks", "{": "a script names an entry without braces",
           "'": "the text has no closing quote",
           **dict.fromkeys("0123456789", "a number is followed by no unit")}
@@ -153,7 +168,7 @@ class _ScriptParser:
         self.at = 0
         self.depth = 0
         self.last: Operand  # the operand read last; a "name" is that and nothing more
-        self.facts = ScriptFacts([], [], [], [], {})
+        self.facts = ScriptFacts([], [], [], [], set(), {})
         self._is_assignment: bool  # the expression read last
 
     def script(self) -> List[Evaluate]:
@@ -273,6 +288,8 @@ class _ScriptParser:
         kind, text, position = self._next()
         if kind == "name" and text not in ("true", "false"):
             self.last = Operand("name", text, position)
+            if self.tokens[self.at][0] == "(":
+                self.facts.calls.add(text)
             return operators.value_of(text)
         if kind in _LITERALS:
             value = _LITERALS[kind](text)
@@ -337,6 +354,6 @@ def compile_script(text: str, allow_empty: bool = False) -> Script:
     """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: an empty one fails
     when it runs."""
     if allow_empty and not text:
-        return Script(text, [], ScriptFacts([], [], [], [], {}))
+        return Script(text, [], ScriptFacts([], [], [], [], set(), {}))
     parser = _ScriptParser(text)
     return Script(text, parser.script(), parser.facts)
