@@ -538,8 +538,8 @@ def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
      "position 0 (\u0430 is CYRILLIC SMALL LETTER A)"),
     ('<Script code="a := \u2018x\u2019"/>', "the script of code cannot be read: Invalid token "
      "'\u2018' at position 5 (\u2018 is LEFT SINGLE QUOTATION MARK)"),
-    ('<Script code="a := 12,75"/>', "the script of code cannot be read: Invalid token ',' at position "
-     "7 (a number has a point: write 12.75)"),
+    ('<Script code="a := 12,75"/>', "the script of code cannot be read: Invalid token ',' at "
+     "position 7 (a number has a point: write 12.75)"),
     ('<Script code="a := min(b, 2)"/>', "the script of code cannot be read: Invalid token ',' at "
      "position 10 (a script has no functions; condition ? value : other chooses a value)"),
 ])

@@ -118,8 +118,8 @@ THEIRS = """<TreeNodesModel>
 </TreeNodesModel>"""
 TREE_OF_THEIRS = TREE.format("Main", """<Sequence><Navigate target="office"/>
   <SetRobotPose x="{start_x}" y="-3,5"/><WelcomeSpeech/></Sequence>""")
-SUM_OF_THEIRS = ("{}: checked, 4 nodes, 3 warnings; not a mission of this robot, which lacks 3 node "
-                 "types (taken as stubs): Navigate, SetRobotPose, WelcomeSpeech; defined by the "
+SUM_OF_THEIRS = ("{}: checked, 4 nodes, 3 warnings; not a mission of this robot, which lacks 3 "
+                 "node types (taken as stubs): Navigate, SetRobotPose, WelcomeSpeech; defined by the "
                  "palette, not as here: Navigate, SetRobotPose, WelcomeSpeech")
 
 
@@ -149,21 +149,23 @@ def test_a_mission_with_another_robot_s_definition_of_a_node_is_not_run(file):
     '<Action ID="Navigate"/>', '<Action ID="Navigate"><input_port name="target" type="Location"/>'
     '</Action>', '<Decorator ID="Timeout"><input_port name="seconds"/></Decorator>',
     '<Action ID="NavigateAsync"><input_port name="other"/></Action>'])
-def test_a_model_with_fewer_ports_or_of_the_library_or_not_in_use_is_no_other_definition(file,
-                                                                                        model):
-    path = file("m.xml", TREE.format("Main", '<Timeout msec="9000"><Navigate target="1;2;3"/>'
-                                     '</Timeout>'), "<TreeNodesModel>{}</TreeNodesModel>".format(model))
+def test_a_model_with_fewer_ports_or_of_the_library_or_not_in_use_is_no_other_one(file, model):
+    body = '<Timeout msec="9000"><Navigate target="1;2;3"/></Timeout>'
+    path = file("m.xml", TREE.format("Main", body),
+                "<TreeNodesModel>{}</TreeNodesModel>".format(model))
     assert "palette-other-node" not in {code for _, _, code in told(path)}
     assert load_tree(path).root.name == "Timeout"
 
 
 def test_words_of_scripts_that_another_robot_may_know_are_no_fault_of_its_missions(file):
-    body = ('<Sequence><FixtureDrive/><Script code="colour := RED"/><Script code="n := abs(colour)"/>'
-            '<ScriptCondition code="colour == SUCCESS"/></Sequence>')
+    body = ('<Sequence><FixtureDrive/><Script code="colour := RED"/>'
+            '<Script code="n := abs(colour)"/><ScriptCondition code="colour == SUCCESS"/>'
+            '</Sequence>')
     path = file("m.xml", TREE.format("Main", body),
                 '<TreeNodesModel><Action ID="FixtureDrive"/></TreeNodesModel>')
     assert not judged(path)[0].is_wrong
-    assert judged(file("m.xml", TREE.format("Main", body.replace("<FixtureDrive/>", ""))))[0].is_wrong
+    body = body.replace("<FixtureDrive/>", "")
+    assert judged(file("m.xml", TREE.format("Main", body)))[0].is_wrong
 
 
 @pytest.mark.parametrize("count, rest", [(20, ""), (21, ", …")])

@@ -11,7 +11,7 @@ from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.engine.possible_results import SUCCEEDS
 from behavior_controller.bt.script.parser import NO_FUNCTIONS, Assignment, Operand, Operation
 from behavior_controller.bt.values.status import BY_NAME
-from behavior_controller.bt.values.values import GENERIC
+from behavior_controller.bt.values.values import GENERIC, TEXT
 from behavior_controller.text import did_you_mean
 
 FOREIGN_WORDS = {
@@ -121,7 +121,7 @@ def _truth(facts: MissionFacts, use: Use) -> Iterator[Finding]:
             entry = facts.flow.name(use.tree, operand.word).entry
             words = [value.word for value in entry.known_values if entry.kind == "number"]
             what = f"{operand.word}, which holds {_no_truth(words)},"
-            if entry.kind in ("text", NUMERAL):
+            if entry.kind in ("text", NUMERAL) and entry.types <= {*GENERIC, TEXT}:
                 words, what = ["2"], f"{operand.word}, which holds a text,"
         if operand.kind == "text" or _no_truth(words):
             hint = f"compare it, as in {operand.word} > 0"
