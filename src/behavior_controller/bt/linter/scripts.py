@@ -4,7 +4,7 @@ from typing import Dict, Iterator, List, Optional, Tuple
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.loader.flow import (
-    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, EntryFacts, Literal, Use,
+    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, Literal, Use, Value,
     literal_kind)
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
@@ -47,8 +47,10 @@ def check_scripts(facts: MissionFacts) -> None:
     facts.findings.refuses_late = False
     _check_literals(facts)
     for entry in dict.fromkeys(name.entry for name in facts.flow.all()):
-        _check_changed(facts, entry)
-        _check_emptied(facts, entry)
+        for values in entry.instances():
+            _check_changed(facts, values)
+            if entry.types <= set(GENERIC):
+                _check_emptied(facts, values)
 
 
 def _words(facts: MissionFacts, use: Use) -> Iterator[Finding]:
@@ -237,10 +239,10 @@ def _kind(facts: MissionFacts, use: Use, operand: Operand) -> str:
     return literal_kind(operand)
 
 
-def _check_changed(facts: MissionFacts, entry: EntryFacts) -> None:
+def _check_changed(facts: MissionFacts, values: List[Value]) -> None:
     """Warn of the first assignment of a number to an entry that holds a text, or the
     reverse."""
-    known = [value for value in entry.known_values if value.kind in ("text", "number")
+    known = [value for value in values if value.kind in ("text", "number")
              and not (value.is_own and value.kind == "number")]
     for name, element, attribute, kind, _, assignment in known:
         if kind != known[0].kind and assignment is not None:
@@ -251,14 +253,12 @@ def _check_changed(facts: MissionFacts, entry: EntryFacts) -> None:
             return
 
 
-def _check_emptied(facts: MissionFacts, entry: EntryFacts) -> None:
+def _check_emptied(facts: MissionFacts, values: List[Value]) -> None:
     """Warn of each text that is written to an entry that a script before it has made, which
     knows no conversion."""
-    if not entry.types <= set(GENERIC):
-        return
-    made = [value.element for value in entry.known_values
+    made = [value.element for value in values
             if value.assignment is not None and value.assignment.sign == ":="]
-    for value in entry.known_values if made else ():
+    for value in values if made else ():
         if value.assignment is None and any(_is_before(facts, element, value.element)
                                             for element in made):
             text = f"the entry {value.name} was made by a script: this text empties it"

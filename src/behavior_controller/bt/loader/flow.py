@@ -87,13 +87,23 @@ class EntryFacts:
         self.names = [name]
         self.uses: Set[str] = set()  # READ, WRITTEN …
         self.types: Set[str] = set()  # of the ports that refer to it
-        self.values: List[Value] = []
 
     @cached_property
     def known_values(self) -> List[Value]:
         """All values that are written to it, in the order of the files; empty if it is written
         otherwise too."""
-        values = [] if TOUCHED in self.uses else self.values
+        return self._known(self.names)
+
+    def instances(self) -> Iterator[List[Value]]:
+        """Yield ``known_values`` for each entry of the running mission: a tree that is called twice
+        may be given two."""
+        inside = {id(inner) for name in self.names for inner in name.inside}
+        for name in self.names:
+            if id(name) not in inside:
+                yield self._known(name.below())
+
+    def _known(self, names: List["Name"]) -> List[Value]:
+        values = [] if TOUCHED in self.uses else [value for name in names for value in name.values]
         return sorted(values, key=lambda value: (value.element.document.file, value.element.number))
 
     @cached_property
@@ -124,6 +134,7 @@ class Name:
         self.write: Optional[Access] = None  # by a node
         # the tree writes it itself, or a tree that it calls; not what its callers give it
         self.is_own = False
+        self.values: List[Value] = []
         self.writers: List[Element] = []  # also calls of trees that write it
         self.inside: List["Name"] = []  # its names in the trees that are called with it
 
@@ -144,7 +155,6 @@ class Name:
         if small is not large:
             large.uses |= small.uses
             large.types |= small.types
-            large.values += small.values
             large.names += small.names
             for name in small.names:
                 name.entry = large
@@ -251,7 +261,7 @@ class Flow:
             if ports.reference(value, "value") is None:
                 written = self._write(tree, text, place, CREATED)
                 kind = _kind_of_text(value)
-                written.entry.values.append(Value(text, element, "value", kind, value))
+                written.values.append(Value(text, element, "value", kind, value))
             else:
                 self._write(tree, text, place, CREATED, TOUCHED)
 
@@ -267,12 +277,12 @@ class Flow:
             if not assignment.name:
                 continue
             place = Access(element, attribute, assignment.position)
-            entry = self._write(tree, assignment.name, place).entry
+            written = self._write(tree, assignment.name, place)
             if assignment.sign == ":=":
-                entry.uses.add(CREATED)
+                written.entry.uses.add(CREATED)
             if assignment.sign in (":=", "="):
                 kind, word = literal_kind(assignment.value), assignment.value.word
-                entry.values.append(
+                written.values.append(
                     Value(assignment.name, element, attribute, kind, word, assignment))
 
     def _call(self, tree: str, call: Element, model: List[Port]) -> None:

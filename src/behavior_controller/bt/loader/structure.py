@@ -159,11 +159,11 @@ class Trees:
         """Warn of the attributes of a tree or of what is around trees that mean nothing."""
         known = _ATTRIBUTES.get(element.tag, ())
         for name in element.attributes if element.tag in _ATTRIBUTES else ():
-            is_odd = name[0] != "_" or bool(did_you_mean(name, CONDITIONS, 0.8))
-            meant = {"BehaviorTree": "ID", "root": "BTCPP_format"}.get(element.tag, "")
-            is_told = meant not in element.attributes and did_you_mean(name, [meant], 0.8)
-            if name in known or not is_odd or is_told:
+            if name in known or (name[0] == "_" and name not in CONDITIONS):
                 continue
+            meant = {"BehaviorTree": "ID", "root": "BTCPP_format"}.get(element.tag, "")
+            if meant not in element.attributes and did_you_mean(name, [meant], 0.8):
+                continue  # it is told that the other one is missing
             hint = self.nearest(name, known, "it may have")
             if name[0] == "_":
                 hint = "a condition belongs on the <SubTree> that calls the tree, or on a node"
@@ -235,8 +235,9 @@ class Trees:
     def words(self, tree_id: str) -> Set[str]:
         """Return the words in the attributes of a tree's nodes, such as the entries that it uses.
         """
-        return {word for element in self.trees[tree_id].below
-                for text in element.attributes.values() for word in _WORD.findall(text)}
+        below = self.trees[tree_id].below if tree_id in self.trees else []
+        return {word for element in below for text in element.attributes.values()
+                for word in _WORD.findall(text)}
 
     def _usable_port(self, port: Element) -> bool:
         name = port.attributes.get("name")
