@@ -120,6 +120,11 @@ CANNOT_BE_MEANT = {
         '<SetBlackboard\noutput_key="{given}" value="1"/>', (3, 1), "name-from-entry"),
     "the name from an entry that nothing writes": (
         '<UnsetBlackboard\nkey="{x}"/>', (3, 1), "name-from-entry"),
+    "read before it is written": (
+        '<Sequence><In\nin="{x}"/><Out out="{x}"/></Sequence>', (3, 1), "read-too-early"),
+    "read before it is set": (
+        '<Sequence><In\nin="{x}"/><SetBlackboard output_key="x" value="1"/></Sequence>', (3, 1),
+        "read-too-early"),
     "read, never written": ('<In\nin="{goal}"/>', (3, 1), "never-written"),
     "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), "never-written"),
     "read in a condition": (
@@ -185,8 +190,9 @@ def test_what_cannot_be_meant(rule):
     '<ReactiveFallback><Cond/><ForceFailure><Sleep msec="5"/></ForceFailure></ReactiveFallback>',
     "<ReactiveSequence><Begin/><AlwaysSuccess/><Cond/></ReactiveSequence>",
     '<Sequence><In in="{given}"/><In in="{@given}"/><In in="literal"/></Sequence>',
-    '<Sequence><In in="{x}"/><Out out="{x}"/></Sequence>',
-    '<Sequence><In in="{x}"/><SetBlackboard output_key="x" value="1"/></Sequence>',
+    '<Sequence><Out out="{x}"/><In in="{x}"/></Sequence>',
+    '<Parallel><In in="{x}"/><SetBlackboard output_key="x" value="1"/></Parallel>',
+    '<Repeat num_cycles="2"><Sequence><In in="{x}"/><Out out="{x}"/></Sequence></Repeat>',
     '<Sequence><Script code="a := 1; a += 1"/><ScriptCondition code="a > 1"/></Sequence>',
     '<Sequence><Script code="{given}"/><In in="{whatever}"/></Sequence>',
     '<LoopString queue="a;b" value="{item}"><In in="{item}"/></LoopString>',

@@ -133,10 +133,10 @@ def check_entries(facts: MissionFacts) -> None:
     if not facts.flow.is_known:
         return
     by_default: Set[int] = set()  # elements
+    told: Set[int] = set()
     for use in facts.flow.all():
         if facts.is_host_known:
             _check_written(facts, use)
-            _check_order(facts, use)
         read, name = use.read, use.name
         is_odd = name in FOREIGN_WORDS or name != name.strip() or "{" in name
         # what another tree reads, its callers must give it, if they can
@@ -148,7 +148,11 @@ def check_entries(facts: MissionFacts) -> None:
             if id(read.element) in by_default:
                 continue
             by_default.add(id(read.element))
+        told.add(id(read.element))
         _check_read(facts, use, read)
+    for use in facts.flow.all() if facts.is_host_known else ():
+        if use.read is not None and id(use.read.element) not in told:
+            _check_order(facts, use, use.read)
 
 
 def _check_written(facts: MissionFacts, use: Name) -> None:
@@ -167,12 +171,12 @@ def _check_written(facts: MissionFacts, use: Name) -> None:
         facts.report(rules.ENTRY_MISSPELT, element, text, meant(name, near), attribute, at)
 
 
-def _check_order(facts: MissionFacts, use: Name) -> None:
+def _check_order(facts: MissionFacts, use: Name, read: Access) -> None:
     """Warn of a node that reads an entry before any other is ticked that writes it."""
-    read, is_told = use.read, SUPPRESSED in use.entry.uses
-    if read is None or read.script is not None or not use.writers or is_told:
-        return
-    if any(name.writers for name in use.entry.names if name is not use):
+    others = [name for name in use.entry.names if name is not use]
+    is_given = any(name.is_given or name.writers for name in others) or use.is_given
+    is_told = SUPPRESSED in use.entry.uses or read.script is not None
+    if not use.writers or is_given or is_told:
         return
     if all(facts.is_before(read.element, writer) for writer in use.writers):
         writer = use.writers[0].type_id

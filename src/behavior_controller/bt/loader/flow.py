@@ -134,6 +134,7 @@ class Name:
         self.write: Optional[Access] = None  # by a node
         # the tree writes it itself, or a tree that it calls; not what its callers give it
         self.is_own = False
+        self.is_given = False  # a text, by a call
         self.values: List[Value] = []
         self.writers: List[Element] = []  # also calls of trees that write it
         self.inside: List["Name"] = []  # its names in the trees that are called with it
@@ -295,6 +296,7 @@ class Flow:
             elif text is not None:
                 inner = self.name(called, name)
                 inner.entry.uses.update((WRITTEN, CREATED, TOUCHED))
+                inner.is_given = True
                 self.literals.append(Literal(call, text, inner))
         for name in sorted(self.names[called]) if remaps_all(call) else ():
             if name[0] != "_" and name not in texts:
