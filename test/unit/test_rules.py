@@ -570,7 +570,8 @@ def test_a_misspelt_port_of_a_model_is_told_at_the_model():
 
 def test_a_model_of_a_tree_that_is_missing_is_compared_with_its_calls():
     text = root(tree('<SubTree ID="Other" wo="500"/>') + '<TreeNodesModel><SubTree ID="Other">'
-                '<input_port name="who"/></SubTree></TreeNodesModel>', 'main_tree_to_execute="Main"')
+                '<input_port name="who"/></SubTree></TreeNodesModel>',
+                'main_tree_to_execute="Main"')
     assert {fault.code for fault in test_checks.checked(text).faults if not fault.is_warning} == {
         "unknown-tree", "model-port-missing"}
 

@@ -119,8 +119,8 @@ THEIRS = """<TreeNodesModel>
 TREE_OF_THEIRS = TREE.format("Main", """<Sequence><Navigate target="office"/>
   <SetRobotPose x="{start_x}" y="-3,5"/><WelcomeSpeech/></Sequence>""")
 SUM_OF_THEIRS = ("{}: checked, 4 nodes, 3 warnings; not a mission of this robot, which lacks 3 "
-                 "node types (taken as stubs): Navigate, SetRobotPose, WelcomeSpeech; defined by the "
-                 "palette, not as here: Navigate, SetRobotPose, WelcomeSpeech")
+                 "node types (taken as stubs): Navigate, SetRobotPose, WelcomeSpeech; defined by "
+                 "the palette, not as here: Navigate, SetRobotPose, WelcomeSpeech")
 
 
 def test_a_type_that_the_file_itself_defines_otherwise_is_another_robot_s(file):
