@@ -267,7 +267,8 @@ def test_faults_inside_and_outside_of_the_first_element_are_told_together():
 
 
 @pytest.mark.parametrize("text", [
-    "<root>" + "<a b=\"'" * 300_000, "<root>" + "<a>" * 1_500 + "</b>" * 300_000 + "</root>"])
+    "<root>" + "<a b=\"'" * 300_000, "<root>" + ("<a b " + "c" * 3_000) * 100,
+    "<root>" + "<a>" * 1_500 + "</b>" * 300_000 + "</root>"])
 def test_many_faults_of_the_markup_are_told_within_a_second(text):
     began = time.thread_time()
     assert len(faults_of(text)) == 100

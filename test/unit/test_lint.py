@@ -443,6 +443,11 @@ def test_a_result_needs_an_entry(given, inside, told):
     assert [code for _, _, code in found] == told
 
 
+@pytest.mark.parametrize("call", ['<SubTree ID="Sub"/>', '<SubTree ID="Sub" _autoremap="true"/>'])
+def test_an_entry_without_a_name_is_an_entry(call):
+    assert warnings(call, tree("Sub", '<SetBlackboard output_key="" value="1"/>')) == []
+
+
 def test_a_subtree_may_wait():
     assert warnings('<Repeat num_cycles="-1"><SubTree ID="Sub"/></Repeat>',
                     tree("Sub", '<Sleep msec="5"/>')) == []

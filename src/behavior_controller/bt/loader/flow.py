@@ -299,7 +299,7 @@ class Flow:
                 inner.is_given = True
                 self.literals.append(Literal(call, text, inner))
         for name in sorted(self.names[called]) if remaps_all(call) else ():
-            if name[0] != "_" and name not in texts:
+            if name[:1] != "_" and name not in texts:
                 self._remap(called, name, tree, name, call)
 
     def _remap(self, called: str, inner: str, tree: str, outer: str, call: Element) -> None:

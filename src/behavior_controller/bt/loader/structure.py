@@ -354,5 +354,5 @@ def remaps_all(call: Element) -> bool:
 def is_port_name(name: str) -> bool:
     """Return whether an attribute counts as a port: others, like ``_uid`` or ``xmlns:x``, have no
     meaning."""
-    return (name[0].isalpha() and name[0].isascii() and name not in ("name", "ID")
+    return (name[:1].isalpha() and name[0].isascii() and name not in ("name", "ID")
             and not _FORBIDDEN.search(name))

@@ -60,7 +60,7 @@ _GOOD_TAG = re.compile(r"<[A-Za-z_][\w.-]*(?:[ ]+[A-Za-z_][\w.-]*="
                        r'"[^&"\x00-\x1f\ud800-\udfff\ufffe\uffff]*")?[ ]*/?>')
 _PERHAPS_TEXT = re.compile(rf">{_BLANK}*(?:[^ \t\r\n<]|<!\[CDATA\[)")
 _COMMENT = re.compile("<!--.*?-->", re.DOTALL)
-_END_OF_TAG = re.compile(r"""(?:"[^"<]*"|'[^'<]*'|[^<>"'/]+|/(?!>)){0,999}(/?)>|[^<>/]*(/?)>""")
+_QUOTED = re.compile(r""""[^"]*"|'[^']*'""")
 _NEXT_ATTRIBUTE = re.compile(f"{_BLANK}+({ATTRIBUTE.pattern})")
 _NO_END = re.compile(f"{_BLANK}*(?:<|$)")
 _REST_OF_TAG = re.compile(rf"""({_BLANK}*)({_NAME})?({_BLANK}*=)?{_BLANK}*(["']?)""")
@@ -342,10 +342,12 @@ def _broken_tag(text: str, begin: int, after: int) -> Iterator[_Tag]:
     """Yield the tag at ``begin``, which cannot be read beyond ``after``, unless it closes
     itself."""
     name = TAG_NAME.match(text, begin + 1)
-    end = _END_OF_TAG.match(text, after)
+    rest = text[after:].split("<", 1)[0] if name is not None else ""
+    plain = _QUOTED.sub("", rest)
+    before = (plain if ">" in plain else rest).partition(">")[0]
     if text.startswith("</", begin):
-        yield text[begin + 2:].split("<")[0].strip(_BLANKS), begin, "close"
-    elif name is not None and (end is None or not (end.group(1) or end.group(2))):
+        yield text[begin + 2:].split("<", 1)[0].strip(_BLANKS), begin, "close"
+    elif name is not None and not (before.endswith("/") and ">" in rest):
         yield name.group(), begin, "perhaps"
 
 
