@@ -344,7 +344,7 @@ class TestMission(unittest.TestCase):
 
     @on_one_python
     def test_a_budget_that_is_spent_makes_the_next_visitor_wait_longer_each_time(self):
-        self.check_spent_budget("refuse", 0.5)
+        self.check_spent_budget("refuse", 1.0)
 
     def check_spent_budget(self, mode, pause):
         """Each pass fails as a service is in ``mode``, and nothing may be recovered: the pauses
