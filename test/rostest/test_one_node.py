@@ -17,7 +17,8 @@ import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import (  # noqa: E402
+    Controller, Package, Robot, forget_dead_entries, on_one_python)
 
 NAME = "/behaviorController"
 SAY = "/textToSpeech/say_text"
@@ -79,6 +80,7 @@ class TestOneNode(unittest.TestCase):
 
     # --------------------------------------------------------------------------- a start that fails
 
+    @on_one_python
     def test_a_start_that_fails_changes_nothing(self):
         running = self.running()
         for code, words in ((2, ["_missionRuns:=many"]), (2, ["missionRuns:=1"]),
@@ -91,6 +93,7 @@ class TestOneNode(unittest.TestCase):
             self.assert_speaks(running)
         self.assertNotIn("another node", running.lines.text())
 
+    @on_one_python
     def test_a_start_that_waits_for_nodes_leaves_the_running_one_alone(self):
         running = self.running()
         waiting = self.start("_startupTimeout:=60", SAY + ":=/voice/say")
@@ -165,6 +168,7 @@ class TestOneNode(unittest.TestCase):
         started, _ = newer.lines.wait_for(lambda line: " starts, " in line, START_LIMIT)
         self.assertGreater(started, calm)
 
+    @on_one_python
     def test_an_older_one_that_does_not_end_is_reported(self):
         older = self.running()
         older.process.send_signal(signal.SIGSTOP)
@@ -174,6 +178,7 @@ class TestOneNode(unittest.TestCase):
         self.assertEqual(older.wait(START_LIMIT), 0)
         self.assert_speaks(newer)
 
+    @on_one_python
     def test_of_several_that_start_at_once_one_stays(self):
         nodes = [self.running()]
         for _ in range(ROUNDS):

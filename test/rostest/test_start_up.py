@@ -20,7 +20,8 @@ import rostest
 from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries, mission_starts  # noqa: E402
+from robot import (  # noqa: E402
+    Controller, Package, Robot, forget_dead_entries, mission_starts, on_one_python)
 
 SPEAKS = "<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomeSpeech/></BehaviorTree></root>"
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
@@ -181,6 +182,7 @@ class TestStartUp(unittest.TestCase):
         self.assert_line(text, "ERROR", "/voice/say", "node /textToSpeech", "not advertised")
         self.assertNotIn("/textToSpeech/say_text", text)
 
+    @on_one_python
     def test_a_mission_that_only_speaks_needs_text_to_speech_alone(self):
         self.robot(dict.fromkeys(set(PARTS) - {"/textToSpeech/say_text"}, "absent"))
         self.package.write("data/speaks.xml", SPEAKS)
@@ -191,6 +193,7 @@ class TestStartUp(unittest.TestCase):
         self.assertEqual(code, 1)
         self.assert_line(text, "ERROR", "/robotNavigation/set_goal", "not advertised")
 
+    @on_one_python
     def test_without_speech_recognition_nobody_needs_speechEvent(self):
         self.robot({"/speechEvent/text": "absent"})
         self.package.configure(asrEnabled="false")
@@ -198,6 +201,7 @@ class TestStartUp(unittest.TestCase):
         controller.lines.wait_for(lambda line: "[WARN]" in line and "/speechEvent/text" in line, 15)
         controller.lines.wait_for(lambda line: mission_starts() in line, 15)
 
+    @on_one_python
     def test_it_waits_for_nodes_that_come_late(self):
         self.package.configure(startupTimeout="30")
         controller = self.controller()
@@ -235,20 +239,24 @@ class TestStartUp(unittest.TestCase):
             self.assert_line(text, "ERROR", *words)
         self.assertEqual(robot.requests(), [])
 
+    @on_one_python
     def test_a_value_that_is_not_allowed(self):
         self.package.configure(asrEnabled="maybe", verbosMode="true")
         self.assert_refused(
             ("behaviorControllerConfiguration.ini:3", "asrEnabled", "maybe"),
             ("behaviorControllerConfiguration.ini:4", "verbosMode", " verboseMode?"))
 
+    @on_one_python
     def test_no_configuration(self):
         os.remove(self.package.path("config/behaviorControllerConfiguration.ini"))
         self.assert_refused(("behaviorControllerConfiguration.ini", "No such file"))
 
+    @on_one_python
     def test_a_mission_that_is_not_there(self):
         self.package.configure(scenarioSpecification="lab_tuor")
         self.assert_refused(("lab_tuor.xml", " lab_tour?"))
 
+    @on_one_python
     def test_all_mistakes_of_all_files_come_in_one_go(self):
         self.package.configure(scenarioSpecification="wrong", language="Klingon")
         self.package.write("data/wrong.xml",
@@ -258,6 +266,7 @@ class TestStartUp(unittest.TestCase):
                             ("wrong.xml:5:", "Slep", "Sleep"), ("Klingon", "English"),
                             ("recoveryPolicy.ini:2", "Navigate"))
 
+    @on_one_python
     def test_broken_xml(self):
         self.package.configure(scenarioSpecification="broken")
         self.package.write("data/broken.xml", MISSION.format("<Sequence>"))
@@ -295,6 +304,7 @@ class TestStartUp(unittest.TestCase):
 
     # --------------------------------------------------------------------------------- command line
 
+    @on_one_python
     def test_help_is_printed_by_the_installed_command(self):
         text = subprocess.check_output(["rosrun", "cssr_system", "behaviorController", "--help"],
                                        universal_newlines=True, timeout=20)
@@ -302,11 +312,13 @@ class TestStartUp(unittest.TestCase):
                      "seconds to wait for missing robot nodes"):
             self.assertIn(word, text)
 
+    @on_one_python
     def test_an_argument_that_it_does_not_know(self):
         code, text = self.run_node("--verbose")
         self.assertEqual(code, 2)
         self.assert_line(text, "unknown argument '--verbose'")
 
+    @on_one_python
     def test_a_word_that_looks_like_a_key_is_no_remapping(self):
         self.check_word("missionRuns:=1", "_missionRuns")
 
@@ -316,6 +328,7 @@ class TestStartUp(unittest.TestCase):
         self.assertEqual(code, 2)
         self.assert_line(text, "ERROR", "argument " + word, "did you mean {}?".format(meant))
 
+    @on_one_python
     def test_an_argument_that_our_launch_file_does_not_declare(self):
         for given, code in ((["missionRun:=1"], 2), (["missionRuns:=0", "foo:=1"], 2),
                             (["missionRuns:=0"], 1)):
@@ -331,6 +344,7 @@ class TestStartUp(unittest.TestCase):
 
     # ----------------------------------------------------------------- files that are no such files
 
+    @on_one_python
     def test_a_configuration_or_mission_that_is_no_file(self):
         self.package.configure(scenarioSpecification="odd")
         for name in ("data/odd.xml", "config/behaviorControllerConfiguration.ini"):
@@ -388,6 +402,7 @@ class TestStartUp(unittest.TestCase):
         self.assert_line(text, "WARN", "no log file is written to")
         self.assertEqual(text.count("WARN"), 1)
 
+    @on_one_python
     def test_a_log_file_that_hangs(self):
         self.check_hanging_log("behaviorController")
 
