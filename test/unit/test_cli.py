@@ -415,7 +415,7 @@ def in_shell(tool, redirection, *arguments):
     ("validateMission", ">&-"),
     ("replayMission", "2>&-"),
     ("missionStatus", ">&-"),
-] + [(tool, "<&- >&- 2>&-") for tool in TOOLS])
+    ("missionViewer", "<&- >&- 2>&-")])
 def test_a_closed_stream_changes_nothing_but_what_is_seen(tool, redirection):
     arguments, code = TOOLS[tool]
     found, out, err = in_shell(tool, redirection, *arguments)
@@ -434,7 +434,7 @@ def test_a_full_disk_is_one_line_and_exit_code_1(tool):
 
 def test_a_reader_that_goes_away_ends_a_tool_in_silence(file):
     bad = file(BAD)
-    code, out, err = in_shell("validateMission", "| head -n 1", *[bad] * 2000)
+    code, out, err = in_shell("validateMission", "| head -n 1", *[bad] * 500)  # more than a pipe holds
     assert (code, out.count("\n"), err) == (0, 1, "")
 
 
@@ -504,7 +504,7 @@ def test_the_status_in_the_terminal_needs_no_py_trees(tmp_path):
 
 
 @pytest.mark.parametrize("version, is_refused", [
-    ("1.4.0", True), ("2.1.6", True), ("2.2.0", False), ("2.10.0", False), ("10.0.0", False)])
+    ("2.1.6", True), ("2.2.0", False), ("2.10.0", False), ("10.0.0", False)])
 def test_which_py_trees_is_too_old(tmp_path, version, is_refused):
     done = run_with_py_trees(tmp_path, version, [os.path.join(EXECUTABLES, "exportNodeModel")])
     assert done.returncode == 1
