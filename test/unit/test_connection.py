@@ -14,6 +14,7 @@ from behavior_controller.ros import master
 from behavior_controller.ros.shortage import SHORTAGE
 from behavior_controller.ros.tcpros import ANSWERS, Connection, MOST_XML, Trouble, ask
 from faulty_master import GARBAGE, RAW, http_answer
+from ros_peers import TcprosPeer, hang
 from shortages import no_files_left
 
 NODES = [["/a", ["/n", "/m"]], ["/b", []]]
@@ -26,39 +27,22 @@ SANE = {
 }
 
 
-class Peer:
-    """Answers the calls of ``method`` that it gets with these bytes, ``gap`` seconds between two of
+@contextlib.contextmanager
+def peer(data, gap=0.0):
+    """Answer each call that comes to the address with these bytes, ``gap`` seconds between two of
     them."""
+    def talk(connection):
+        with connection:
+            if b"POST" in connection.recv(5, socket.MSG_PEEK):
+                read_call(connection)
+            for byte in data if gap else ():
+                connection.sendall(bytes([byte]))
+                time.sleep(gap)
+            connection.sendall(b"" if gap else data)
 
-    def __init__(self, data, gap=0.0):
-        self._listener = socket.socket()
-        self._listener.bind(("127.0.0.1", 0))
-        self._listener.listen(5)
-        self._data, self._gap = data, gap
-        self.uri = "http://127.0.0.1:{}/".format(self._listener.getsockname()[1])
-        threading.Thread(target=self._serve, daemon=True).start()
-
-    def __enter__(self):
-        return self.uri
-
-    def __exit__(self, *error):
-        self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
-
-    def _serve(self):
-        while True:
-            try:
-                connection, _ = self._listener.accept()
-                if b"POST" in connection.recv(5, socket.MSG_PEEK):
-                    read_call(connection)
-                if self._gap:
-                    for byte in self._data:
-                        connection.sendall(bytes([byte]))
-                        time.sleep(self._gap)
-                connection.sendall(self._data)
-                connection.close()
-            except OSError:
-                return
+    served = TcprosPeer(talk)
+    yield "http://127.0.0.1:{}/".format(served.port)
+    served.close()
 
 
 def read_call(connection):
@@ -97,7 +81,7 @@ def test_each_method_that_is_asked_for_has_a_sane_answer_here():
 
 @pytest.mark.parametrize("method", SANE)
 def test_a_sane_answer_is_returned(method):
-    with Peer(answered([1, "ok", SANE[method]])) as uri:
+    with peer(answered([1, "ok", SANE[method]])) as uri:
         assert plain(ask(uri, method, seconds=5.0)) == SANE[method]
 
 
@@ -105,7 +89,7 @@ def test_a_sane_answer_is_returned(method):
     ("lookupService", False), ("lookupNode", False), ("getParam", False), ("requestTopic", False),
     ("getSystemState", True), ("registerSubscriber", True), ("registerService", True)])
 def test_a_reported_failure_is_none_where_that_means_something(method, fails):
-    with Peer(answered([-1, "no", 0])) as uri:
+    with peer(answered([-1, "no", 0])) as uri:
         if fails:
             with pytest.raises(Trouble):
                 ask(uri, method, seconds=5.0)
@@ -116,7 +100,7 @@ def test_a_reported_failure_is_none_where_that_means_something(method, fails):
 @pytest.mark.parametrize("value", GARBAGE, ids=lambda value: repr(value)[:30])
 @pytest.mark.parametrize("method", SANE)
 def test_a_value_of_another_shape_is_trouble(method, value):
-    with Peer(answered([1, "ok", value])) as uri:
+    with peer(answered([1, "ok", value])) as uri:
         try:
             found = ask(uri, method, seconds=5.0)
         except Trouble as trouble:
@@ -130,19 +114,19 @@ def test_a_value_of_another_shape_is_trouble(method, value):
     ["1", "ok", "x"], [None, None, None], [True, "ok", "http://h:1/"]
 ], ids=repr)
 def test_an_answer_that_is_no_triple_is_trouble(answer):
-    with Peer(answered(answer)) as uri, pytest.raises(Trouble):
+    with peer(answered(answer)) as uri, pytest.raises(Trouble):
         ask(uri, "lookupNode", "/n", seconds=5.0)
 
 
 @pytest.mark.parametrize("name", RAW)
 def test_what_is_no_answer_at_all_is_trouble(name):
-    with Peer(RAW[name]) as uri, pytest.raises(Trouble):
+    with peer(RAW[name]) as uri, pytest.raises(Trouble):
         ask(uri, "getSystemState", seconds=5.0)
 
 
 def test_an_answer_without_an_end_is_trouble():
     body = b"<methodResponse>" + b" " * MOST_XML
-    with Peer(http_answer(body)) as uri, pytest.raises(Trouble) as raised:
+    with peer(http_answer(body)) as uri, pytest.raises(Trouble) as raised:
         ask(uri, "getSystemState", seconds=20.0)
     assert str(MOST_XML) in str(raised.value)
 
@@ -156,11 +140,11 @@ def test_an_address_at_which_nothing_can_answer_is_trouble(uri):
         ask(uri, "lookupNode", "/n", seconds=1.0)
 
 
-@pytest.mark.parametrize("data, fault",
-                         [(answered([1, "ok", SANE["getSystemState"]]), "answers slowly"),
-                          (b"", "does not answer")])
-def test_the_whole_exchange_ends_in_time(data, fault):
-    with Peer(data or b"\0", gap=0.05 if data else 5.0) as uri:
+@pytest.mark.parametrize("data, gap, fault", [
+    (answered([1, "ok", SANE["getSystemState"]]), 0.05, "answers slowly"),
+    (b"", 0.05, "does not answer")])
+def test_the_whole_exchange_ends_in_time(data, gap, fault):
+    with peer(data, gap) as uri:
         began = time.monotonic()
         with pytest.raises(Trouble) as raised:
             ask(uri if data else silent(), "getSystemState", seconds=0.6)
@@ -170,16 +154,12 @@ def test_the_whole_exchange_ends_in_time(data, fault):
 
 def silent():
     """Return the address of a port that takes connections and says nothing."""
-    listener = socket.socket()
-    listener.bind(("127.0.0.1", 0))
-    listener.listen(5)
-    threading.Timer(5.0, listener.close).start()
-    return "http://127.0.0.1:{}/".format(listener.getsockname()[1])
+    return "http://127.0.0.1:{}/".format(TcprosPeer(hang).port)
 
 
 def test_a_handshake_that_comes_byte_by_byte_ends_in_time():
     header = b"\x20\x00\x00\x00\x1c\x00\x00\x00callerid=/a_node_with_a_long_name"
-    with Peer(header, gap=0.1) as uri:
+    with peer(header, gap=0.1) as uri:
         began = time.monotonic()
         with pytest.raises(Trouble) as raised:
             Connection().open("127.0.0.1", int(uri.rstrip("/").rpartition(":")[2]),
@@ -208,7 +188,7 @@ def test_a_name_server_that_hangs_is_waited_for_within_the_limit_and_asked_once(
         return real(host, *arguments, **options)
 
     monkeypatch.setattr(socket, "getaddrinfo", hangs)
-    with Peer(
+    with peer(
             http_answer(xmlrpc.client.dumps(([1, "", 77],), methodresponse=True).encode())) as uri:
         named = uri.replace("127.0.0.1", "slow.example")
         for _ in range(2):
