@@ -2,7 +2,7 @@
 
 A comment of the file may say ``measures time`` and ``takes long``: markers ``timing`` and ``long``.
 If it says ``every Python`` there is a second test, ``long`` as well, that runs the nodes on the
-other supported interpreter.
+other supported interpreter, but for the cases that are marked ``on_one_python``.
 The output and the results as JUnit XML are in build/log/tests, in a folder with the test's name.
 """
 import itertools

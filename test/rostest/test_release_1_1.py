@@ -13,8 +13,8 @@ import rospy
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from release_parts import CULTURE, ENVIRONMENT, MISSION, EndingServer  # noqa: E402
 from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
-from test_release_1_0 import CULTURE, ENVIRONMENT, MISSION, EndingServer  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
