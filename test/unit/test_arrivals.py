@@ -1,10 +1,16 @@
 """Tests of the Poisson arrivals."""
 import itertools
 import math
+import time
 
 import pytest
 
+from behavior_controller.config import settings
+from behavior_controller.simulation import configuration
 from behavior_controller.simulation.arrivals import Arrivals
+from behavior_controller.simulation.simulated_node import SimulatedNode
+from behavior_controller.simulation.visitor import ENGAGES
+from behavior_controller.simulation.world import world
 
 GAPS = 10_000
 RATES = (1, 60, 1000)
@@ -80,3 +86,15 @@ def test_times_begin_at_any_moment():
     early, late = (list(itertools.islice(Arrivals(60, "x").times(start), 5))
                    for start in (0.0, 100.0))
     assert late == pytest.approx([time + 100.0 for time in early])
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_each_topic_has_the_configured_rate_and_none_keeps_step_with_another(rate):
+    test = configuration.defaults(arrivalRate=float(rate), randomSeed=7)
+    around = world(ENGAGES, settings.defaults())
+    times = [[*itertools.islice(SimulatedNode(node, test, around, time.monotonic, print).arrivals()
+                                .times(0.0), GAPS)]
+             for node in ("faceDetection", "overtAttention", "speechEvent")]
+    for own in times:
+        assert own[-1] == pytest.approx(60 * GAPS / rate, rel=5 / math.sqrt(GAPS))
+    assert len(set(itertools.chain(*times))) == 3 * GAPS
