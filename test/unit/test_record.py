@@ -17,7 +17,7 @@ from behavior_controller.robot.requests import Answer, Exhibit, Location, Point,
 from behavior_controller.text import Source
 from behavior_controller.run.record import feed as feed_module, recorder as module
 from behavior_controller.run.record.feed import Entries, Feed, entry_text
-from behavior_controller.run.record.recorder import LineQueue, Record, RecordFiles
+from behavior_controller.run.record.recorder import LineQueue, Record
 from behavior_controller.run.record.tree_shown import shown
 from mission_rig import FileRecord, Rig, one_leaf, written
 

@@ -21,7 +21,7 @@ from behavior_controller.run.events import (
 from behavior_controller.run.history import Run
 from behavior_controller.run.record import files, recorder as module
 from behavior_controller.run.record.codec import Decoder
-from behavior_controller.run.record.files import make_room, new_folder, runs
+from behavior_controller.run.record.files import make_room, runs
 from behavior_controller.run.record.outset import Outset
 from behavior_controller.missions.replay import replay
 from behavior_controller.replay_cli import main

@@ -20,7 +20,6 @@ from behavior_controller.leaves.data import TARGET_LOCATION
 from mission_rig import EXHIBITS, one_leaf, refusal, service_of, write
 
 SPEC = {spec.id: spec for spec in leaves.SPECS}
-NODES = list(SPEC)
 DELIVERED = recovery_policy.load(folders.config("recoveryPolicy.ini"), leaves.mission_specs())
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 

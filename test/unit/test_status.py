@@ -25,7 +25,6 @@ from behavior_controller.run.events import (
     TreeShown, unix_now)
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, Say
-from behavior_controller.leaves import registry
 from behavior_controller.config.settings import KEYS
 from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode, header
