@@ -240,11 +240,13 @@ NOT_HOME = Location(HOME.x, HOME.y + 1.5, HOME.theta_deg)
 
 
 @pytest.mark.parametrize("requests, outcome, expected", [
-    ([OFF, ON, BACK], "FAILURE", ["left-on"]), ([ON, OFF, BACK], "FAILURE", []),
-    ([OFF, ON], "FAILURE", []), ([ON, BACK], "", []), ([OFF, STIR, BACK], "FAILURE", ["left-on"]),
+    ([OFF, ON, BACK], "FAILURE", ["drives-switched-on", "left-on"]),
+    ([BACK, ON], "FAILURE", ["left-on"]), ([ON, OFF, BACK], "FAILURE", []),
+    ([OFF, ON], "FAILURE", []), ([ON, BACK], "", ["drives-switched-on"]),
+    ([OFF, STIR, BACK], "FAILURE", ["drives-switched-on", "left-on"]),
     ([BACK, TOUR[0]], "FAILURE", ["not-home"]), ([TOUR[0], BACK], "FAILURE", []),
     ([TOUR[0]], "", []), ([], "FAILURE", []), ([GoTo(NOT_HOME)], "FAILURE", ["not-home"]),
-    ([TOUR[0], QueryKnowledge("home")], "FAILURE", []),
+    ([TOUR[0], QueryKnowledge("home")], "FAILURE", ["not-home"]),
     ([QueryKnowledge("home"), TOUR[0]], "FAILURE", ["not-home"]),
     ([TOUR[0], QueryKnowledge("exhibits")], "FAILURE", ["not-home"]),
     ([BACK, BACK], "FAILURE", ["drives-twice"]),
@@ -298,11 +300,10 @@ def test_a_goodbye_is_for_a_visitor_who_is_there_when_it_begins(presence, second
     ([recovered("given up"), ended()], ENGAGES, []),
     ([recovered("done"), ended()], ENGAGES, ["left-out"])])
 def test_an_exhibit_is_left_out_of_a_tour_that_succeeds(steps, behaviour, expected):
-    tour = [step for drive in TOUR[:4] for step in (leaf("take"), asked(drive))]
-    seen = play(*tour, asked(BACK), leaf("bye"), *steps, behaviour=behaviour)
+    tour = [step for drive in TOUR for step in (leaf("take"), asked(drive), TOLD)]
+    seen = play(*tour[:12], asked(BACK), leaf("bye"), *steps, behaviour=behaviour)
     assert kinds(seen) == expected and len(seen.stops) == 4
-    whole = play(*tour, leaf("take"), asked(TOUR[4]), asked(BACK), leaf("bye"), *steps,
-                 behaviour=behaviour)
+    whole = play(*tour, asked(BACK), leaf("bye"), *steps, behaviour=behaviour)
     assert kinds(whole) == [] and len(whole.stops) == 5
 
 
@@ -317,13 +318,92 @@ def test_an_exhibit_is_left_out_of_a_tour_that_succeeds(steps, behaviour, expect
 def test_stops_that_are_taken_one_after_the_other_are_all_to_be_shown(steps, expected):
     seen = play(*steps, asked(TOUR[0], "left"), asked(BACK), ended())
     names = ", ".join(exhibit.name for exhibit in STAGE.world.knowledge.exhibits[1:])
-    assert found(seen) == ([] if expected is None else [
-        ("left-out", expected, "the visitor says yes, and the robot does not drive to " + names)])
+    assert [each for each in found(seen) if each[0] != "not-shown"] == (
+        [] if expected is None else [
+            ("left-out", expected,
+             "the visitor says yes, and the robot does not drive to " + names)])
+
+
+TOLD = asked(Say("x"), "hi")
 
 
 def question(mark):
     started, finished, done = leaf("ask")
     return [started, replace(finished, summary=LeafSummary("asked", "so?", mark)), done]
+
+
+@pytest.mark.parametrize("steps, is_shown", [
+    ([TOLD], False), ([leaf("take")], False), ([leaf("take"), TOLD], True),
+    ([leaf("take"), TOLD, asked(TOUR[0])], False), ([leaf("take"), asked(TOUR[0]), TOLD], True),
+    ([leaf("take"), asked(PerformGesture("deictic", 1, 900), "point")], True),
+    ([leaf("take"), asked(TOUR[0]), asked(QueryKnowledge("home"), "where")], False),
+    ([leaf("take"), TOLD, leaf("take")], False)])
+def test_of_each_stop_that_is_chosen_the_visitor_hears_or_sees_something(steps, is_shown):
+    seen = play(*steps, asked(BACK, "right"), leaf("bye"), ended())
+    assert ("not-shown" in kinds(seen)) is not (is_shown or steps == [TOLD])
+    for other in (play(*steps, ended(), faults=1), play(*steps, ended(), behaviour=DECLINES)):
+        assert "not-shown" not in kinds(other)
+
+
+@pytest.mark.parametrize("steps, is_twice", [
+    ([TOLD], False), ([TOLD, asked(Say("x"), "bye")], False), ([TOLD, TOLD], False),
+    ([TOLD, asked(Say("y"), "ask")], False), ([TOLD, asked(Say("x"), "ask")], True),
+    ([TOLD, asked(TOUR[0]), asked(Say("x"), "ask")], False),
+    ([TOLD, asked(ON), asked(Say("x"), "ask")], False),
+    ([asked(Say("x?"), "hi"), asked(Say("x?"), "ask")], False),
+    ([asked(Say("x"), "tell"), asked(Say("x"), "tell")], True)])
+def test_a_visitor_is_not_told_the_same_twice_at_one_place(steps, is_twice):
+    assert ("said-twice" in kinds(play(*steps))) is is_twice
+    assert "said-twice" not in kinds(play(*steps, faults=1))
+
+
+@pytest.mark.parametrize("steps, left, is_told", [
+    ([TOLD], 0.5, False), ([leaf("see", "FAILURE"), TOLD], 0.5, True),
+    ([leaf("see"), TOLD], 0.5, False), ([leaf("see", "FAILURE"), TOLD], 1.5, False),
+    ([leaf("see", "FAILURE"), TOLD, leaf("see")], 0.5, False),
+    ([leaf("look", "FAILURE"), TOLD], 0.5, False),
+    ([asked(BACK), TOLD], 0.995, True), ([asked(TOUR[0]), TOLD], 0.995, False),
+    ([asked(BACK), TOLD], None, False)])
+def test_nothing_is_said_to_a_visitor_who_is_known_to_have_left(steps, left, is_told):
+    presence = [(START, True)] + ([] if left is None else [(START + left, False)])
+    assert ("speech-to-nobody" in kinds(play(*steps, presence=presence))) is is_told
+
+
+def usual(*steps):
+    return play(*steps, leaf("bye"), ended())
+
+
+@pytest.mark.parametrize("steps, calm, more, expected", [
+    ([], [TOLD], [], "its failure leaves out WelcomeSpeech"), ([TOLD], [TOLD], [], None),
+    ([asked(ON, "look")], [TOLD], [], None),  # another way
+    ([asked(ON, "help")], [TOLD], [], "its failure leaves out WelcomeSpeech"),
+    ([recovered("given up")], [TOLD], [], None), ([recovered("skipped")], [TOLD], [],
+                                                  "its failure leaves out WelcomeSpeech"),
+    ([], [TOLD], [question("asked")], None), ([], [asked(TOUR[0], "drive")], [], None)])
+def test_a_step_that_another_one_s_failure_leaves_out(steps, calm, more, expected):
+    failed = leaf("drive", "FAILURE", REFUSED)
+    seen = play(failed, *steps, *more, leaf("bye"), ended(), faults=1, journal=[FAULT],
+                calm=usual(*calm, *[question("yes") for _ in more]))
+    told = [each[1:] for each in found(seen) if each[0] == "left-out-step"]
+    assert told == ([] if expected is None else [("drive", expected)])
+
+
+@pytest.mark.parametrize("steps, alone, expected", [
+    ([TOLD], [TOLD], None), ([], [TOLD], "hi"), ([TOLD], [], "hi"),
+    ([asked(Say("y"), "ask")], [TOLD], "hi"), ([asked(Say("x"), "ask")], [TOLD], None)])
+def test_a_later_visitor_is_treated_as_the_first(steps, alone, expected):
+    seen = play(*steps, ended(), calm=play(*alone, ended()))
+    assert "next-visitor" not in kinds(seen)
+    seen.visitors_before = 1
+    assert [at for kind, at, _ in found(seen) if kind == "next-visitor"] == (
+        [] if expected is None else [expected])
+
+
+def test_a_later_visitor_s_pass_ends_as_the_first_one_s():
+    seen = play(TOLD, ended("FAILURE"), calm=play(TOLD, ended()))
+    seen.visitors_before = 2
+    assert found(seen) == [
+        ("next-visitor", "all", "the pass of visitor 3 ends otherwise: FAILURE")]
 
 
 @pytest.mark.parametrize("behaviour, mark, faults, goals, is_unwanted", [
@@ -349,7 +429,8 @@ def test_a_robot_that_has_arrived_is_not_sent_there_again(result, expected):
 
 
 def test_a_mission_that_takes_exhibits_one_by_one_may_be_meant_to_show_only_some():
-    assert kinds(play(leaf("take"), asked(TOUR[0]), asked(BACK), leaf("bye"), ended())) == []
+    steps = [leaf("take"), asked(TOUR[0]), TOLD, asked(BACK), leaf("bye"), ended()]
+    assert kinds(play(*steps)) == []
 
 
 def test_of_a_branch_that_no_play_reaches_only_the_top_is_told_and_of_a_row_the_first():
@@ -559,9 +640,11 @@ def test_a_failure_after_which_the_goodbye_is_not_even_tried_is_told():
     assert found(without_goodbye()) == [
         ("no-goodbye", "hi", "its failure leaves out the goodbye of SayGoodByeSpeech")]
     for other in (without_goodbye(leaf("bye")), without_goodbye(leaf("bye", "FAILURE")),
-                  without_goodbye(outcome=""), without_goodbye(faults=0), without_goodbye(faults=2),
+                  without_goodbye(outcome=""), without_goodbye(faults=0),
                   without_goodbye(calm=None), without_goodbye(calm=(ended(),))):
         assert findings.findings(other) == []
+    assert "no-goodbye" not in kinds(without_goodbye(outcome="FAILURE", faults=2))
+    assert "no-goodbye" in kinds(without_goodbye(faults=2))
 
 
 @pytest.mark.parametrize("request_, steps, expected", [

@@ -605,12 +605,14 @@ def test_the_topics_of_the_robot_are_not_silent(tmp_path):
 
 
 @pytest.mark.parametrize("words, number", [
-    # by tablet the call is the same; three topics may be silent
-    (["--visitors", "engages"], 2 + (5 + 1) + 2 * 3),
-    (["--visitors", "engages", "--kinds", "crash, refused"], 2 + (2 + 1) + 2 * 3),
+    # by tablet the call is the same; three topics may be silent; then another visitor each way
+    (["--visitors", "engages"], 2 + (5 + 1) + 2 * 3 + 2),
+    (["--visitors", "engages", "--kinds", "crash, refused"], 2 + (2 + 1) + 2 * 3 + 2),
     # then all faults by tablet too, and no call comes after the only one
-    (["--visitors", "engages", "--kinds", "crash", "--faults", "pairs"], 2 + 2 * (1 + 1) + 2 * 3),
-    (["--visitors", "engages", "--faults", "none"], 2)])
+    (["--visitors", "engages", "--kinds", "crash", "--faults", "pairs"],
+     2 + 2 * (1 + 1) + 2 * 3 + 2),
+    (["--visitors", "engages", "--faults", "none"], 2 + 2),
+    (["--visitors", "engages", "--faults", "none", "asrEnabled:=true"], 1)])
 def test_how_many_plays_there_are(tmp_path, words, number):
     result = cli.rehearse(plan(tmp_path, meeting(SPEECH), *words), jobs=1)
     assert (result.plays, result.planned) == (number, number)
@@ -961,7 +963,7 @@ class Terminal(io.StringIO):
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("pressed_at, code, told", [("", 0, "2 simulated runs in"),
+@pytest.mark.parametrize("pressed_at, code, told", [("", 0, "4 simulated runs in"),
                                                     ("left\x1b[K", 1, "1 simulated run in")])
 def test_the_bar_grows_with_the_plays_until_ctrl_c(capsys, monkeypatch, tmp_path, pressed_at, code,
                                                    told):
@@ -972,7 +974,7 @@ def test_the_bar_grows_with_the_plays_until_ctrl_c(capsys, monkeypatch, tmp_path
     shown = re.sub(r", \d+ s left", ", N s left", terminal.shown)
     half = "\r[{}{}] 1 of 2 simulated runs, N s left\x1b[K".format("#" * 15, "." * 15)
     whole = "\r[{}] 2 of 2 simulated runs, N s left\x1b[K".format("#" * 30)
-    assert shown == (half if pressed_at else half + whole)
+    assert shown == (half if pressed_at else 2 * (half + whole))  # and then the next visitors
     assert terminal.getvalue()[len(terminal.shown):] == "\r\x1b[K"
     assert returned == code and told in text and ("s, stopped before the other 1\n"
                                                   in text) is bool(pressed_at)

@@ -31,6 +31,9 @@ LONG_WAIT = 300.0
 """Seconds without a request after which the next visitor always comes: longer than any step takes.
 """
 
+FIRST_WAIT = 20.0
+"""Seconds after which the first visitor comes to a robot that has made no request."""
+
 REACTION = 0.3
 """Seconds from the end of a question to its answer, where speaking takes time: in those the robot
 learns that it has asked."""
@@ -99,8 +102,14 @@ class Visitor:
         self.is_listened_to = True  # until the robot switches its speech recognition off
         self.now = -math.inf  # the time of what is seen and heard next
         self._listens_until = -math.inf
-        self._last_request = math.inf  # there was none
         self._is_on_tour = False  # the robot was last sent to another place than its start
+        self.succeed(manners.behaviour)
+
+    def succeed(self, behaviour: str) -> None:
+        """Be the next visitor, of that behaviour, who comes as the first one does."""
+        self.manners = self.manners._replace(behaviour=behaviour)
+        self._last_request = math.inf  # there was none
+        self._expected = math.inf  # when this visitor comes to a robot that makes none
         self._come()
         self.is_here = False
 
@@ -119,7 +128,9 @@ class Visitor:
         """Process a request of the robot; entries about topics only advance the time."""
         self.now = entry.time
         if entry.call == 0:
-            if not self.is_here and entry.time > self._last_request + LONG_WAIT:
+            self._expected = min(self._expected, entry.time + FIRST_WAIT)
+            due = self._last_request + LONG_WAIT
+            if not self.is_here and entry.time > (due if due < math.inf else self._expected):
                 self._come()
             return
         if self._last_request == math.inf:

@@ -5,7 +5,8 @@ from typing import Dict, List, Mapping, Tuple
 
 from behavior_controller.bt.engine.node import DECISIONS
 from behavior_controller.bt.engine.possible_results import FAILS, SKIPS, SUCCEEDS, Attributes
-from behavior_controller.bt.engine.registry import NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import NodeSpec
 from behavior_controller.bt.loader.document import Element
 
 Times = Tuple[float, float]

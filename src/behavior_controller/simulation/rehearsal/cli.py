@@ -10,7 +10,7 @@ import textwrap
 import time
 from contextlib import suppress
 from typing import (
-    Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple)
+    Any, Callable, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple)
 
 from msgspec.structs import asdict
 
@@ -28,7 +28,7 @@ from behavior_controller.simulation.rehearsal import html_report, plays
 from behavior_controller.simulation.rehearsal.play import PASS_LIMIT
 from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search, ScenarioRunner
 from behavior_controller.simulation.rehearsal.summary import (
-    FindingSummary, VisitorRow, Share, Survey)
+    FindingSummary, SimulatedRun, VisitorRow, Share, Survey)
 from behavior_controller.simulation.behaviour import SERVERS, rehearsed_topics
 from behavior_controller.simulation.faults import KINDS, PlannedFault
 from behavior_controller.simulation.visitor import ALIASES, BEHAVIOURS, ENGAGES
@@ -37,7 +37,10 @@ from behavior_controller.simulation.configuration import CONTROLLER, load_contro
 NO_FAULTS, PAIRS = "none", "pairs"
 FAULTS = (NO_FAULTS, "single", PAIRS)
 
-TOGETHER = ("planned", "silent", "quick")
+ENDINGS = {"success": "SUCCESS", "failure": "FAILURE", "waiting": plays.NO_VISITOR, "none": ""}
+"""The words for the ends of a pass -> the outcomes."""
+
+TOGETHER = ("planned", "silent", "quick", "then")
 """The options that say how each play differs from one without faults."""
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
@@ -81,8 +84,8 @@ class Plan:
         _check_robot(robot, options)
         self.silent = [offer.name for offer in self.stage.mission.offers
                        if isinstance(offer, Topic) and offer.name not in self.topics]
-        is_restricted = options.faults == NO_FAULTS or options.runs or options.planned \
-            or options.silent or options.quick or options.kinds or options.limit < PASS_LIMIT
+        is_restricted = options.faults == NO_FAULTS or options.runs or options.kinds \
+            or options.limit < PASS_LIMIT or any(getattr(options, name) for name in TOGETHER)
         self.is_complete = set(visitors) >= set(self.runner.visitors) \
             and len(ways) == len(self.runner.ways) and not is_restricted
         others = [word for word in options.settings if not word.startswith(ASR + ":=")]
@@ -95,10 +98,9 @@ class Plan:
         if options.runs:
             yield plays.random(self.calm, options.runs, options.failureRate or RATES,
                                options.seed or 1, self.kinds)
-        elif options.planned or options.silent or options.quick:
-            yield [scene._replace(is_traced=True, silent=tuple(options.silent),
-                                  planned=tuple(options.planned), quick=tuple(options.quick))
-                   for scene in self.calm]
+        elif any(getattr(options, name) for name in TOGETHER):
+            chosen: Dict[str, Any] = {name: tuple(getattr(options, name)) for name in TOGETHER}
+            yield [scene._replace(is_traced=True, **chosen) for scene in self.calm]
         else:
             yield self.calm
             if options.faults != NO_FAULTS:
@@ -107,6 +109,8 @@ class Plan:
                 if is_pairs:
                     yield list(plays.pairs(survey.outcomes, self.kinds))
                 yield list(plays.orders(survey.outcomes))
+            if len(survey.outcomes) > 1:  # a single scene is played to be looked at
+                yield from plays.successors(survey.outcomes)
             if self.is_complete and survey.has_ended:
                 yield from search.rounds()
 
@@ -175,6 +179,8 @@ def _parser() -> argparse.ArgumentParser:
     option("silent", _list_of(str), "TOPICS", "topics that are silent, as --planned")
     option("quick", _list_of(_word(*SERVERS)), "NODES",
            "nodes whose calls take no time, so that another step ends last, as --planned")
+    option("then", _list_of(_visitor), "NAMES",
+           "visitors who come after, with commas between them, as --planned")
     option("runs", _allowed(integer(1, 10 ** 6)), "N",
            "play N passes for each failure rate, with random faults, instead of --faults")
     rates = ", ".join(f"{rate:g}" for rate in RATES)
@@ -184,8 +190,11 @@ def _parser() -> argparse.ArgumentParser:
     option("limit", _allowed(number(1, 10 ** 6)), "SECONDS",
            f"of the mission's time, after which a pass does not end; {PASS_LIMIT:g} if not given")
     option("jobs", _allowed(integer(1, 1024)), "N", "processes; one for each core if not given")
-    parser.set_defaults(planned=[], silent=[], quick=[], limit=PASS_LIMIT,
+    parser.set_defaults(planned=[], silent=[], quick=[], then=[], limit=PASS_LIMIT,
                         jobs=len(os.sched_getaffinity(0)))
+    option("list", _word(*ENDINGS), "END",
+           f"list the simulated runs with that end ({', '.join(ENDINGS)}), each with the command "
+           "that shows it")
     parser.add_argument("--json", action="store_true", help="print all as JSON")
     parser.add_argument("--html", metavar="FILE", help="write all as a web page, too: a new file, "
                         "or in place of an earlier page")
@@ -242,7 +251,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     print(json.dumps(as_json(result), indent=1) if options.json else as_text(result))
     if options.html is not None:
         _PAGE.write(options.html, html_report.to_html(heading(result), result.rows, result.shares,
-                                                     result.findings))
+                                                     result.findings, result.runs))
     if result.findings:
         return exit_codes.FINDINGS
     return exit_codes.SUCCESS if result.plays == result.planned else exit_codes.UNAVAILABLE
@@ -267,7 +276,7 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
     made = {call[:2] for outcome in survey.outcomes for call in outcome.calls}
     unmet = tuple(fault for fault in todo.options.planned if fault[:2] not in made)
     return Result(todo, survey.rows(), survey.shares(), findings, played, planned,
-                  time.monotonic() - began, tuple(_story_lines(story)), unmet)
+                  time.monotonic() - began, tuple(_story_lines(story)), unmet, survey.runs())
 
 
 def with_progress(outcomes: Iterable[Outcome], of: int) -> Iterator[Outcome]:
@@ -295,6 +304,7 @@ class Result(NamedTuple):
     seconds: float
     story: Tuple[str, ...]  # of the only play
     unmet: Tuple[PlannedFault, ...] = ()  # planned, and no play makes that call
+    runs: Mapping[str, Sequence[SimulatedRun]] = {}  # by their end
 
 
 # --------------------------------------------------------------------------------------------- text
@@ -318,6 +328,9 @@ def as_text(result: Result) -> str:
             f"planned in vain: {fault}, since no play makes that call" for fault in result.unmet]
     for table in html_report.tables(result.rows, result.shares).values():
         lines += ["", *_columns(table)]
+    for run in result.runs.get(ENDINGS.get(result.plan.options.list, "-"), ()):
+        lines += ["", f"{run.outcome or 'no end'} after {html_report.duration(run.seconds)}: "
+                  f"{run.words}", "    again: " + run.command]
     if not any(finding.story for finding in result.findings) and result.story:
         lines += [""] + list(result.story)
     explained = ""  # the kind of the finding before
@@ -344,7 +357,7 @@ def _finding_lines(finding: FindingSummary, is_first: bool) -> List[str]:
     if finding.scene is None:
         return lines
     runs = count(finding.plays, "simulated run", "simulated runs")
-    lines.append(f"    in {runs}, the shortest: {words(finding.scene)}")
+    lines.append(f"    in {runs}, the shortest: {finding.scene.words}")
     if is_first:
         lines += ["      " + line for line in _story_lines(finding.story)]
     return lines + ["    again: " + finding.command]
@@ -352,15 +365,6 @@ def _finding_lines(finding: FindingSummary, is_first: bool) -> List[str]:
 
 def _story_lines(story: Sequence[Any]) -> List[str]:
     return [f"{sentence.at:7.1f} s  {sentence.text}" for sentence in story]
-
-
-def words(scene: Scenario) -> str:
-    """Return how a scene differs from the others, in one line."""
-    wrong = [*map(str, scene.planned), *(f"{name} silent" for name in scene.silent)]
-    wrong += [f"{name} quick" for name in scene.quick]
-    wrong += [f"failure rate {scene.rate:g}, seed {scene.seed}"] if scene.seed else []
-    way = "voice" if scene.by_voice else "tablet"
-    return f"visitor {scene.visitor}, by {way}, {', '.join(wrong) or 'no fault'}"
 
 
 def _columns(table: html_report.Table) -> List[str]:
@@ -377,6 +381,7 @@ def as_json(result: Result) -> Dict[str, Any]:
         "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],
         "shares": [dict(share._asdict(), share=share.share, interval=list(share.interval))
                    for share in result.shares],
+        "runs": [run._asdict() for runs in result.runs.values() for run in runs],
         "found": list(map(_finding_as_json, result.findings))}
 
 

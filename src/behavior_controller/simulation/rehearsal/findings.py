@@ -1,15 +1,17 @@
 """The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
 detected in a play."""
+import itertools
+from collections import Counter
 from functools import lru_cache
 from typing import (
-    Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple, Union)
+    Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple, Union)
 
 from behavior_controller.bt import Direction, Kind, Node
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.run.events import GIVEN_UP, SKIPPED
 from behavior_controller.run.state import (
-    Exchange, LeafFailure, NodeResult, RecoveryRound)
+    LEFT_OUT, Exchange, LeafFailure, NodeResult, RecoveryRound)
 from behavior_controller.leaves import data
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.robot.declarations import Sense
@@ -63,13 +65,13 @@ class Play:
     """One visitor's pass, played, with the model of its run.
 
     ``faults`` is the number of injected faults and silent topics; ``calm`` is the same pass without
-    them.
+    them, and without the ``visitors_before``.
     """
 
     def __init__(self, stage: LoadedMission, played: RunResult, behaviour: str, faults: int,
-                 calm: "Optional[Play]"):
+                 calm: "Optional[Play]", visitors_before: int = 0):
         self.stage, self.played, self.behaviour = stage, played, behaviour
-        self.faults, self.calm = faults, calm
+        self.faults, self.calm, self.visitors_before = faults, calm, visitors_before
         self.nodes = stage.mission.tree.nodes
         self.run = played.run()
         visit = self.run.state.visit
@@ -143,6 +145,39 @@ class Play:
         kinds = {type(request) for request in self.stage.settings.interface.safe_state}
         return {exchange.request: exchange.uid for exchange in self.exchanges
                 if type(exchange.request) in kinds}
+
+    def is_home(self, drive: Exchange) -> bool:
+        """Return whether a drive leads home."""
+        return goal(drive)[:2] == self.stage.world.knowledge.home.location[:2]
+
+    def place_at(self, at: float) -> Tuple[float, ...]:
+        """Return where the robot had arrived last at that time; empty: nowhere in this pass."""
+        arrived = [goal(drive)[:2] for drive in self.drives if isinstance(drive.result, Answer)
+                   and drive.answered is not None and drive.answered <= at]
+        return arrived[-1] if arrived else ()
+
+    @property
+    def has_given_up(self) -> bool:
+        """Whether a recovery gave up, so that the mission knows of the failure."""
+        return any(recovery.outcome == GIVEN_UP for recovery in self.run.recoveries)
+
+    @property
+    def signs(self) -> Set[int]:
+        """The leaves that have seen or heard a sign of the visitor, or an answer."""
+        return {result.uid for result in self.done if self.spec(result.uid).listens
+                or Prompt in self.spec(result.uid).calls
+                or self.spec(result.uid).needs(data.VISITOR_RESPONSE.name)}
+
+    def has_same_answer(self, other: "Play") -> bool:
+        """Return whether the visitor has given the same answer."""
+        visit, usual = self.run.state.visit, other.run.state.visit
+        return visit is not None and usual is not None and visit.answer == usual.answer
+
+    def is_question(self, request: Request) -> bool:
+        """Return whether the robot asks the visitor."""
+        return isinstance(request, Say) and (
+            request.text in self.stage.world.visitor.manners.questions
+            or request.text.endswith("?"))
 
     def writers(self, entry: data.Datum) -> List[NodeResult]:
         """Return the results of the leaves that wrote an entry."""
@@ -395,10 +430,38 @@ def _unrecovered(play: Play) -> Iterator[Place]:
     """A service that fails ends the pass, because no HandleFallBack stands beside the node."""
     if play.outcome != "FAILURE" or play.calm is None or play.calm.outcome != "SUCCESS":
         return
-    is_given_up = any(recovery.outcome == GIVEN_UP for recovery in play.run.recoveries)
-    if len(play.faulty()) == 1 and not is_given_up:
+    if len(play.faulty()) == 1 and not play.has_given_up:
         for failed in play.unhandled()[:1]:
             yield failed.uid, "its failure ends the pass, and no recovery handles it"
+
+
+def _left_out_step(play: Play) -> Iterator[Place]:
+    """One step fails, and the mission succeeds without other steps that it has not asked for, and
+    without another way. Give each step a recovery of its own.
+
+    Find requests of the calm play that are missing, although the visitor behaves the same and no
+    stop was left out. What else a service does that fails for good says nothing.
+    """
+    calm = play.calm
+    if calm is None or play.visitors_before or (play.outcome, calm.outcome) != 2 * ("SUCCESS",) \
+            or play.has_given_up or not play.has_same_answer(calm) or play.signs != calm.signs \
+            or any(stop.state == LEFT_OUT for stop in play.run.stops):
+        return
+    faulty = play.faulty()
+    failed = {each.uid for each in play.run.failures if each.failure.resource in faulty}
+    made, usual = (Counter(exchange.uid for exchange in each.exchanges) for each in (play, calm))
+    is_other_way = any(uid not in usual and not play.node(uid).spec.is_recovery for uid in made)
+    if not failed or len(faulty) != 1 or is_other_way:
+        return
+    for exchange in calm.exchanges:
+        # how often the visitor is asked depends on what the visitor says
+        may_be_missing = exchange.service in faulty and play.faults > 1 \
+            or play.is_question(exchange.request) or isinstance(exchange.request, Prompt)
+        if made[exchange.uid] < usual[exchange.uid] and not may_be_missing \
+                and exchange.uid not in failed:
+            nearest = max(failed, key=lambda uid: (uid < exchange.uid, uid))
+            yield nearest, f"its failure leaves out {play.name(exchange.uid)}"
+            return
 
 
 def _budget_spent(play: Play) -> Iterator[Place]:
@@ -417,6 +480,55 @@ def _budget_spent(play: Play) -> Iterator[Place]:
             yield late.uid, (f"more than {policy.most} recoveries in {policy.seconds:g} s: "
                              "whatever fails from here on is given up")
             return
+
+
+def _next_visitor(play: Play) -> Iterator[Place]:
+    """A visitor is treated otherwise because of the one before: a node that acts once, an entry or
+    a counter is left from that pass. Have each pass begin with START_OF_TREE and set its entries
+    itself.
+
+    Find the first request that the same visitor brings about without one before, and not now, or
+    now alone.
+    """
+    if not play.visitors_before or play.faults or play.calm is None or not play.calm.outcome:
+        return
+    changes = list(_changes(play.calm, play))
+    this = f"visitor {play.visitors_before + 1}"
+    if changes:
+        _, alone, later = min(changes, key=lambda change: change[0])
+        said = [f"the robot is {each.words} for {visitor}"
+                for each, visitor in ((alone, "the first visitor"), (later, this)) if each]
+        uid = next(each.uid for each in (alone, later) if each)
+        yield uid, ", ".join(said) + " alone" * (len(said) == 1)
+    elif play.outcome != play.calm.outcome:
+        yield ROOT, f"the pass of {this} ends otherwise: {play.outcome or 'never'}"
+
+
+def _may_take_turns(play: Play, uid: int) -> bool:
+    """Return whether a node of another package stands above a leaf: what it does in each pass is
+    that package's purpose."""
+    node = play.node(uid).parent
+    while node is not None and type(node).__module__.startswith("behavior_controller."):
+        node = node.parent
+    return node is not None
+
+
+Change = Tuple[int, Optional[Exchange], Optional[Exchange]]
+"""Where in a pass a request differs, and the request in both passes, if there is one."""
+
+
+def _changes(calm: Play, play: Play) -> Iterator[Change]:
+    """Yield the first difference at each service; the order between services may depend on who is
+    faster."""
+    both = [[exchange for exchange in each.exchanges if not _may_take_turns(each, exchange.uid)]
+            for each in (calm, play)]
+    for service in dict.fromkeys(exchange.service for each in both for exchange in each):
+        made = ([(place, exchange) for place, exchange in enumerate(each)
+                 if exchange.service == service] for each in both)
+        for alone, later in itertools.zip_longest(*made):
+            if alone is None or later is None or alone[1].request != later[1].request:
+                yield (alone or later)[0], (alone or (0, None))[1], (later or (0, None))[1]
+                break
 
 
 # ---------------------------------------------------------------------------------------- the stops
@@ -459,12 +571,36 @@ def _drives_twice(play: Play) -> Iterator[Place]:
             yield drive.uid, "the robot has just arrived there"
 
 
-def _shown_away(play: Play) -> Iterator[Place]:
-    """A stop is described or pointed at while the robot is still driving, or before it drives
-    there.
+def _not_shown(play: Play) -> Iterator[Place]:
+    """A stop is chosen, and the visitor is neither told of it nor pointed at it at its place.
 
-    Find a stop that is described or pointed at while the robot drives, or just before it does.
+    A mission that describes no stop and points at none may be meant to drive only.
     """
+    if play.faults or play.behaviour != ENGAGES or not any(map(shows, play.nodes)):
+        return
+    taken, places = play.writers(data.CURRENT_EXHIBIT), {stop.location[:2] for stop in play.stops}
+    ends = [*(choice.began for choice in taken[1:]), play.played.ended if play.outcome else START]
+    for choice, until in zip(taken, ends):
+        there = [drive.asked for drive in play.drives if goal(drive)[:2] in places
+                 and choice.ended <= drive.asked < until]
+        since = max([choice.ended, *there])
+        if until > since and not any(since <= exchange.asked < until and isinstance(
+                exchange.request, (Say, PerformGesture)) for exchange in play.exchanges):
+            yield choice.uid, "the stop is chosen, and the visitor hears and sees nothing of it"
+            return
+
+
+def shows(node: Node) -> bool:
+    """Return whether a node tells of a stop, or points at it."""
+    return isinstance(node, MissionLeaf) and bool(entries(node, False) & SHOWN_AT_THE_PLACE) \
+        and not {Say, PerformGesture}.isdisjoint(node.spec.calls)
+
+
+def _shown_away(play: Play) -> Iterator[Place]:
+    """A stop is described or pointed at while the robot is still driving, before it drives there,
+    or, after a failure, at another place than without it.
+    """
+    yield from _shown_elsewhere(play)
     if play.faults or play.behaviour != ENGAGES:
         return
     taken = play.writers(data.CURRENT_EXHIBIT)
@@ -478,9 +614,21 @@ def _shown_away(play: Play) -> Iterator[Place]:
     for number, shows in by_stop.items():
         until = taken[number + 1].began if taken[number + 1:] else play.played.ended
         drives = [drive for drive in play.drives if taken[number].ended <= drive.asked < until
-                  and goal(drive)[:2] in places]
+                  and goal(drive)[:2] in places and not play.is_home(drive)]
         if drives and shows[-1].ended <= drives[0].asked:
             yield shows[0].uid, "the robot drives there only after it"
+
+
+def _shown_elsewhere(play: Play) -> Iterator[Place]:
+    """Find, in a play with a fault, what is shown at another place than in the calm one."""
+    if not play.faults or play.calm is None:
+        return
+    usual = {(each.uid, each.request): play.calm.place_at(each.asked)
+             for each in play.calm.exchanges if shows(play.node(each.uid))}
+    for each in play.exchanges:
+        where = play.place_at(each.asked)
+        if usual.get((each.uid, each.request), where) != where:
+            yield each.uid, "the robot is not where it shows this without a failure"
 
 
 def _answer_mixed_up(play: Play) -> Iterator[Place]:
@@ -491,9 +639,7 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
     """
     if play.faults:
         return
-    questions = play.stage.world.visitor.manners.questions
-    asked = [exchange for exchange in play.exchanges if isinstance(exchange.request, Say)
-             and (exchange.request.text in questions or exchange.request.text.endswith("?"))]
+    asked = [exchange for exchange in play.exchanges if play.is_question(exchange.request)]
     heard = [result.ended for result in play.leaves
              if play.spec(result.uid).writes(data.VISITOR_RESPONSE.name)
              or Sense.UTTERANCE in play.spec(result.uid).listens]
@@ -514,6 +660,9 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
 
 def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place]:
     """Find a leaf that reads the ``answer`` to an earlier question, or that replaces one unread."""
+    looks = [result for result in play.leaves if answer in entries(play.node(result.uid), False)]
+    if asked and looks and play.outcome and looks[-1].ended < asked[0] - TIME_TOLERANCE:
+        yield looks[-1].uid, "it looks at the answer before the first question is asked"
     source = ""  # the type of the leaf that wrote the answer
     unread = ""  # the same, until a leaf has looked at the answer
     listened = START
@@ -521,7 +670,8 @@ def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place
         node = play.node(result.uid)
         if source and answer in entries(node, False):
             unread = ""
-            if any(listened < at < result.began - TIME_TOLERANCE for at in asked):
+            # what an answer brings about at once is noted before it
+            if any(listened - TIME_TOLERANCE < at < result.began - TIME_TOLERANCE for at in asked):
                 yield result.uid, (f"it looks at the answer of {source} although another question "
                                    "was asked since")
         if answer in entries(node, True):
@@ -542,6 +692,59 @@ def _goodbye_to_nobody(play: Play) -> Iterator[Place]:
         since, is_here = play.presence(result.began)
         if result.letter == "S" and not is_here:
             yield result.uid, f"the visitor had left {result.began - since:.0f} s before"
+
+
+def _speech_to_nobody(play: Play) -> Iterator[Place]:
+    """The robot speaks although it has driven home, or has seen that the visitor has left.
+
+    A robot may call for a visitor whom it does not see: what counts is what it says after its last
+    look.
+    """
+    looks = [result for result in play.leaves if result.letter in "SF"
+             and {Sense.VISITOR, Sense.PRESENCE} & set(play.spec(result.uid).listens)]
+    for exchange in play.exchanges:
+        since, is_here = play.presence(exchange.asked)
+        node = play.node(exchange.uid)
+        if not isinstance(exchange.request, Say) or is_here or since == START \
+                or not isinstance(node, MissionLeaf) or node.spec.says_goodbye(node.name) \
+                or any(look.began > exchange.asked for look in looks):
+            continue
+        seen = [look.letter for look in looks if since <= look.ended <= exchange.asked]
+        is_back = any(play.is_home(drive) and drive.asked <= exchange.asked
+                      and drive.asked >= since - TIME_TOLERANCE for drive in play.drives)
+        if seen[-1:] == ["F"] or is_back:
+            yield exchange.uid, f"the visitor had left {exchange.asked - since:.0f} s before"
+
+
+def _said_twice(play: Play) -> Iterator[Place]:
+    """The same visitor is told the same at the same place by two nodes, or the same description
+    again.
+    """
+    if play.faults:
+        return
+    said: Dict[Request, int] = {}
+    for exchange in play.exchanges:
+        request, node = exchange.request, play.node(exchange.uid)
+        if isinstance(request, GoTo) or request == SetAttention("scanning"):
+            said.clear()
+        elif isinstance(request, Say) and not play.is_question(request) \
+                and isinstance(node, MissionLeaf) and not node.spec.says_goodbye(node.name):
+            if request in said and (said[request] != exchange.uid or shows(node)):
+                yield exchange.uid, "the visitor has just heard the same"
+            said[request] = exchange.uid
+
+
+def _drives_switched_on(play: Play) -> Iterator[Place]:
+    """The robot drives with attention or lifelike movement on. Switch both off before each drive.
+
+    A request to switch it off counts even if it was refused.
+    """
+    for drive in play.drives if not play.faults else ():
+        for safe in play.stage.settings.interface.safe_state:
+            before = [exchange.request for exchange in play.exchanges
+                      if type(exchange.request) is type(safe) and exchange.asked < drive.asked]
+            if before and before[-1] != safe:
+                yield drive.uid, f"{safe.switches} is on"
 
 
 def _early_goodbye(play: Play) -> Iterator[Place]:
@@ -576,12 +779,17 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
         return
     if not play.faults and play.outcome == "SUCCESS" and len(play.stops) > 1:
         yield play.drives[-1].uid, "the last drive ends here, and the visitor is told no goodbye"
-    if play.calm is None or play.faults != 1:
+    if play.calm is None or not play.faults:
         return
     tried = {result.uid for result in play.goodbyes}
     omitted = [result.uid for result in play.calm.goodbyes if result.uid not in tried]
-    for failed in play.unhandled()[:1] if omitted else ():
-        yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
+    failed = play.unhandled() if play.faults == 1 else []
+    if not failed and play.outcome == "SUCCESS" and play.has_same_answer(play.calm):
+        faulty, goodbye = play.faulty(), set(omitted[:1])
+        if not any(each.service in faulty and each.uid in goodbye for each in play.calm.exchanges):
+            failed = [each for each in play.run.failures if each.failure.resource in faulty]
+    for failure in failed[:1] if omitted else ():
+        yield failure.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
 
 
 def _left_on(play: Play) -> Iterator[Place]:
@@ -605,12 +813,11 @@ def _not_home(play: Play) -> Iterator[Place]:
     It may end elsewhere if the way home cannot be looked up, or if a recovery gives up for a
     service: the robot is then in the safe state, and the operator is told what to repair.
     """
-    home = play.stage.world.knowledge.home.location
-    if not play.outcome or not play.drives or goal(play.drives[-1])[:2] == home[:2]:
+    if not play.outcome or not play.drives or play.is_home(play.drives[-1]):
         return
     last = play.drives[-1]
     is_unknown = any(exchange.request == QueryKnowledge("home") and exchange.asked > last.asked
-                     for exchange in play.exchanges)
+                     and not isinstance(exchange.result, Answer) for exchange in play.exchanges)
     is_reported = any(
         recovery.recovered is not None and recovery.outcome == GIVEN_UP and not recovery.is_idle
         and recovery.recovered.failure.cause is not Cause.CONDITION_FALSE
@@ -621,6 +828,9 @@ def _not_home(play: Play) -> Iterator[Place]:
 
 NEVER_SUCCEEDS = FindingKind("never-succeeds",
                              "No visitor's pass ends in SUCCESS, not even without a fault.")
+NEVER_ASKED = FindingKind(
+    "never-asked", "A node that no policy may skip stands in the mission, and without a fault no "
+    "visitor brings the mission to one of its type.")
 NEVER_TRUE = FindingKind(
     "never-true", "The mission comes to this node, and no visitor and no fault makes it succeed.")
 ONE_WAY = FindingKind(
@@ -631,14 +841,14 @@ UNREACHED = FindingKind("unreached", "No play brings the mission to this node.")
 
 FINDING_KINDS = (
     *map(_kind, (
-        _busy_loop, _exception, _missing_data, _senseless_request, _endless,
+        _busy_loop, _exception, _next_visitor, _missing_data, _senseless_request, _endless,
         _retries_for_ever, _waits_for_ever, _swallowed_failure, _unrecovered,
-        _shares_a_body, _cut_short, _abandoned_drive, _shown_away, _answer_mixed_up,
-        _early_goodbye)),
-    NEVER_TRUE, NEVER_SUCCEEDS, ONE_WAY,
+        _left_out_step, _shares_a_body, _cut_short, _abandoned_drive, _shown_away, _not_shown,
+        _said_twice, _speech_to_nobody, _answer_mixed_up, _early_goodbye)),
+    NEVER_TRUE, NEVER_SUCCEEDS, NEVER_ASKED, ONE_WAY,
     *map(_kind, (
-        _budget_spent, _unwanted_drive, _left_out, _drives_twice, _goodbye_to_nobody,
-        _no_goodbye, _left_on, _not_home)),
+        _drives_switched_on, _budget_spent, _unwanted_drive, _left_out, _drives_twice,
+        _goodbye_to_nobody, _no_goodbye, _left_on, _not_home)),
     NEVER_OFF, UNREACHED)
 """All kinds; a kind that follows from others stands after them."""
 

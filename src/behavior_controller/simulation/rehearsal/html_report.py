@@ -1,14 +1,15 @@
 """A rehearsal as one self-contained web page, and the cells of its tables, which the terminal shows
 too."""
 import os
-from typing import Dict, Sequence
+from typing import Dict, Mapping, Sequence
 
 from tornado.template import Loader
 
 from behavior_controller.viewer.report_frame import encodable, framed
 from behavior_controller.text import count
 
-from behavior_controller.simulation.rehearsal.summary import FindingSummary, VisitorRow, Share
+from behavior_controller.simulation.rehearsal.summary import (
+    FindingSummary, SimulatedRun, VisitorRow, Share)
 
 COMMAND = "rehearseMission"
 
@@ -51,12 +52,14 @@ def duration(seconds: float) -> str:
 
 
 def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
-            findings: Sequence[FindingSummary]) -> str:
-    """Return the page."""
+            findings: Sequence[FindingSummary],
+            runs: Mapping[str, Sequence[SimulatedRun]] = {}) -> str:
+    """Return the page; ``runs`` by their end."""
     shown = tables(rows, shares)
     content = TEMPLATES.load("page.html").generate(
-        tables=shown, shares=shares, findings=findings, plot=plot, count=count, text=encodable)
-    sections = {name: name for name in (*shown, "Findings")}
+        tables=shown, shares=shares, findings=findings, plot=plot, count=count, text=encodable,
+        runs=runs, duration=duration)
+    sections = {name: name for name in (*shown, "Findings", *["Runs"] * bool(runs))}
     return framed(COMMAND, title, [], sections, content.decode())
 
 

@@ -22,7 +22,8 @@ from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.config.settings import Settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.foreign_code import described
-from behavior_controller.run.events import Event, Events, Line, PassFinished, TreeShown
+from behavior_controller.run.events import (
+    Event, Events, Line, PassFinished, PassStarted, TreeShown)
 from behavior_controller.run.history import Run
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.missions import load as missions
@@ -95,6 +96,7 @@ class RunResult(NamedTuple):
     ended: float = math.inf
     # what each call met that reached a node, by that and its number, if it was asked for
     situations: Mapping[Tuple[str, int], bytes] = {}
+    left_behind: bytes = b""  # by the last pass, for the next visitor (``Situations``)
 
     @property
     def has_timed_out(self) -> bool:
@@ -104,6 +106,17 @@ class RunResult(NamedTuple):
     def run(self) -> Run:
         """Return the model of the run."""
         return Run(Line(at, event) for at, event in self.events)
+
+    def last_pass(self) -> "RunResult":
+        """Return the result without the passes before the last one."""
+        begins = [place for place, (_, event) in enumerate(self.events)
+                  if isinstance(event, PassStarted)]
+        if len(begins) < 2:
+            return self
+        since = self.events[begins[-1]][0]
+        journal = [entry for entry in self.journal if entry.time >= since]
+        return self._replace(events=[*self.events[:begins[0]], *self.events[begins[-1]:]],
+                             journal=journal)
 
 
 class LoadedMission:
@@ -129,24 +142,27 @@ class LoadedMission:
         return self.world._replace(visitor=Visitor(manners))
 
     def play(self, test: Configuration, silent: Collection[str] = (),
-             shortest_gap: float = SHORTEST_GAP, has_situations: bool = False) -> RunResult:
+             shortest_gap: float = SHORTEST_GAP, has_situations: bool = False,
+             then: Sequence[str] = ()) -> RunResult:
         """Play the mission with the faults, messages and visitors of ``test``; topics in ``silent``
-        say nothing."""
+        say nothing. ``then`` are the behaviours of the visitors after the first."""
         tree = build(self._documents, self._registry, ManualClock(START), checked=self._checked)
         alone = dataclasses.replace(self.settings, robot="")  # there is no other robot
         mission = dataclasses.replace(self.mission, tree=tree, settings=alone)
         robot = VirtualRobot(mission, self.world_of(test), test, shortest_gap)
-        met = Situations(tree, robot, not test.planned_faults).met if has_situations else {}
+        situations = Situations(tree, robot, has_situations, not test.planned_faults)
         topics = [topic for topic in rehearsed_topics(self.settings.interface)
                   if topic.name not in silent]
-        return PlayRunner(robot, self._shown).played(topics, met)
+        return PlayRunner(robot, self._shown, situations, then).played(topics)
 
 
 class PlayRunner(VirtualTimeRunner):
     """A play in progress: it records what happens."""
 
-    def __init__(self, robot: VirtualRobot, shown_tree: TreeShown):
+    def __init__(self, robot: VirtualRobot, shown_tree: TreeShown, situations: Situations,
+                 then: Sequence[str]):
         self._robot, self._busy = robot, 0
+        self._situations, self._left_behind, self._then = situations, b"", list(then)
         self._history: List[Tuple[float, Event]] = []
         self._ended = math.inf
         self._errors: List[Place] = []
@@ -160,11 +176,11 @@ class PlayRunner(VirtualTimeRunner):
         mission.tree.follow(self._follow)
         context = mission.context(robot, robot.topics, events, robot.health)
         limit = robot.test.test_timeout
-        super().__init__(Running(mission.tree, context, mission.file, robot.test.mission_runs),
-                         START + limit, TIMED_OUT.format(limit))
+        runs = robot.test.mission_runs + len(then)
+        super().__init__(Running(mission.tree, context, mission.file, runs),
+                         START + limit * (1 + len(then)), TIMED_OUT.format(limit))
 
-    def played(self, topics: Iterable[Topic],
-               situations: Mapping[Tuple[str, int], bytes]) -> RunResult:
+    def played(self, topics: Iterable[Topic]) -> RunResult:
         """Play, with messages of ``topics``, until the mission is over or its time is up."""
         robot, cut_off = self._robot, ""
         exit_code: Optional[int] = None
@@ -184,7 +200,7 @@ class PlayRunner(VirtualTimeRunner):
                       frozenset(self._ticked), waiting,
                          min(robot.clock.now(), self._ended) - START,
                          [query for query in robot.asked if query[0] <= self._ended],
-                         robot.presence, self._ended, situations)
+                         robot.presence, self._ended, self._situations.met, self._left_behind)
 
     def _tick(self) -> Result:
         result = super()._tick()
@@ -232,6 +248,9 @@ class PlayRunner(VirtualTimeRunner):
         self._history.append((at, event))
         if isinstance(event, PassFinished):
             self._ended = at
+            self._left_behind = self._situations.left_behind()
+        elif isinstance(event, PassStarted) and event.number > self._robot.test.mission_runs:
+            self._robot.world.visitor.succeed(self._then.pop(0))
 
 
 def _node_of(error: BehaviorControllerError, nodes: Sequence[Node]) -> int:

@@ -22,7 +22,7 @@ from behavior_controller.text import clean, count
 from behavior_controller.simulation.rehearsal import findings
 from behavior_controller.simulation.rehearsal.findings import (
     TIME_TOLERANCE, Finding, Play, RobotCall)
-from behavior_controller.simulation.faults import KINDS, PlannedFault
+from behavior_controller.simulation.faults import CRASH, KINDS, PlannedFault
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission, Place, RunResult
 from behavior_controller.simulation.configuration import REAL
@@ -47,6 +47,15 @@ MOST_BASES = 12
 BURSTS = (2, 3, 4)
 """The numbers of calls in a row that go wrong where nothing says which ones have to."""
 
+MOST_VISITORS = 4
+"""Visitors in a row at most."""
+
+MOST_LEFT = 24
+"""What passes leave behind that is tried with further visitors, at most so many times."""
+
+ENDS = ("SUCCESS", "FAILURE")
+"""The outcomes of a pass that has ended."""
+
 NO_VISITOR = "waiting for a visitor"
 """The outcome of a pass in which no visitor is seen."""
 
@@ -64,11 +73,12 @@ class Scenario(NamedTuple):
     kinds: Tuple[str, ...] = KINDS
     is_traced: bool = False  # its calls are wanted, however many faults it has
     quick: Tuple[str, ...] = ()  # nodes whose calls take no time
+    then: Tuple[str, ...] = ()  # visitors after this one; what is found is about the last of them
 
     @property
     def is_faultless(self) -> bool:
         """Whether nothing goes wrong in the scene, planned or at random."""
-        return not (self.planned or self.silent or self.rate)
+        return not (self.planned or self.silent or self.rate or self.then)
 
     @property
     def is_calm(self) -> bool:
@@ -81,9 +91,26 @@ class Scenario(NamedTuple):
         return self.is_traced or len(self.planned) < 2 and not self.seed
 
     @property
+    def may_have_successors(self) -> bool:
+        """Whether what goes wrong is over when the last visitor goes."""
+        goes_on = any(fault.is_lasting or fault.kind == CRASH for fault in self.planned)
+        return not (goes_on or self.silent or self.quick or self.seed) \
+            and len(self.then) < MOST_VISITORS - 1
+
+    @property
     def calm(self) -> "Scenario":
-        """The same without faults."""
-        return Scenario(self.visitor, self.by_voice)
+        """The same without faults, and without visitors before."""
+        return Scenario((self.visitor, *self.then)[-1], self.by_voice)
+
+    @property
+    def words(self) -> str:
+        """How it differs from the others, in one line."""
+        wrong = [*map(str, self.planned), *(f"{name} silent" for name in self.silent)]
+        wrong += [f"{name} quick" for name in self.quick]
+        wrong += [f"failure rate {self.rate:g}, seed {self.seed}"] if self.seed else []
+        way = "voice" if self.by_voice else "tablet"
+        visitors = ", then ".join((self.visitor, *self.then))
+        return f"visitor {visitors}, by {way}, {', '.join(wrong) or 'no fault'}"
 
     def with_fault(self, fault: PlannedFault) -> "Scenario":
         """Return the scene with a further planned fault; those that last stand last."""
@@ -107,12 +134,13 @@ class Outcome(NamedTuple):
     switched: Tuple[Tuple[Request, int], ...]
     calls: Tuple[RobotCall, ...] = ()
     last: FrozenSet[str] = frozenset()  # nodes with a call that did not end before that of another
+    left_behind: bytes = b""  # for the next visitor: see ``Situations``
 
     def rank(self) -> Tuple[Any, ...]:
         """Return the key by which the shortest play sorts first; of equals, the first declared
         visitor and kind of fault."""
         scene = self.scene
-        return (scene.rate > 0, len(scene.planned + scene.silent + scene.quick),
+        return (scene.rate > 0, len(scene.planned + scene.silent + scene.quick + scene.then),
                 sum(fault.is_lasting for fault in scene.planned), round(self.seconds),
                 BEHAVIOURS.index(scene.visitor), not scene.by_voice,
                 [KINDS.index(fault.kind) for fault in scene.planned], scene)
@@ -167,10 +195,11 @@ class ScenarioRunner:
         if not stage.settings.asr_enabled and robot.tells(Sense.UTTERANCE):
             silent += (robot.evidence(Sense.UTTERANCE).topic.name,)  # no speech is recognised
         gap = min(MESSAGE_INTERVAL, stage.settings.topic_max_age / 2)
-        played = stage.play(test, silent, gap, scene.is_listed)
+        played = stage.play(test, silent, gap, scene.is_listed, scene.then).last_pass()
         faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
         calm = None if scene.is_calm else self._calm_play(scene.calm)
-        return Play(stage, played, scene.visitor, faults, calm)
+        return Play(stage, played, (scene.visitor, *scene.then)[-1], faults, calm,
+                    len(scene.then))
 
     def evaluate(self, scene: Scenario) -> Outcome:
         """Play a scene and find what is wrong in it."""
@@ -183,7 +212,8 @@ class ScenarioRunner:
                            tuple(findings.findings(play)), play.played.reached, play.succeeded,
                            tuple(play.switched.items()),
                            tuple(play.calls()) if scene.is_listed else (),
-                           _last(play.played) if scene.is_calm else frozenset())
+                           _last(play.played) if scene.is_calm else frozenset(),
+                           play.played.left_behind)
 
 
 def _last(played: RunResult) -> FrozenSet[str]:
@@ -213,7 +243,7 @@ def single(outcomes: Sequence[Outcome], kinds: Sequence[str], topics: Sequence[s
     known: Set[Tuple[str, str, str]] = set()
     for outcome in outcomes:
         scene = outcome.scene
-        if outcome.outcome not in ("SUCCESS", "FAILURE"):
+        if outcome.outcome not in ENDS:
             continue
         asked = [(call, (scene.visitor, call.node, call.fields)) for call in outcome.calls]
         leaves: Set[int] = set()
@@ -258,6 +288,24 @@ def orders(outcomes: Sequence[Outcome]) -> Iterator[Scenario]:
             if (outcome.scene.visitor, node) not in met:
                 met.add((outcome.scene.visitor, node))
                 yield outcome.scene._replace(quick=(node,))
+
+
+def successors(outcomes: Sequence[Outcome]) -> Iterator[List[Scenario]]:
+    """Yield rounds of scenes in which each visitor of the calm ``outcomes`` comes after what a pass
+    has left behind that no pass before has left; ``outcomes`` grow with each round."""
+    visitors = dict.fromkeys(outcome.scene.visitor for outcome in outcomes if outcome.scene.is_calm)
+    met: Set[Tuple[bool, bytes]] = set()
+    while True:
+        scenes: List[Scenario] = []
+        for outcome in sorted(outcomes, key=Outcome.rank):
+            scene, key = outcome.scene, (outcome.scene.by_voice, outcome.left_behind)
+            if outcome.outcome in ENDS and scene.may_have_successors and key not in met \
+                    and len(met) < MOST_LEFT:
+                met.add(key)
+                scenes += [scene._replace(then=(*scene.then, visitor)) for visitor in visitors]
+        if not scenes:
+            return
+        yield scenes
 
 
 def random(scenes: Sequence[Scenario], runs: int, rates: Sequence[float], seed: int,

@@ -7,6 +7,7 @@ from typing import Any, Dict, Iterator, List, Tuple
 from behavior_controller.bt import Node, Tree
 from behavior_controller.bt.values.status import NAMES
 from behavior_controller.run.events import LETTERS
+from behavior_controller import leaves
 from behavior_controller.leaves import data
 
 from behavior_controller.simulation.journal import JournalEntry
@@ -19,8 +20,15 @@ _OF_ALL_NODES = vars(Node).keys() | vars(Node("")) | {
 
 _PLAIN = (bool, int, str, float, tuple, list, deque, enum.Enum)
 _TIMES = data.TIMES
-_OF_ALL_VISITORS = {"manners", "now", "_last_request", "_listens_until"}
+_OF_ONE_ROUND = {"feedback_message", "over"}
+_OF_ONE_VISIT = {datum.name for datum in data.ALL}
+_OF_ALL_VISITORS = {"manners", "now", "_last_request", "_listens_until", "_expected"}
 """What a visitor has that is alike in all plays of a scene, or a moment."""
+
+
+def _is_of_mission(node: Node) -> bool:
+    """Return whether a node is one of our vocabulary: what those keep is of one round."""
+    return type(node).__module__.startswith(leaves.__name__)
 
 
 class Situations:
@@ -32,11 +40,13 @@ class Situations:
     moments, and the numbers of failures that a recovery has handled.
     """
 
-    def __init__(self, tree: Tree, robot: VirtualRobot, is_wanted: bool):
-        """``is_wanted``: from the first call on, and not from the first fault on."""
+    def __init__(self, tree: Tree, robot: VirtualRobot, of_calls: bool, is_wanted: bool):
+        """``of_calls``: what calls meet is noted; ``is_wanted``: from the first call on, and not
+        from the first fault on."""
         self._tree, self._robot, self._is_wanted = tree, robot, is_wanted
         self.met: Dict[Tuple[str, int], bytes] = {}  # what each call met, by node and number
-        robot.called = self._note
+        if of_calls:
+            robot.called = self._note
         self._nodes = [node for node in tree.nodes if not node.spec.is_recovery]
         self._names: List[Tuple[int, List[str]]] = [(0, [])] * len(self._nodes)
 
@@ -44,6 +54,16 @@ class Situations:
         if self._is_wanted:
             self.met[entry.node, entry.call] = self._digest()
         self._is_wanted = self._is_wanted or entry.fault is not None
+
+    def left_behind(self) -> bytes:
+        """Return a digest of what the next visitor may notice of a pass that has ended."""
+        tree, visitor = self._tree, self._robot.world.visitor
+        entries = [(path, name, str(entry.value)) for path, board in tree.blackboards.items()
+                   for name, entry in board.local.items() if name not in _OF_ONE_VISIT]
+        kept = [(uid, name, value) for uid, name, value in self._kept()
+                if value and name not in _OF_ONE_ROUND and not _is_of_mission(tree.nodes[uid - 1])]
+        state = kept, entries, visitor.attention, visitor.is_listened_to
+        return hashlib.blake2b(repr(state).encode(), digest_size=8).digest()
 
     def _digest(self) -> bytes:
         tree, now = self._tree, self._robot.clock.now()

@@ -7,6 +7,7 @@ from typing import Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequen
 
 from msgspec.structs import replace
 
+from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.run.story import Sentence, Story
 from behavior_controller.robot.declarations import Topic
@@ -18,7 +19,7 @@ from behavior_controller.simulation.rehearsal.plays import (
     NO_VISITOR, Outcome, Scenario, Search, ScenarioRunner)
 from behavior_controller.simulation.faults import KINDS
 from behavior_controller.simulation.rehearsal.play import START, Place
-from behavior_controller.simulation.visitor import ENGAGES
+from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
 
 Z = 1.96
 """Standard deviations on each side of an interval that holds the true share in 95 of 100 cases."""
@@ -58,6 +59,16 @@ class VisitorRow(NamedTuple):
     seconds: float
     stops: int
     with_faults: Tuple[Tuple[str, int], ...]
+
+
+class SimulatedRun(NamedTuple):
+    """One play: how it ended (empty: it did not), after how many seconds, how it differs from the
+    others, and the command that plays it again."""
+
+    outcome: str
+    seconds: float
+    words: str
+    command: str
 
 
 class Share(NamedTuple):
@@ -118,7 +129,8 @@ class Survey:
     def _whole(self, search: Optional[Search]) -> Iterator[Tuple[FindingKind, Place]]:
         """Yield what only all plays together show, if each visitor and each fault was played, and
         ``search`` has planned faults towards the nodes that they do not reach."""
-        detectors = {findings.NEVER_SUCCEEDS: self._never_succeeds, findings.ONE_WAY: self._one_way}
+        detectors = {findings.NEVER_SUCCEEDS: self._never_succeeds,
+                     findings.NEVER_ASKED: self._never_asked, findings.ONE_WAY: self._one_way}
         if search is not None:
             detectors.update({findings.NEVER_TRUE: self._never_true,
                               findings.NEVER_OFF: self._never_off,
@@ -148,6 +160,18 @@ class Survey:
                 if missed:
                     what = f"by {way} the robot does not come to {', '.join(missed)}"
                     yield stops[by_voice][missed[0]], what
+
+    def _never_asked(self) -> Iterator[Place]:
+        """Find the first node of each type that no policy may skip and that no calm pass reaches,
+        if all visitors were played, by voice and by tablet."""
+        scenes = {outcome.scene for outcome in self._calm if outcome.outcome != NO_VISITOR}
+        if len(scenes) < 2 * len(BEHAVIOURS):
+            return
+        reached = {self.nodes[uid - 1].spec.id for outcome in self._calm for uid in outcome.reached}
+        for node in {node.spec.id: node for node in reversed(self.nodes)}.values():
+            if isinstance(node.spec, MissionSpec) and node.spec.is_indispensable \
+                    and node.spec.id not in reached:
+                yield node.uid, "without a fault, no visitor brings the mission here"
 
     def _never_true(self) -> Iterator[Place]:
         """Find the leaves that were reached in a pass without faults and have never succeeded.
@@ -242,6 +266,8 @@ class Survey:
             words += ["--planned", ",".join(map(str, scene.planned))]
         if scene.silent:
             words += ["--silent", ",".join(scene.silent)]
+        if scene.then:
+            words += ["--then", ",".join(scene.then)]
         if scene.quick:
             words += ["--quick", ",".join(scene.quick)]
         words.append("asrEnabled:=" + ("true" if scene.by_voice else "false"))
@@ -253,10 +279,20 @@ class Survey:
         for calm in self._calm:
             counted = Counter(
                 outcome.outcome for outcome in self.outcomes
-                if not outcome.scene.is_calm and outcome.scene[:2] == calm.scene[:2])
+                if not outcome.scene.is_calm and not outcome.scene.then
+                and outcome.scene[:2] == calm.scene[:2])
             rows.append(VisitorRow(calm.scene.visitor, calm.scene.by_voice, calm.outcome,
                                    calm.seconds, len(calm.stops), tuple(sorted(counted.items()))))
         return rows
+
+    def runs(self) -> Dict[str, List[SimulatedRun]]:
+        """Return all plays by their end, in the order in which they were played."""
+        runs: Dict[str, List[SimulatedRun]] = {}
+        for outcome in self.outcomes:
+            scene = outcome.scene
+            runs.setdefault(outcome.outcome, []).append(SimulatedRun(
+                outcome.outcome, outcome.seconds, scene.words, self.command(scene)))
+        return runs
 
     def shares(self) -> List[Share]:
         """Return the share of successes for each failure rate, of the plays with random faults."""
