@@ -212,6 +212,8 @@ BY_TABLET = "<ForceSuccess>{}</ForceSuccess>".format(
     retry(3, safe("PressYesNoSpeech"), "<PressYesNoDialogue/>"))
 
 SOUND = [
+    ("a wait for a visitor before the first request",
+     ["<START_OF_TREE/>", VISITOR, safe("WelcomeSpeech")]),
     ("one exhibit only", [BEGIN, LIST, SHOW, BYE, HOME]),
     ("a greeter", [BEGIN, safe("WelcomeGesture"), safe("WelcomeSpeech"), OFF]),
     ("a tour on the tablet's yes",

@@ -208,6 +208,10 @@ class VirtualTopics(FakeTopics):
                     Message(topic.name, self.reads[topic], sample.value, sample.arrived))
         return samples
 
+    def forget(self) -> None:
+        """Drop all messages: the next visitor comes when they are too old to count."""
+        self._recent.clear()
+
     def rehearse(self, topic: Topic) -> None:
         """Publish from now on what the declaration of another package's topic says. As on a robot,
         a mission begins before the first message comes."""

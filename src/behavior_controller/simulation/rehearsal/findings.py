@@ -490,9 +490,12 @@ def _next_visitor(play: Play) -> Iterator[Place]:
     Find the first request that the same visitor brings about without one before, and not now, or
     now alone.
     """
-    if not play.visitors_before or play.faults or play.calm is None or not play.calm.outcome:
+    calm = play.calm
+    if not play.visitors_before or play.faults or calm is None or not calm.outcome:
         return
-    changes = list(_changes(play.calm, play))
+    if not calm.signs and any(calm.spec(result.uid).listens for result in calm.leaves):
+        return  # whether a visitor is seen is a matter of milliseconds
+    changes = list(_changes(calm, play))
     this = f"visitor {play.visitors_before + 1}"
     if changes:
         _, alone, later = min(changes, key=lambda change: change[0])
@@ -500,7 +503,7 @@ def _next_visitor(play: Play) -> Iterator[Place]:
                 for each, visitor in ((alone, "the first visitor"), (later, this)) if each]
         uid = next(each.uid for each in (alone, later) if each)
         yield uid, ", ".join(said) + " alone" * (len(said) == 1)
-    elif play.outcome != play.calm.outcome:
+    elif play.outcome != calm.outcome:
         yield ROOT, f"the pass of {this} ends otherwise: {play.outcome or 'never'}"
 
 
@@ -583,7 +586,7 @@ def _not_shown(play: Play) -> Iterator[Place]:
     for choice, until in zip(taken, ends):
         there = [drive.asked for drive in play.drives if goal(drive)[:2] in places
                  and choice.ended <= drive.asked < until]
-        since = max([choice.ended, *there])
+        since = there[0] if there else choice.ended
         if until > since and not any(since <= exchange.asked < until and isinstance(
                 exchange.request, (Say, PerformGesture)) for exchange in play.exchanges):
             yield choice.uid, "the stop is chosen, and the visitor hears and sees nothing of it"
@@ -695,7 +698,8 @@ def _goodbye_to_nobody(play: Play) -> Iterator[Place]:
 
 
 def _speech_to_nobody(play: Play) -> Iterator[Place]:
-    """The robot speaks although it has driven home, or has seen that the visitor has left.
+    """The robot speaks although it has driven home from the visitor, or has seen that the visitor
+    has left.
 
     A robot may call for a visitor whom it does not see: what counts is what it says after its last
     look.
@@ -710,8 +714,8 @@ def _speech_to_nobody(play: Play) -> Iterator[Place]:
                 or any(look.began > exchange.asked for look in looks):
             continue
         seen = [look.letter for look in looks if since <= look.ended <= exchange.asked]
-        is_back = any(play.is_home(drive) and drive.asked <= exchange.asked
-                      and drive.asked >= since - TIME_TOLERANCE for drive in play.drives)
+        is_back = any(play.is_home(drive) and abs(drive.asked - since) < TIME_TOLERANCE
+                      for drive in play.drives)
         if seen[-1:] == ["F"] or is_back:
             yield exchange.uid, f"the visitor had left {exchange.asked - since:.0f} s before"
 
@@ -737,9 +741,12 @@ def _said_twice(play: Play) -> Iterator[Place]:
 def _drives_switched_on(play: Play) -> Iterator[Place]:
     """The robot drives with attention or lifelike movement on. Switch both off before each drive.
 
-    A request to switch it off counts even if it was refused.
+    A request to switch it off counts even if it was refused. A mission that looks for no visitor is
+    led by a person, who minds the robot.
     """
-    for drive in play.drives if not play.faults else ():
+    is_led = not any(isinstance(node.spec, MissionSpec) and node.spec.listens
+                     for node in play.nodes)
+    for drive in play.drives if not (play.faults or is_led) else ():
         for safe in play.stage.settings.interface.safe_state:
             before = [exchange.request for exchange in play.exchanges
                       if type(exchange.request) is type(safe) and exchange.asked < drive.asked]

@@ -251,6 +251,7 @@ class PlayRunner(VirtualTimeRunner):
             self._left_behind = self._situations.left_behind()
         elif isinstance(event, PassStarted) and event.number > self._robot.test.mission_runs:
             self._robot.world.visitor.succeed(self._then.pop(0))
+            self._robot.topics.forget()
 
 
 def _node_of(error: BehaviorControllerError, nodes: Sequence[Node]) -> int:
