@@ -15,7 +15,8 @@ from behavior_controller.run.events import (HealthChanged, LeafFinished, Noticed
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import (
-    Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation, SetAttention)
+    Answer, Faces, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.robot.d543 import FACES
 from behavior_controller.leaves.data import TARGET_LOCATION
 from mission_rig import EXHIBITS, one_leaf, refusal, service_of, write
 
@@ -162,10 +163,25 @@ def test_after_a_subtree_only_going_on_or_giving_up_is_possible():
     assert len(rig.requests) == 1
 
 
+def test_a_condition_that_has_held_since_is_no_cause():
+    """The visitor looks, and then the time is up: another step took too long."""
+    rig = one_leaf("<Fallback><Timeout msec='5000'><Sequence><ReactiveFallback>"
+                   "<IsVisitorDiscovered/><Sleep msec='4000'/></ReactiveFallback>"
+                   "<WelcomeSpeech/></Sequence></Timeout><HandleFallBack/></Fallback>",
+                   lambda request: None)
+    assert rig.tick() is RUNNING
+    rig.topics.publish(FACES, Faces(("1",), (True,)))
+    assert rig.tick() is RUNNING and [type(request) for request in rig.requests] == [Say]
+    assert to_the_end(rig) is FAILURE
+    assert [(event.node, event.failure.message, event.outcome) for event in rig.of(Recovered)] == [(
+        "HandleFallBack", "Timeout::2 failed, and no mission node failed before", "given up")]
+
+
 def test_nothing_failed_before_is_a_failure():
     rig = one_leaf("<Fallback><AlwaysFailure/><HandleFallBack/></Fallback>")
     assert rig.tick() is FAILURE
-    nothing = Failure(Cause.MISSING_DATA, "no mission node failed before")
+    nothing = Failure(Cause.MISSING_DATA,
+                      "AlwaysFailure::2 failed, and no mission node failed before")
     assert rig.of(Recovered) == [
         Recovered("HandleFallBack", "HandleFallBack::3", nothing, "give up", 0, False, "given up",
                   "", 3)

@@ -52,7 +52,8 @@ class Failed(NamedTuple):
 
 
 class FailureLog:
-    """The newest failure of each leaf: HandleFallBack finds its cause in it."""
+    """The newest failure of each leaf that has not succeeded since: HandleFallBack finds its cause
+    in it."""
 
     @tick_thread_only
     def __init__(self) -> None:
@@ -81,6 +82,11 @@ class FailureLog:
         self.newest_number += 1
         self._last = [failure]
         self._by_uid[leaf.uid] = Failed(self.newest_number, leaf, failure)
+
+    @tick_thread_only
+    def clear(self, leaf: "MissionLeaf") -> None:
+        """Forget the failure of a leaf that has succeeded since."""
+        self._by_uid.pop(leaf.uid, None)
 
     @tick_thread_only
     def newest(self, first_uid: int, end_uid: int, after: int) -> Optional[Failed]:
@@ -265,6 +271,7 @@ class MissionLeaf(Node):
 
     def succeeded(self) -> Result:
         """Report SUCCESS and return it."""
+        self.mission.failures.clear(self)
         return self.report(SUCCESS)
 
     def ended(self, failure: Optional[Failure]) -> Result:

@@ -46,7 +46,11 @@ class HandleFallBack(WorkingLeaf):
         self._last_number, self._attempts, self._reason = failures.newest_number, 0, ""
         if failed is None:
             self._leaf = self
-            self._failure = Failure(Cause.MISSING_DATA, "no mission node failed before")
+            text = "no mission node failed before"
+            other = next((step for step in reversed(steps) if step.status is FAILURE), None)
+            if other is not None:
+                text = f"{other.full_path.rpartition('/')[2]} failed, and {text}"
+            self._failure = Failure(Cause.MISSING_DATA, text)
             self._decided(GIVEN_UP, "give up")
             return self.report(FAILURE)
         self._leaf, self._failure = failed.leaf, failed.failure

@@ -755,7 +755,7 @@ def forced(*steps):
      ["textToSpeech:1"], ["refused", "missing-data"]),
     ('<Repeat num_cycles="3">' + forced("<Fallback><Inverter><WelcomeSpeech/></Inverter>"
                                         "<HandleFallBack/></Fallback>") + "</Repeat>",
-     ["textToSpeech:1"], ["refused", "missing-data"]),
+     ["textToSpeech:1"], ["refused", "missing-data", "missing-data"]),
     # behind the last exhibit
     ('<RetrieveListOfExhibits/><Repeat num_cycles="6"><SelectExhibit/></Repeat>', [],
      ["missing-data"]),

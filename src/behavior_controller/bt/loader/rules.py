@@ -182,6 +182,8 @@ PALETTE_DIRECTION = warning("The palette has a port with another direction.")
 
 MODE_MISSING = warning("A node checks a sign that no mode of attention set before it reports.")
 FAREWELL_TO_NOBODY = warning("The mission says goodbye to a visitor who has left.")
+STEP_LEFT_OUT = warning("A step that no policy may skip is left out when a step before it fails, "
+                        "because one recovery stands behind both.")
 NO_STOP = warning("Without speech recognition the mission never comes to its stops.")
 ROBOT_LACKS = error("A node cannot work, because the configured robot lacks what it needs.")
 DOES_WITHOUT = warning("A node does nothing, because the configured robot lacks what it needs.")

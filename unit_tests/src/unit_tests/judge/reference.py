@@ -150,6 +150,7 @@ class TaskContext:
         self.phrases = phrases.load(self.language, settings.scenario_specification)
         self.gone: Set[str] = set()  # services that are known to be gone
         self.failures: List[TaskFailure] = []
+        self.succeeded_at: Dict[int, int] = {}  # the number of failures then, by uid of a node
         # the failure for which the robot was left in the safe state last
         self.given_up: Optional[TaskFailure] = None
         self.recoveries: List[float] = []
@@ -244,7 +245,9 @@ class ReferenceNode(Node):
 
     def conclude(self, cause: Optional[Cause]) -> Result:
         """End the node; without a cause it has succeeded."""
-        if cause is not None and not self.spec.is_recovery:
+        if cause is None:
+            self.course.succeeded_at[self.uid] = len(self.course.failures)
+        elif not self.spec.is_recovery:
             self.course.failures.append(TaskFailure(self, cause, self.resource))
         self.course.ended(self, cause)
         return SUCCESS if cause is None else FAILURE
@@ -549,8 +552,9 @@ class RecoveryTask(Task):
     def recover(self) -> Steps:
         """Do one thing after the other about the newest failure."""
         course, self.remark = self.course, ""
-        failures = [failed for failed in course.failures[self._known:]
-                    if self._first <= failed.node.uid < self.uid]
+        failures = [failed for number, failed in enumerate(course.failures)
+                    if number >= max(self._known, course.succeeded_at.get(failed.node.uid, 0))
+                    and self._first <= failed.node.uid < self.uid]
         self._known = len(course.failures)
         if not failures:
             raise Fails(Cause.MISSING_DATA)
