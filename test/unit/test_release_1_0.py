@@ -1058,6 +1058,16 @@ def test_a_tour_that_is_never_given_without_recognition_is_told(body, robot, how
             "stops".format(how))] if how else [])
 
 
+def test_what_one_use_of_a_subtree_knows_is_not_known_in_another():
+    """The lab tour awaits a gaze before the question, and after a yes. The tablet of the release
+    does not say what was pressed."""
+    with open(folders.mission("lab_tour"), encoding="utf-8") as mission:
+        tree = load_text(mission.read(), leaves.registry(), "m.xml")
+    told = {name: {fault.code for fault in foresee(tree, settings.defaults(robotInterface=name))}
+            for name in (RELEASE, d543.INTERFACE.name)}
+    assert "no-stop" in told[RELEASE] and told[d543.INTERFACE.name] == set()
+
+
 @pytest.mark.parametrize("body", [
     "<Sequence>" * 1900 + "<IsVisitorPresent/>" + "</Sequence>" * 1900,
     "<Sequence>" + "<IsVisitorPresent/>" * 2001 + "</Sequence>"

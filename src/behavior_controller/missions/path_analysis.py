@@ -100,7 +100,7 @@ class _Follower:
     def __init__(self, tree: Tree, tablet_stores: bool):
         self._tablet_stores = tablet_stores
         # by id() of the element: a tree is the same wherever it is used
-        self._known: Dict[Tuple[int, States], Ways] = {}
+        self._known: Dict[Tuple[int, States], Tuple[Ways, States]] = {}
         self._seen: Dict[int, States] = {}
         self._ways(tree.root, frozenset([PathState(True), PathState(False)]))
 
@@ -109,31 +109,30 @@ class _Follower:
         """
         return self._seen.get(id(node.element), frozenset())
 
-    def _ways(self, node: Any, states: States) -> Ways:
-        """Return how ``node`` can end if it is reached with any of ``states``."""
+    def _ways(self, node: Any, states: States) -> Tuple[Ways, States]:
+        """Return how ``node`` can end if it is reached with any of ``states``, and the states in
+        which it can then be halted, or asked again."""
         is_conditional = not node.attributes.keys().isdisjoint(PRE_CONDITIONS)
         if is_conditional:
             states = _forgotten(states)
         key = id(node.element), states
         if key not in self._known:
             self._seen[key[0]] = self.seen_at(node) | states
+            during = set(states)
             if node.children:
-                ways = self._inside(node, states)
+                ways = self._inside(node, states, during)
             else:
                 ways = {way for state in states for way in self._leaf(node, state)}
             if is_conditional:
                 ways = ways | _each(ANY_RESULT, states)
             if "_while" in node.attributes:
-                ways = ways | _each(SKIPS, _forgotten(self._during(node)))
-            self._known[key] = ways
+                ways = ways | _each(SKIPS, _forgotten(during))
+            self._known[key] = ways, frozenset(during)
         return self._known[key]
 
-    def _during(self, node: Any) -> States:
-        """Return the states in which ``node`` can be halted, or asked again."""
-        return frozenset().union(*map(self.seen_at, node.iterate()))
-
-    def _inside(self, node: Any, states: States) -> Ways:
-        """Follow what a node with children does, until no child is reached with further states."""
+    def _inside(self, node: Any, states: States, during: Set[PathState]) -> Ways:
+        """Follow what a node with children does, until no child is reached with further states;
+        ``during`` gets those of the children."""
         spec, count = node.spec, len(node.children)
         first = spec.first(count)
         reached = [set(states) if index in first else set() for index in range(count)]
@@ -142,7 +141,9 @@ class _Follower:
         while sum(map(len, reached)) > before:
             before = sum(map(len, reached))
             for index, child in enumerate(node.children):
-                for end, state in self._ways(child, frozenset(reached[index])):
+                ends_of_child, below = self._ways(child, frozenset(reached[index]))
+                during |= below
+                for end, state in ends_of_child:
                     ends, following = spec.after(node.attributes, count, index, end)
                     ways |= _each(ends, [state])
                     if ends == ANY_RESULT:
@@ -151,11 +152,11 @@ class _Follower:
                         reached[other].add(state)
             if spec.is_reactive or len(first) > 1:
                 for index in first:
-                    reached[index] |= self._during(node)
+                    reached[index] |= during
         if count == 1:
             # the ends that it has by itself, whatever its child does: a Timeout, for one
             by_itself = spec.ends(node.attributes, [0])
-            ways |= _each(by_itself, _forgotten(self._during(node)))
+            ways |= _each(by_itself, _forgotten(during))
         return ways
 
     def _leaf(self, node: Any, state: PathState) -> Ways:
