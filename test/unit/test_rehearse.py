@@ -262,6 +262,20 @@ def test_the_nearest_plays_get_a_further_fault_first(tmp_path, monkeypatch):
                      {Scenario("engages", planned=(first,)), Scenario("silent", planned=(first,))}]
 
 
+@pytest.mark.parametrize("condition, habit", [
+    ("IsMutualGazeDiscovered", "; a simulated visitor returns the second attempt at a gaze, or "
+                               "none"),
+    ("IsYesNoUttered", "; a simulated visitor gives each question the same answer, or never one"),
+    ("IsASREnabled", "")])
+def test_a_node_behind_a_sign_is_told_with_the_habit_of_simulated_visitors(tmp_path, condition,
+                                                                          habit):
+    nodes = plan(tmp_path, f"<Sequence><{condition}/><WelcomeSpeech/></Sequence>"
+                 ).stage.mission.tree.nodes
+    (uid, what), = Search(nodes, {1, 2}, [], "refused").unreached()
+    assert nodes[uid - 1].name == "WelcomeSpeech"
+    assert what == "no visitor and no fault brings the mission here, in 0 simulated runs" + habit
+
+
 @pytest.mark.parametrize("most, is_cut, told", [
     (7, True, "not reached by 4 simulated runs"), (10, True, "not reached by 4 simulated runs"),
     (11, False, "no visitor and no fault brings the mission here, in 4 simulated runs")])

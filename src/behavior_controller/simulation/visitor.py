@@ -8,6 +8,7 @@ import math
 from typing import (
     Any, Callable, Dict, Mapping, NamedTuple, Optional, Pattern, Sequence, Tuple)
 
+from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Exhibit
 
 from behavior_controller.simulation.journal import JournalEntry
@@ -66,6 +67,15 @@ SEARCHING, DETECTED = 1, 2
 
 NO_STATUS = -1
 """Its ``value`` in the mode social on a robot that does not report them there."""
+
+
+HABITS = {
+    Sense.VISITOR: "is seen until the robot drives home, or on the tour leaves for good",
+    Sense.PRESENCE: "is seen until the robot drives home, or on the tour leaves for good",
+    Sense.GAZE: "returns the second attempt at a gaze, or none",
+    Sense.UTTERANCE: "gives each question the same answer, or never one",
+}
+"""What a simulated visitor always does, by what the robot senses of it."""
 
 
 def spoken(content: Mapping[str, Any]) -> str:

@@ -26,7 +26,7 @@ from behavior_controller.simulation.faults import CRASH, KINDS, PlannedFault
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission, Place, RunResult
 from behavior_controller.simulation.configuration import REAL
-from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES
+from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES, HABITS
 
 MESSAGE_INTERVAL = 1.0
 """Seconds between two messages of a topic, or half of ``topicMaxAge`` if less: in a rehearsal no
@@ -359,8 +359,10 @@ class Search:
         reaches them."""
         runs = count(len(self._outcomes), "simulated run", "simulated runs")
         for node in self.targets():
-            yield node.uid, (f"not reached by {runs}" if self.is_cut else
-                             f"no visitor and no fault brings the mission here, in {runs}")
+            what = f"no visitor and no fault brings the mission here, in {runs}"
+            if self.is_cut:
+                what = f"not reached by {runs}"
+            yield node.uid, what + _habit(node)
 
     def rounds(self) -> Iterator[List[Scenario]]:
         """Yield the scenes of each round."""
@@ -427,6 +429,16 @@ def _sibling_before(node: Node) -> Optional[Node]:
     if parent is None or not parent.spec.advances_on or parent.children[0] is node:
         return None
     return parent.children[parent.children.index(node) - 1]
+
+
+def _habit(node: Node) -> str:
+    """Return what simulated visitors always do and others may not, if the way to a node leads past
+    a sign of the visitor."""
+    before: Any = _sibling_before(node)
+    below = before.iterate() if before is not None else ()
+    senses = [sense for each in below for sense in getattr(each.spec, "listens", ())]
+    habit = next((HABITS[sense] for sense in senses if sense in HABITS), "")
+    return f"; a simulated visitor {habit}" if habit else ""
 
 
 def _below(node: Any) -> Set[int]:
