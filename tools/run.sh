@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Sets everything up and runs a mission, the lab tour if none is named, once against the nine simulated nodes, ten times as fast as
 # on a robot. Arguments go to "rosrun unit_tests runTest", whose help explains them: tools/run.sh failureRate:=0.2 speed:=1
-# The last lines are the verdict and the path of the report as a page. Exit code: 0 passed, 1 failed, 2 nothing was tested.
+# The last lines are the verdict and the path of the report as a page. Exit code: 0 passed, 1 failed, 2 nothing was tested, 3 cut off.
 set -eo pipefail
 REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 . "$REPOSITORY/tools/environment.sh"

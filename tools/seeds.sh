@@ -24,7 +24,7 @@ for seed in $(seq "$seeds"); do
     tail -n 20 "$output"
     exit 2
   fi
-  echo "seed $seed, $((SECONDS - began)) s: $(grep -E '^(PASSED|FAILED): ' "$output" | tail -n 1)"
+  echo "seed $seed, $((SECONDS - began)) s: $(grep -E '^(PASSED|FAILED|CUT OFF): ' "$output" | tail -n 1)"
   if [ "$code" != 0 ]; then
     failed+=("$seed")
     sed -n '/^# [0-9-]*T/,$p' "$output"

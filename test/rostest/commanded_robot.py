@@ -39,7 +39,7 @@ from behavior_controller.config.settings import defaults
 from behavior_controller.simulation import behaviour
 from unit_tests.robot import ros_messages
 from behavior_controller.simulation.faults import REFUSED, WRONG
-from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.journal import JournalEntry, plain
 from behavior_controller.simulation.behaviour import SERVICES, TOPICS
 from behavior_controller.simulation.visitor import ENGAGES
 from behavior_controller.simulation.world import world as read_world
@@ -55,7 +55,7 @@ def visited(interface):
     world = read_world(ENGAGES, defaults(robotInterface=interface))
     for request in (SetAttention("seeking"), Say(world.visitor.manners.questions[0])):
         service = world.settings.interface.service(type(request))
-        fields = ros_messages.fields_of(TYPES[service]._request_class(*service.fields(request)))
+        fields = plain(TYPES[service]._request_class(*service.fields(request)))
         world.visitor.notice(JournalEntry(0.0, service.node, service.name, 1, fields))
     world.visitor.gaze()  # the second attempt succeeds
     return world._replace(knowledge=world.knowledge._replace(
@@ -64,7 +64,7 @@ def visited(interface):
 
 def reply(service, request, fault, world):
     """Return the response of the simulated node, which has that fault or none, to a srv request."""
-    fields = ros_messages.fields_of(request)
+    fields = plain(request)
     fault = behaviour.possible(fault, service, ros_messages.response_fields(service))
     simulated = SERVICES[service.request]
     is_done = fault is None and simulated.object_to(fields) is None
@@ -108,7 +108,7 @@ class CommandedService:
             self._changed.notify_all()
 
     def _answer(self, request):
-        report(service=self._service.name, fields=ros_messages.fields_of(request))
+        report(service=self._service.name, fields=plain(request))
         if self.mode == "exit":
             os._exit(1)
         if self.mode == "raise":
@@ -139,7 +139,7 @@ class CommandedGoals:
 
     def _carry_out(self, goal):
         server, success = self._server, self._action.success
-        report(service="action " + self._action.name, fields=ros_messages.fields_of(goal))
+        report(service="action " + self._action.name, fields=plain(goal))
         while self.mode == "deaf" or self.mode == "hang" and not server.is_preempt_requested():
             feedback = TYPES[self._action]().action_feedback.feedback
             for field, kind in zip(feedback.__slots__, feedback._slot_types):

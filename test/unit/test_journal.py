@@ -5,7 +5,7 @@ import threading
 from behavior_controller.config import settings
 from behavior_controller.robot.requests import Say
 
-from behavior_controller.simulation import configuration
+from behavior_controller.simulation import behaviour, configuration
 from behavior_controller.simulation.faults import PlannedFault
 from behavior_controller.simulation.journal import Journal, JournalEntry
 from behavior_controller.simulation.simulated_node import SimulatedNode
@@ -66,7 +66,8 @@ def test_a_node_that_was_started_again_counts_on_from_its_last_call():
     for earlier in (line(1), line(9, "robotNavigation"), line(2), line(0), line(1)):
         node.catch_up(earlier)
     for _ in range(2):
-        node.reply(of_mission.interface.service(Say), "/say", {"message": "x"}, ["success"])
+        node.reply(of_mission.interface.service(Say), "/say", {"message": "x"},
+                   ["success"], behaviour.response)
     assert [(entry.call, entry.fault) for entry in told] == [(3, "unanswered"), (4, "exception")]
 
 

@@ -99,7 +99,7 @@ class Configuration:
         "how long simulated calls take: `real` as on a robot, `none` no time at all, `auto` as "
         "on a robot if testTimeout has {:g} s for each visitor".format(VISIT))
     test_timeout: float = key(number(1, 10 ** 6, of="seconds"), 900.0,
-                              "seconds after which a mission that has not ended has failed")
+                              "seconds after which a mission that has not ended is cut off")
 
     def lacks(self, service: Service) -> bool:
         """Return whether the robot does not offer that service, or action."""

@@ -28,11 +28,21 @@ class JournalEntry(NamedTuple):
     objection: Optional[str] = None  # why the node itself refused the request
     seconds: float = 0.0  # that the node takes until it answers
     jumped: float = 0.0  # by how many seconds /clock has jumped back, which ``time`` leaves out
+    response: Optional[Dict[str, Any]] = None  # the fields of the response; None: there is none
 
     @property
     def done(self) -> bool:
         """Whether the node carried out the request."""
         return self.fault is None and self.objection is None
+
+
+def plain(value: Any) -> Any:
+    """Return a message as plain data, by ROS' own names of its fields."""
+    if isinstance(value, (list, tuple)) and not hasattr(value, "_fields"):
+        return list(map(plain, value))
+    names = getattr(value, "_fields", None) or getattr(value, "__slots__", None)
+    names = names or getattr(value, "__dict__", None)
+    return {name: plain(getattr(value, name)) for name in names} if names else value
 
 
 class Tail:

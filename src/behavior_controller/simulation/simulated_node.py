@@ -4,7 +4,7 @@ It uses no clock and no ROS: ``ros_nodes`` carries it to the wire, ``virtual_rob
 time.
 """
 import math
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.robot.declarations import Action, Interface, Service, Topic
 from behavior_controller.robot.requests import Answer, Request
@@ -13,7 +13,7 @@ from behavior_controller.simulation import behaviour
 from behavior_controller.simulation.arrivals import Arrivals
 from behavior_controller.simulation.behaviour import FOREIGN, Fields, TOPICS
 from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED, Faults
-from behavior_controller.simulation.journal import JournalEntry, REPEAT
+from behavior_controller.simulation.journal import JournalEntry, REPEAT, plain
 from behavior_controller.simulation.world import World
 from behavior_controller.simulation.configuration import Configuration, TOPIC
 
@@ -44,11 +44,13 @@ def offers_of(node: str, interface: Interface, test: Configuration) -> Offers:
 
 class Reply(NamedTuple):
     """What a node does with a request. ``answer`` is the content of a positive answer; None: the
-    answer is no. ``is_at_once``: the node does not start what it was asked for."""
+    answer is no. ``is_at_once``: the node does not start what it was asked for. ``response`` is the
+    ROS message; None: the node sends none."""
 
     entry: JournalEntry
     answer: Optional[Answer]
     is_at_once: bool
+    response: Any
 
     @property
     def exception(self) -> str:
@@ -87,12 +89,14 @@ class SimulatedNode:
             self._faults.next()
 
     def reply(self, service: Service, resource: str, fields: Fields,
-              response_fields: Sequence[str], request: Optional[Request] = None) -> Reply:
-        """Decide what to do with a request, and write it to the journal, before anything is
-        answered.
+              response_fields: Sequence[str], respond: Callable[..., Any],
+              request: Optional[Request] = None) -> Reply:
+        """Decide what to do with a request, and write it and its response to the journal, before
+        anything is answered.
 
-        ``resource`` is the resolved name of the service. ``request`` is for a service that another
-        package declares.
+        ``resource`` is the resolved name of the service. ``respond`` returns the message with the
+        response: see ``behaviour.response``. ``request`` is for a service that another package
+        declares.
         """
         fault = behaviour.possible(self._faults.next(), service, response_fields)
         simulated, now = behaviour.simulated(service), self._stamp()
@@ -102,14 +106,19 @@ class SimulatedNode:
         seconds = behaviour.seconds(service, fields) if takes_time and not is_at_once else 0.0
         if isinstance(service, Action) and seconds:
             seconds = self._after_last_goal(service, now, seconds)
-        entry = JournalEntry(now, self.name, resource, self._faults.calls, fields, fault, objection,
-                             seconds)
-        self._write(entry)
         answer: Optional[Answer] = None
-        if entry.done:
-            answer = (service.rehearse(request) if simulated is FOREIGN
-                      else simulated.answer(fields, self.world))
-        return Reply(entry, answer, is_at_once)
+        response: Any = None
+        if fault is None and objection is None and simulated is not FOREIGN:
+            self.world.visitor.notice_start()
+            answer = simulated.answer(fields, self.world)
+        if fault not in (EXCEPTION, CRASH, UNANSWERED):
+            response = respond(service, answer, fault)
+        entry = JournalEntry(now, self.name, resource, self._faults.calls, fields, fault, objection,
+                             seconds, plain(response))
+        self._write(entry)
+        if entry.done and simulated is FOREIGN:
+            answer = service.rehearse(request)
+        return Reply(entry, answer, is_at_once, response)
 
     def _after_last_goal(self, action: Action, now: float, seconds: float) -> float:
         """Return how long a new goal takes, with the rest of the last one that is not stopped."""

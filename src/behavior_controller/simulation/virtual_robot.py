@@ -310,7 +310,7 @@ class _VirtualCall:
         names, response_fields = slots(service)
         # without an srv file, the fields are those of the record
         fields = dict(zip(names, service.values(request, names))) if names else asdict(request)
-        reply = node.reply(service, service.name, fields, response_fields, request)
+        reply = node.reply(service, service.name, fields, response_fields, response, request)
         if reply.entry.fault == CRASH:
             node.crash()
         return reply
@@ -330,7 +330,7 @@ class _VirtualCall:
             return self._failure(Cause.REFUSED, "aborted")
         if reply.answer is not None and service.request not in SERVICES:
             return reply.answer
-        return result_of(service, response(service, reply.answer, fault), service.name)
+        return result_of(service, reply.response, service.name)
 
 
 def response(service: Service, answer: Optional[Answer], fault: Optional[str] = None) -> Any:

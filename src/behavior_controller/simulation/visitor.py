@@ -143,14 +143,18 @@ class Visitor:
             if not self.is_here and entry.time > (due if due < math.inf else self._expected):
                 self._come()
             return
-        if self._last_request == math.inf:
-            self._come()
+        self.notice_start()
         self._last_request = entry.time
         is_speech_lost = entry.node == "textToSpeech" and not entry.done
         self._is_asked = self._is_asked and (entry.node in UNNOTICED or is_speech_lost)
         reaction = self._REACTIONS.get(entry.node)
         if reaction is not None:
             reaction(self, entry)
+
+    def notice_start(self) -> None:
+        """Come, if this is the robot's first request."""
+        if self._last_request == math.inf:
+            self._come()
 
     def _notice_attention(self, entry: JournalEntry) -> None:
         if entry.content["state"] == "scanning" and not self._is_on_tour:

@@ -78,11 +78,13 @@ class TestVerdict(unittest.TestCase):
         self.assertEqual((code, report), (2, []), printed)
         self.assertRegex(printed, r"^scenarioSpecification: .*did you mean lab_tour.*\n.*\n$")
 
-    def test_a_mission_that_does_not_end(self):
+    def test_a_mission_for_which_the_time_is_too_short(self):
         code, printed, report = run_test("mission:=lab_tour", "scenario:=silent",
                                          "failureRate:=0", "testTimeout:=8")[:3]
-        self.assertEqual(code, 1, printed)
-        self.assertRegex(report[-1], r"^FAILED: .*\b8 s.*testTimeout")
+        self.assertEqual(code, 3, printed)
+        self.assertRegex(report[-1], r"^CUT OFF: .*\b8 s.*testTimeout")
+        told = printed.index("so that the test may be cut off; set testTimeout:=")
+        self.assertLess(told, printed.index("a pass begins"), "it is told before the start")
 
     def test_a_wrong_configuration_is_told_once(self):
         code, printed, report = run_test("failureRate:=2")[:3]

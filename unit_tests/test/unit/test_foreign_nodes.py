@@ -18,10 +18,10 @@ from behavior_controller.leaves.base import InstantAction, WorkingLeaf, leaf_spe
 from behavior_controller.leaves.data import GESTURE_TARGET
 from behavior_controller.robot.declarations import Publication
 from behavior_controller.robot.requests import PerformGesture, Point, Say
-from behavior_controller.simulation.behaviour import SERVICES
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 
 from unit_tests.judge.verdict import Verdict
+from unit_tests.judge.wire import SENT
 
 from plays import changed, facts
 
@@ -214,12 +214,12 @@ CRASH = ("textToSpeech:1:crash",)
 
 @pytest.mark.parametrize("fault", [(), CRASH])
 def test_what_it_asks_of_a_node_that_no_test_simulates_is_judged_by_the_record(fault):
-    of_test = facts(fault)
+    of_test = facts(fault, visitor_behaviour="declines")
     without = of_test._replace(
         journal=[line for line in of_test.journal if line.node != "textToSpeech"])
     assert any("never got the request" in text for text in Verdict(without).objections)
-    with mock.patch.dict(SERVICES):
-        del SERVICES[Say]
+    with mock.patch.dict(SENT):
+        del SENT[Say]
         verdict = Verdict(without)
     assert verdict.objections == () and "only witness: textToSpeech" in str(verdict)
 

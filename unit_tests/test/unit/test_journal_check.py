@@ -176,7 +176,7 @@ def objected(answered=None, cause=None, got=None, dropped=None, request=Say("a")
         test=test, **of_test)
     signs = SimpleNamespace(waiting={}, searches=[])
     return list(JournalCheck(judged, SimpleNamespace(
-        queries={0: query}, offset=None, signs=signs)).objections())
+        queries={0: query}, offset=None, signs=signs, differs_at=0.0)).objections())
 
 
 @pytest.mark.parametrize("at, is_late", [(0.0, False), (1.0, False), (1.25, True)])
@@ -224,7 +224,8 @@ def test_the_answers_to_the_safe_state_are_read_together(node, answered, is_in_t
 @pytest.mark.parametrize("seconds, is_excused", [(58.5, False), (59.0, False), (59.5, True)])
 def test_an_answer_just_before_the_deadline_may_come_too_late(seconds, is_excused):
     found = objected(60.0, Cause.NO_ANSWER, got=(0.0, None, seconds))
-    carried_out = "call 1 of {} for WelcomeSpeech was carried out; on record is no-answer"
+    carried_out = ("call 1 of {} for WelcomeSpeech was carried out; on record is no-answer instead "
+                   "of an answer")
     assert (carried_out.format(SPEECH) in found) is not is_excused
 
 
@@ -331,18 +332,19 @@ STATE, EVENTS = "/overtAttention/mode", "/speechEvent/text"
 def objection(topic, said, has_sign=False, crash=None, interface="D5.4.3", **search):
     """Return the objection to a search at ``NOW`` for the value 1; the times of what was said, of a
     crash and of the search are seconds from then on."""
-    topic = stage(robotInterface=interface).settings.interface.topic(topic)
-    lines = [JournalEntry(BEGAN + NOW + at, topic.node, topic.name, 0,
+    node = topic.split("/")[1]
+    lines = [JournalEntry(BEGAN + NOW + at, node, topic, 0,
                           {"state": "seeking", "value": value, "data": str(value)})
              for at, value in said]
     if crash is not None:
-        lines.insert(0, JournalEntry(BEGAN + NOW + crash, topic.node, "-", 1, {}, "crash"))
+        lines.insert(0, JournalEntry(BEGAN + NOW + crash, node, "-", 1, {}, "crash"))
     given = dict(after=-50.0, newest=0.0, until=0.0, began=BEGAN - NOW)
     times = {name: NOW + seconds for name, seconds in dict(given, **search).items()}
     looked = SignSearch(
         SimpleNamespace(registration_id="Look"), topic, at=NOW, has_sign=has_sign,
         is_sign=lambda value: getattr(value, "value", value) in (1, "1"), **times)
-    messages = JournalMessages(facts()._replace(journal=lines), topic, BEGAN)
+    world = stage(robotInterface=interface).world
+    messages = JournalMessages(facts()._replace(journal=lines, world=world), topic, BEGAN)
     return messages.objection(looked, 2.0).partition(": ")[0]
 
 
@@ -390,7 +392,7 @@ def test_a_state_that_was_a_sign_and_is_over_is_none(interface, newer, is_over):
 @pytest.mark.parametrize("is_waiting", [True, False])
 def test_a_search_that_goes_on_lasts_until_the_end_of_the_run(is_waiting):
     search = SignSearch(
-        SimpleNamespace(registration_id="Look"), stage().settings.interface.topic(STATE), at=NOW,
+        SimpleNamespace(registration_id="Look"), STATE, at=NOW,
         after=0.0, newest=0.0, until=NOW, began=BEGAN, has_sign=False,
         is_sign=lambda status: status.value == 1)
     said = JournalEntry(BEGAN + NOW + 1.0, "overtAttention", STATE, 0,
@@ -404,14 +406,13 @@ def test_a_search_that_goes_on_lasts_until_the_end_of_the_run(is_waiting):
 
 def test_a_search_goes_on_while_its_node_waits_for_the_same_sign():
     clock, signs = ManualClock(10.0), Signs()
-    topic = stage().settings.interface.topic(STATE)
     node = SimpleNamespace(uid=5, status=RUNNING, parent=None)
 
     def traversal(at, **facts_of):
         clock.set_to(at)
         if facts_of:
             node.status = facts_of.get("status", RUNNING)
-            signs.searched(node, topic, [Sample(0, at - 0.5)], facts_of.get("after", 1.0),
+            signs.searched(node, STATE, [Sample(0, at - 0.5)], facts_of.get("after", 1.0),
                            lambda value: False, facts_of.get("has_sign", False))
         signs.end_traversal()
         return [(search.at, search.until) for search in signs.searches], list(signs.waiting)

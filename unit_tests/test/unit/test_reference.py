@@ -11,9 +11,10 @@ from behavior_controller.config import phrases, settings
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import (
     Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.text import read_text
 
 from unit_tests import judge
-from unit_tests.judge import reference
+from unit_tests.judge import files, reference
 
 from plays import facts
 
@@ -35,20 +36,37 @@ IsVisitorPresent
 
 FOLDER = os.path.dirname(judge.__file__)
 
+ENGLISH = files.phrases(read_text(files.path_of("phrases_English.ini", "")))
 
-@pytest.mark.parametrize("name",
-                         sorted(file for file in os.listdir(FOLDER) if file.endswith(".py")))
-def test_the_judge_uses_nothing_of_the_controllers_leaves(name):
+
+JUDGES = sorted(file for file in os.listdir(FOLDER) if file.endswith(".py"))
+
+OF_THE_PRODUCT = ("bt", "run", "errors", "exit_codes", "text", "folders", "extensions",
+                  "robot.requests", "robot.gateway", "config.settings", "missions.load",
+                  "missions.replay", "simulation.configuration", "simulation.faults",
+                  "simulation.journal", "simulation.visitor", "simulation.world")
+"""What the judge uses of the product: the model of a run, the loader and the engine, the records
+that a run is made of, and the test that was run. docs/testers_guide.md says what proves it."""
+
+ONLY = {"foreign.py": ("config.phrases",), "journal_check.py": ("robot.declarations",),
+        "report.py": ("config.config_file", "simulation.behaviour", "viewer.report")}
+"""What one module uses beside that: declarations of other packages and of services; the report."""
+
+
+@pytest.mark.parametrize("name", JUDGES)
+def test_the_judge_uses_no_reader_of_the_product(name):
     with open(os.path.join(FOLDER, name), encoding="utf-8") as file:
         tree = ast.parse(file.read())
     modules = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    modules += [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import)
-                for alias in node.names]
-    names = [alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
-             for alias in node.names if node.module == "behavior_controller"]
-    foreign = [module for module in modules
-               if module.startswith("behavior_controller.leaves")]
-    assert foreign == [] and "leaves" not in names
+    modules += [f"{node.module}.{alias.name}" for node in ast.walk(tree)
+                if isinstance(node, ast.ImportFrom) for alias in node.names if node.module in (
+                    "behavior_controller", "behavior_controller.config",
+                    "behavior_controller.simulation")]
+    used = {module.partition(".")[2] for module in modules
+            if module.startswith("behavior_controller.")} - {"config", "simulation"}
+    allowed = OF_THE_PRODUCT + ONLY.get(name, ())
+    assert {module for module in used if not any(
+        module == one or module.startswith(one + ".") for one in allowed)} == set()
 
 
 def test_every_node_of_the_table_and_of_the_release_has_its_row():
@@ -96,7 +114,7 @@ def test_the_requests_of_a_tour_are_those_of_the_document():
                                           (" error yes", None), ("yesterday", None),
                                           ("well, YES!", "yes"), ("yes no", "no")])
 def test_a_spoken_answer_is_whole_words_with_no_first(text, answer):
-    assert reference.spoken(phrases.load("English"), text) == answer
+    assert reference.spoken(ENGLISH, text) == answer
 
 
 MEANINGS = SimpleNamespace(meanings={
@@ -163,6 +181,11 @@ def test_the_policy_has_a_budget_and_pauses(more, pauses):
 REFUSED, MISTYPED = Cause.REFUSED, Cause.TYPE_MISMATCH
 
 
+def context():
+    policy = reference.PolicyTable(POLICY)
+    return reference.TaskContext(settings.defaults(), None, ENGLISH, policy)
+
+
 @pytest.mark.parametrize("causes, is_spent, spent, number, at, seconds", [
     # nothing failed that persists
     ([], True, [0.0, 10.0, 20.0], 0, 30.0, 0.0),
@@ -179,14 +202,14 @@ REFUSED, MISTYPED = Cause.REFUSED, Cause.TYPE_MISMATCH
     ([REFUSED], True, [0.0, 10.0, 20.0], 2, 60.0, 0.0), ([REFUSED], True, [0.0], 2, 30.0, 0.0)])
 def test_a_pass_waits_while_the_cause_of_the_failure_persists(
         causes, is_spent, spent, number, at, seconds):
-    course = reference.TaskContext(settings.defaults(), None, reference.PolicyTable(POLICY))
+    course = context()
     course.unrecovered = [(cause, "/x") for cause in causes]
     course.is_spent, course.recoveries = is_spent, spent
     assert course.pause(number, at) == seconds
 
 
 def test_the_failures_of_a_pass_are_the_newest_and_what_was_given_up_in_it():
-    course = reference.TaskContext(settings.defaults(), None, reference.PolicyTable(POLICY))
+    course = context()
     board = Blackboard()
     course.failures.append(reference.TaskFailure(None, Cause.REFUSED, "/before"))
     course.begin_visit(board, 5.0)
@@ -204,7 +227,7 @@ def test_the_failures_of_a_pass_are_the_newest_and_what_was_given_up_in_it():
     ("3", None, Cause.UNUSABLE_ANSWER), ("maybe", None, Cause.UNUSABLE_ANSWER)])
 def test_a_press_is_yes_or_no_or_none_at_all(pressed, meaning, cause):
     written = {}
-    course = reference.TaskContext(settings.defaults(), None, reference.PolicyTable(POLICY))
+    course = context()
     node = SimpleNamespace(course=course, write=written.update)
     found = None
     try:

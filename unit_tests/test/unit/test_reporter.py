@@ -1,11 +1,14 @@
 """Where the report of a test is written, and which process shows it."""
+import re
 import time
 
 import pytest
 
 pytest.importorskip("rosgraph", reason="needs ROS, which this interpreter does not have")
 
+from behavior_controller.config import settings  # noqa: E402
 from behavior_controller.simulation import configuration  # noqa: E402
+from behavior_controller.simulation.rehearsal.play import LoadedMission  # noqa: E402
 
 from unit_tests import folders  # noqa: E402
 from unit_tests.robot import options  # noqa: E402
@@ -90,6 +93,17 @@ def test_under_run_test_the_report_waits_for_the_end_of_roslaunch(tmp_path, caps
     assert test_node.read_verdict(str(tmp_path / "run")) == (1, "the report")
 
 
+@pytest.mark.parametrize("limit, is_short", [(120.0, True), (200.0, False)])
+def test_the_time_that_a_test_needs_is_told_before_the_start(limit, is_short):
+    """A silent visitor is asked four times, and has 10 s for an answer."""
+    test = configuration.defaults(testTimeout=limit, missionRuns=3, visitorBehaviour="silent",
+                                  arrivalRate=600.0, randomSeed=1)
+    told = test_node.time_needed(LoadedMission(settings.defaults()), test)
+    assert re.match(r"a visitor who is silent takes about 4\d\.\d s: for 3 and the start 1\d\d s "
+                    f"are needed, and testTimeout is {limit:g} s", told)
+    assert ("cut off; set testTimeout:=1" in told) is is_short
+
+
 def test_a_run_without_an_end_has_no_verdict(tmp_path):
     assert test_node.read_verdict(str(tmp_path)) is None
 
@@ -105,4 +119,4 @@ def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(
     outcome = test_node.wait_for_end(Options(Arguments([], {"folder": str(tmp_path)}),
                                              configuration.defaults(testTimeout=60.0), None))
     assert outcome.exit_code == 0 and not outcome.cut_off
-    assert outcome.stall > 0.3
+    assert max(stall.ends - stall.begins for stall in outcome.stalls) > 0.3

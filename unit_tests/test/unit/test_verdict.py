@@ -1,11 +1,13 @@
 """Tests of the verdict: sound tests pass, and what is changed in a record or a journal is objected
 to."""
 import dataclasses
+from unittest import mock
 from xml.etree import ElementTree
 
 import pytest
 from msgspec.structs import replace
 
+from behavior_controller.bt.engine.node import Timed
 from behavior_controller.run.events import (
     Answered, Asked, EntriesWritten, LeafFinished, Line, Lost, Message, Noticed, PassFinished,
     PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted, SafeStateReported,
@@ -16,12 +18,13 @@ from behavior_controller.robot.requests import GoTo, Location, Say, SetAnimation
 from behavior_controller.text import Source
 from behavior_controller.simulation.rehearsal.play import CALM, TIMED_OUT
 
+from unit_tests.judge.facts import Stall
 from unit_tests.judge.report import to_junit
 from unit_tests.judge.verdict import QUESTIONS, Verdict
 
 from plays import calls, changed, facts, of_test_with, stage, with_event
 
-REFUSED = "textToSpeech:2"
+REFUSED, START = "textToSpeech:2", Timed.start_timer
 
 
 def objections(of_test):
@@ -83,8 +86,27 @@ def test_no_message_ever_comes_to_a_mission_that_waits_for_its_visitor():
     assert "never came" in str(verdict)
     short = TIMED_OUT.format(100)
     played = on.play(dataclasses.replace(CALM, test_timeout=100.0), ["/faceDetection/data"])
-    text, = objections(of_test._replace(run=played.run(), journal=played.journal, cut_off=short))
-    assert text.startswith(short) and "IsVisitorDiscovered" in text and "testTimeout" in text
+    verdict = Verdict(of_test._replace(run=played.run(), journal=played.journal, cut_off=short))
+    assert verdict.is_cut_off and not verdict.passed and not verdict.objections
+    assert str(verdict).startswith(f"CUT OFF: {short}, and IsVisitorDiscovered")
+    assert "testTimeout" in str(verdict)
+
+
+def test_three_visitors_for_whom_the_time_is_too_short_are_no_failure():
+    """Each is asked four times, and has 10 s for an answer."""
+    cut_off = facts(visitor_behaviour="silent", mission_runs=3, test_timeout=100.0)
+    verdict = Verdict(cut_off)
+    assert len(cut_off.run.visits) == 2 and verdict.is_cut_off
+    assert str(verdict).startswith("CUT OFF: the mission did not end within 100 s, and ")
+    suite = ElementTree.fromstring(to_junit(verdict, 1.0, "title"))
+    assert (suite.get("failures"), suite.get("skipped")) == ("0", "1")
+    assert len(suite.findall("testcase/skipped")) == 1
+    # a wrong step before that is one
+    first_said = calls(cut_off, "textToSpeech")[0]
+    wrong = Verdict(cut_off._replace(journal=[
+        line._replace(content={"message": "Psst"}) if line is first_said else line
+        for line in cut_off.journal]))
+    assert not wrong.is_cut_off and str(wrong).startswith("FAILED: ")
 
 
 # ------------------------------------------------------------------------------------ start and end
@@ -178,9 +200,12 @@ def test_a_sign_that_was_not_seen():
 
 def test_the_knowledge_is_that_which_was_served():
     of_test = facts()
-    fewer = of_test.world.knowledge._replace(exhibits=of_test.world.knowledge.exhibits[1:])
-    assert_objects(of_test._replace(world=of_test.world._replace(knowledge=fewer)),
-                   "RetrieveListOfExhibits")
+    served = calls(of_test, "knowledgeBase")[0]
+    fewer = dict(served.response, exhibits=served.response["exhibits"][1:])
+    of_test = of_test._replace(journal=[
+        line._replace(response=fewer) if line is served else line for line in of_test.journal])
+    assert_objects(of_test, "RetrieveListOfExhibits", "'Pepper'", "instead of", "'Robot arm'")
+    assert_objects(of_test, "its node sent", "'Robot arm'", "instead of", "'Pepper'")
 
 
 @pytest.mark.parametrize("node", ["textToSpeech", "speechEvent"])
@@ -429,8 +454,11 @@ def test_a_safe_state_that_was_never_sent():
     assert_objects(changed(of_test, unsent)._replace(journal=journal), "never got the request")
 
 
-@pytest.mark.parametrize("stall, is_late", [(0.0, True), (0.3, True), (0.5, False)])
-def test_on_a_machine_that_stood_still_all_may_come_as_much_later(stall, is_late):
+@pytest.mark.parametrize("stalls, is_late", [
+    ([], True), ([(0.0, 0.3)], True), ([(0.0, 0.5)], False), ([(0.0, 0.2), (0.9, 1.2)], False),
+    # before it was due, and after it came
+    ([(-30.0, -0.1)], True), ([(-30.0, 0.1)], True), ([(1.5, 30.0)], True)])
+def test_while_a_machine_stood_still_what_was_due_may_come_as_much_later(stalls, is_late):
     of_test = facts()
     last = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)][-1].call
     journal = list(of_test.journal)
@@ -445,7 +473,36 @@ def test_on_a_machine_that_stood_still_all_may_come_as_much_later(stall, is_late
         is_answer = isinstance(event, Answered) and event.call == last
         return [Line(line.time + 1.4 * (is_after or is_answer), event)]
     assert bool(objections(changed(of_test, late)._replace(
-        journal=sorted(journal), stall=stall))) is is_late
+        journal=sorted(journal),
+        stalls=tuple(Stall(sent.time + begins, sent.time + ends) for begins, ends in stalls))
+    )) is is_late
+
+
+@pytest.mark.parametrize("node, number", [("robotNavigation", 1), ("overtAttention", 3),
+                                          ("overtAttention", 9), ("textToSpeech", 5)])
+def test_a_request_that_is_sent_twice_is_named_as_that_and_nothing_else_is(node, number):
+    """Also where the node gets it while the next request is made."""
+    of_test = facts()
+    its = calls(of_test, node)
+    for at in (its[number - 1].time + 0.001, its[number].time - 0.001):
+        again = its[number - 1]._replace(time=at, call=99)
+        text, = objections(of_test._replace(journal=sorted([*of_test.journal, again])))
+        assert f"{again.resource} was asked twice for {again.content}" in text
+
+
+def test_the_place_of_what_is_wrong_after_the_last_pass_is_that_pass():
+    of_test = facts()
+    last = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)][-1]
+    text, = [text for text in objections(changed(of_test, lambda line: (
+        [] if line.event is last else [line]))) if "the safe state is due" in text]
+    assert text.startswith("after pass 1: at the end ")
+
+
+def test_a_wait_that_ended_early_is_named_as_that():
+    with mock.patch.object(Timed, "start_timer", lambda self, msec: START(self, msec - 4000)):
+        of_test = facts(visitor_behaviour="silent")
+    text, = objections(of_test)
+    assert "on record is Sleep SUCCESS, 4.0 s too early" in text
 
 
 @pytest.mark.parametrize("node, content", [("textToSpeech", {"message": "Psst"}),

@@ -12,11 +12,13 @@ from behavior_controller.run.events import (
     Asked, LeafFinished, RunStarted, TreeShown)
 from behavior_controller.run.history import Run
 from behavior_controller.robot.requests import Say
+from behavior_controller.simulation.faults import KINDS
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 
 from unit_tests import folders
 from unit_tests.judge import report
 from unit_tests.judge.failures import FailureRow, failure_rows, table
+from unit_tests.judge.read_back import misprints
 from unit_tests.judge.report import (
     Report, decision_lines, failure_lines, summary_lines, title, to_junit)
 from unit_tests.judge.verdict import Verdict
@@ -286,7 +288,8 @@ def test_no_word_of_the_table_is_broken():
 def test_a_terminal_shows_so_many_rows_and_the_verdict_last(monkeypatch):
     monkeypatch.setattr(report, "MOST_SHOWN", 2)
     monkeypatch.setattr(report, "MOST_OBJECTIONS", 2)
-    of_test = facts(["textToSpeech:1", "textToSpeech:3", "textToSpeech:6"])
+    of_test = facts(["textToSpeech:1", "gestureExecution:1", "animateBehavior:1"],
+                    visitor_behaviour="leaves")
     silent = [line._replace(fault=None) for line in of_test.journal]
     shown = Report(of_test._replace(journal=silent), "title", ["a warning"])
     lines = shown.shown(100, ["where the files are"]).splitlines()
@@ -307,6 +310,36 @@ def test_the_report_begins_and_ends_with_the_verdict():
     shown = Report(of_test_with(facts(), mission_runs=2), "title")
     lines = shown.text().splitlines()
     assert not shown.verdict.passed and lines[:2] == ["# title", lines[-1]]
+
+
+FAULTY = ["textToSpeech:1", "robotNavigation:2:exception"]
+
+
+def test_a_report_that_is_right_has_no_misprints():
+    for of_test in (facts(), facts(FAULTY), facts(failure_rate=0.3, fault_kinds=KINDS),
+                    of_test_with(facts(), mission_runs=2), facts(visitor_behaviour="leaves")):
+        shown = Report(of_test, "title")
+        junit = to_junit(shown.verdict, 1.0, "title")
+        assert list(misprints(shown.verdict, shown.text(), junit, shown.page())) == []
+
+
+def test_what_a_report_leaves_out_or_miscounts_is_found_by_reading_it_back():
+    shown = Report(of_test_with(facts(FAULTY), mission_runs=2), "title")
+    text, junit, page = shown.text(), to_junit(shown.verdict, 1.0, "title"), shown.page()
+    row = next(line for line in text.split("\n") if "robotNavigation:2 " in line)
+
+    def found(text=text, junit=junit, page=page):
+        return " | ".join(misprints(shown.verdict, text, junit, page))
+    assert found() == ""
+    gone, twice = text.replace(row + "\n", ""), text.replace(row, row + "\n" + row)
+    for wrong in (gone, twice, text.replace(row, row.replace("exception", "refused"))):
+        assert "rows for robotNavigation:2 exception" in found(text=wrong)
+    count = next(line for line in text.split("\n") if line.startswith("textToSpeech   "))
+    assert "calls of textToSpeech" in found(text=text.replace(count, count[:-1] + "7"))
+    assert "the page has 0 rows" in found(page=page.replace("robotNavigation:2", "-"))
+    assert "does not have the verdict" in found(text=text.replace("1 pass instead of 2", "none"))
+    assert "objections" in found(junit=junit.replace("1 pass instead of 2", "none"))
+    assert "counts its failures" in found(junit=junit.replace('failures="1"', 'failures="0"'))
 
 
 def test_what_the_robot_says_forges_no_line_of_the_report():

@@ -73,6 +73,21 @@ def described(request: Any) -> str:
     return f"{words.doing} {words.what}".strip() if words is not None else str(request)
 
 
+def result_words(one: Any, other: Any) -> Tuple[str, str]:
+    """Return two different results in words; of two answers the first parts that differ."""
+    if isinstance(one, Answer) and isinstance(other, Answer):
+        parts = itertools.zip_longest((one.response, *one.exhibits),
+                                      (other.response, *other.exhibits))
+        return next((repr(its), repr(due)) for its, due in parts if its != due)
+    return _words(one), _words(other)
+
+
+def _words(result: Any) -> str:
+    if isinstance(result, Cause):
+        return result.value
+    return repr(result.response) if result is not None and result.response else "an answer"
+
+
 def request_difference(asked: Any, due: Any) -> str:
     """Return the fields that differ from the due request; empty: another kind of request."""
     if type(asked) is not type(due):

@@ -22,25 +22,27 @@ from behavior_controller.bt import ManualClock, RUNNING
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.values.status import NAMES
-from behavior_controller.config import knowledge_files, settings
+from behavior_controller.config import settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.run.events import (
     LETTERS, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Message, Noticed,
     PassFinished, PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
     SafeStateReported, StepStarted, RecognitionPending, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.run.health import GONE
-from behavior_controller.missions.replay import RecordedTopics, complete, traverse_again
+from behavior_controller.missions.replay import complete, traverse_again
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 from behavior_controller.simulation.configuration import TOPIC
 
-from unit_tests.judge import reference
+from unit_tests.judge import files, reference
 from unit_tests.judge.comparison import (
     Query, Traversal, WrittenEntries, decision, described, label, request_difference)
 from unit_tests.judge.facts import Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE_STATE, TaskContext, ReferenceNode, safe_state
-from unit_tests.judge.signs import Signs
+from unit_tests.judge.outcome import VisitOutcome
+from unit_tests.judge.signs import MessagesOnRecord, Signs
+from unit_tests.judge.wire import RELEASE_1_1, SENT
 
 SAFE_LIMIT = 1.0
 """Seconds that the safe state may take at the end."""
@@ -84,7 +86,7 @@ class Execution(TaskContext):
         self._ahead, self._jumped_at = math.inf, math.inf
         self._outcome, self._is_in_pass = "", False  # of the last pass
         # seconds after the pause of each retry, by node type
-        self.delays: Dict[str, List[float]] = {}
+        self._delays: Dict[str, List[float]] = {}
         for line in facts.run.lines:
             self._take(line)
 
@@ -93,10 +95,11 @@ class Execution(TaskContext):
         sources, self._pass_began, self.clock = started.sources, self.now, ManualClock()
         try:
             chosen = settings.recorded(started.settings, "settings")
-            known = knowledge_files.read(
-                *sources.knowledge,
-                takes_arm=chosen.interface.takes_arm) if sources.knowledge else None
-            super().__init__(chosen, known, reference.PolicyTable(sources.policy.text))
+            texts = [source.text for source in sources.knowledge]
+            takes_arm = chosen.robot_interface == RELEASE_1_1
+            known = files.knowledge(texts[0], texts[1], takes_arm) if texts else None
+            super().__init__(chosen, known, files.phrases(sources.phrases.text),
+                             reference.PolicyTable(sources.policy.text))
             self.registry = registry()
             self.tree = build([parse(text, file) for file, text in sources.documents],
                               self.registry, self.clock)
@@ -105,7 +108,7 @@ class Execution(TaskContext):
             self._differ(f"the mission on record cannot be done again: {error}")
             return
         self.signs.begin(self.clock, self.now)
-        self.topics = RecordedTopics(self.interface)
+        self.topics = MessagesOnRecord(self.robot)
         self.entries, self.traversal = WrittenEntries(self.tree), Traversal()
         self._next = self.now, "the first pass"
         self._is_in_pass = self._is_over = False
@@ -236,7 +239,7 @@ class Execution(TaskContext):
     def _end_pass(self, event: PassFinished) -> None:
         now = self.clock.now()
         seconds = now - self._visit_began
-        if abs(event.seconds - seconds) > self._facts.late:
+        if self._is_late(abs(event.seconds - seconds)):
             self._differ(f"the pass took {seconds:.1f} s; on record are {event.seconds:.1f} s")
         if (event.number, event.outcome) != (self.passes + 1, self._result):
             self._differ("pass {} ended with {}; its tree ends with {}".format(
@@ -267,7 +270,7 @@ class Execution(TaskContext):
     def _note_safe_state(self, event: SafeStateReported) -> None:
         causes = {part.service: part.failure.cause if part.failure is not None else None
                   for part in event.parts}
-        services = (self.interface.resource(type(request)) for request in SAFE_STATE)
+        services = (self.resource(type(request)) for request in SAFE_STATE)
         # a part that the robot does not have is left out
         self.traversal.decisions.append(safe_state(
             [causes.get(service, Cause.NOT_ADVERTISED) for service in services]))
@@ -307,6 +310,19 @@ class Execution(TaskContext):
             self._differ("at the end a part of the safe state was not asked for again: "
                          f"{last}, {last.outcome}, and {left:.1f} s were left")
 
+    def outcomes(self) -> List[VisitOutcome]:
+        """Return what the visitor of each pass saw and heard; none if the mission does not drive
+        to exhibits."""
+        nodes = self.tree.nodes if self.tree is not None else ()
+        types = {node.registration_id for node in nodes}
+        stops = [node.attributes.get(reference.STOP, reference.EXHIBIT) for node in nodes
+                 if node.registration_id == reference.SELECTS]
+        if types.isdisjoint(reference.DRIVES) or reference.EXHIBIT not in stops:
+            return []
+        places = files.places(self.settings.scenario_specification, self.robot.has_files)
+        return [VisitOutcome(visit, self._facts, places, types, self.farewells)
+                for visit in self._facts.run.visits]
+
     # ----------------------------------------------------------------------------------- traversals
 
     def _traverse(self, tick: Tick) -> None:
@@ -331,15 +347,20 @@ class Execution(TaskContext):
         self.offset = offset if self.offset is None else min(self.offset, offset)
         if not self._is_in_pass:
             self._differ("the mission went on, and no pass had begun")
-        if self.now > self._jumped_at + self._facts.late:
+        if self.now > self._facts.latest(self._jumped_at):
             self._differ("the pass went on after the simulated time had jumped back")
         if self._clock_began is None:
             self._clock_began = offset
-            if not 0.0 <= tick.at - self._visit_began <= self._facts.late:
+            seconds = tick.at - self._visit_began
+            if seconds < 0.0 or self._is_late(seconds):
                 self._differ(f"the pass began at {self._visit_began:.1f} s, its first step came at "
                              f"{tick.at:.1f} s")
-        if abs(offset - self._clock_began) > self._facts.late:
+        if self._is_late(abs(offset - self._clock_began)):
             self._differ(f"the mission's clock is {offset - self._clock_began:.1f} s wrong")
+
+    def _is_late(self, seconds: float) -> bool:
+        """Return whether something is late that was due so many seconds ago."""
+        return self.now > self._facts.latest(self.now - seconds)
 
     def _expect_traversal(self, is_running: bool) -> None:
         """Note when the next traversal has to come: at once if one is wanted, else at the next
@@ -358,7 +379,7 @@ class Execution(TaskContext):
     def overdue(self, time: float) -> str:
         """Return what had to come long before that time, and has not come; empty: nothing."""
         due, what = self._next
-        if time - due <= self._facts.late:
+        if time <= self._facts.latest(due):
             return ""
         return f"{what or self.under_way()} was due {time - due:.1f} s before"
 
@@ -374,8 +395,10 @@ class Execution(TaskContext):
         """Note a difference; empty: there is none."""
         if text and not self.difference:
             self.differs_at = max(self.now, self._pass_began)
-            at = self.differs_at - self._pass_began
-            self.difference = f"pass {self.passes + 1}, {at:.1f} s: {text}"
+            place = f"pass {self.passes + 1}, {self.differs_at - self._pass_began:.1f} s"
+            if self.passes and not self._is_in_pass:
+                place = f"after pass {self.passes}"
+            self.difference = f"{place}: {text}"
 
     def _first_difference(self) -> str:
         """Return the first difference of the traversal: a request or a change of status, then what
@@ -403,8 +426,16 @@ class Execution(TaskContext):
             place_of = f" (in {label(node.parent)})" if node.parent is not None else ""
             due = f"{self._label(uid)} had to be {STATUS_WORDS[letter]}{reason}{place_of}"
         if other is not None:
-            came = f"{self._label(other)} {STATUS_WORDS[other_letter]}"
+            came = f"{self._label(other)} {STATUS_WORDS[other_letter]}{self._early(other)}"
         return f"{self._after(place)}{due}; on record is {came}"
+
+    def _early(self, uid: int) -> str:
+        """Return in words how long a node had to wait yet; empty: it waits for no time."""
+        node = self.tree.nodes[uid - 1] if 0 < uid <= len(self.tree.nodes) else None
+        timer: Any = getattr(node, "timer", None)
+        if node is None or node.status is not RUNNING or not getattr(timer, "callback", None):
+            return ""
+        return f", {timer.due - self.clock.now():.1f} s too early"
 
     def _after(self, place: int) -> str:
         """Return which leaf had ended before a change of status."""
@@ -432,8 +463,7 @@ class Execution(TaskContext):
         if node.registration_id in TABLE and is_told:
             self.traversal.decided(node, reference.STEP_BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
-            tour = self.known.tour
-            places = {"exhibits": tour, "home": tour[:1], "entrance": tour[-1:]}[request.what]
+            places = getattr(self.known.building, request.what)
             return Query(0, request, "", self.unix_now, result=Answer(exhibits=places))
         if not self._is_next(request):
             what = "" if isinstance(request, type) else ": " + described(request)
@@ -445,6 +475,10 @@ class Execution(TaskContext):
             self.traversal.changes.append((0, f"{after}{label(node)} was due{what}; {came}"))
             return Query(0, request, "", self.unix_now)
         query = self._take_next(node)
+        resource = self.resource(type(query.request))
+        if query.service != resource:
+            wrong = f"{label(node)} asked {query.service} for {query}; {resource} was due"
+            self.traversal.changes.append((0, wrong))
         early = self.unix_now - query.asked
         if early > self._facts.early:
             wrong = f"{label(node)} asked {early:.1f} s too early: {query}"
@@ -457,6 +491,14 @@ class Execution(TaskContext):
         if isinstance(request, Request):
             return asked == [request]
         return bool(asked) and isinstance(asked[0], request)
+
+    def serves(self, kind: type) -> bool:
+        """Return whether the robot answers requests of a kind; other packages declare theirs."""
+        return (self.robot if kind in SENT else self.settings.interface).serves(kind)
+
+    def resource(self, kind: type) -> str:
+        """Return the name of the service for requests of a kind."""
+        return (self.robot if kind in SENT else self.settings.interface).resource(kind)
 
     def _take_next(self, node: ReferenceNode) -> Query:
         """Return the next request, which is that of the node."""
@@ -479,9 +521,14 @@ class Execution(TaskContext):
     def late_retries(self) -> List[str]:
         """The nodes that were tried again more than once, and too late every time."""
         return [f"{node} was tried again {min(delays):.1f} s later than the policy says"
-                for node, delays in self.delays.items()
-                if len(delays) > 1
-                and min(delays) > (LATE_RETRY + self._facts.stall) * self._facts.pace]
+                for node, delays in self._delays.items()
+                if len(delays) > 1 and min(delays) > LATE_RETRY * self._facts.pace]
+
+    def retried(self, node: str, due: float) -> None:
+        """Note that a node is tried again now; it was due at a time of the mission's clock."""
+        due += self.offset or 0.0
+        stood_still = self._facts.latest(due) - due - self._facts.late
+        self._delays.setdefault(node, []).append(self.unix_now - due - stood_still)
 
     def ended(self, node: ReferenceNode, cause: Optional[Cause]) -> None:
         """Note that a leaf ended; ``cause`` None: it succeeded."""

@@ -21,6 +21,13 @@ RETURN = 15.0
 come back."""
 
 
+class Stall(NamedTuple):
+    """A time, in Unix seconds, for which the test itself could not run."""
+
+    begins: float
+    ends: float
+
+
 class Facts(NamedTuple):
     """Everything that a verdict is based on."""
 
@@ -36,7 +43,7 @@ class Facts(NamedTuple):
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
     errors: Tuple[str, ...] = ()  # that the controller reported on its terminal
     has_timed_out: bool = False  # it was cut off because it had lasted too long
-    stall: float = 0.0  # the longest time, in seconds, for which the test itself could not run
+    stalls: Tuple[Stall, ...] = ()  # in their order
     speed: float = 1.0  # of the simulated time, at its fastest
 
     @property
@@ -46,8 +53,8 @@ class Facts(NamedTuple):
 
     @property
     def late(self) -> float:
-        """Seconds by which something may come late: nothing can be in time while nothing runs."""
-        return (LATE_TOLERANCE + self.stall) * self.pace
+        """Seconds by which something may come late while the test can run."""
+        return LATE_TOLERANCE * self.pace
 
     @property
     def early(self) -> float:
@@ -62,6 +69,18 @@ class Facts(NamedTuple):
     def away(self) -> float:
         """Seconds after a node's crash in which it may be away."""
         return RETURN * self.pace
+
+    def latest(self, due: float) -> float:
+        """Return the time until which something may come that was due: nothing can be in time while
+        nothing runs. Of simulated time the moments of stalls are not known, but how long they were.
+        """
+        latest, lengths = due + self.late, [stall.ends - stall.begins for stall in self.stalls]
+        if self.speed != 1.0:
+            return latest + max(lengths, default=0.0) * self.pace
+        for stall in self.stalls:
+            if stall.begins < latest and stall.ends > due:
+                latest += stall.ends - max(stall.begins, due)
+        return latest
 
     @property
     def is_disturbed(self) -> bool:

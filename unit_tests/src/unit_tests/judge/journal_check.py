@@ -7,23 +7,23 @@ package was asked and said stands in the record alone.
 """
 import itertools
 import math
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Union
 
 from behavior_controller.run.events import HealthChanged, Noticed
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.declarations import Action, Publication, Service, Topic
 from behavior_controller.robot.gateway import Cause
-from behavior_controller.robot.requests import Answer, Prompt
+from behavior_controller.robot.requests import Answer, Prompt, QueryKnowledge
 from behavior_controller.simulation import journal
-from behavior_controller.simulation.behaviour import SERVICES
 from behavior_controller.simulation.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
-from behavior_controller.simulation.visitor import Visitor
 
-from unit_tests.judge.comparison import Query
+from unit_tests.judge import files
+from unit_tests.judge.comparison import Query, result_words
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY_TOLERANCE, Facts, of
-from unit_tests.judge.reference import SAFE_STATE, SENT
+from unit_tests.judge.reference import SAFE_STATE
 from unit_tests.judge.signs import objections
+from unit_tests.judge.wire import SENT, robot_of
 
 CAUSE_OF = {REFUSED: Cause.REFUSED, EXCEPTION: Cause.HANDLER_EXCEPTION, UNANSWERED: Cause.NO_ANSWER,
             CRASH: Cause.CONNECTION_LOST, WRONG: Cause.UNUSABLE_ANSWER}
@@ -52,9 +52,11 @@ class JournalCheck:
     def __init__(self, facts: Facts, execution: Execution):
         self._facts, self._interface = facts, facts.world.settings.interface
         self._name_of = self._interface.name_of
-        self._execution, self._crashes, self._late = execution, facts.crashes, facts.late
+        self._execution, self._crashes = execution, facts.crashes
         self.end = max([facts.run.state.at, *(line.time for line in facts.journal)])
-        self._answers = self._answers_of_nodes()
+        self._robot = robot_of(facts.world.settings)
+        mission = facts.world.settings.scenario_specification
+        self._places = files.places(mission, self._robot.has_files)
         self._deadlines = facts.world.settings.deadlines
         self._safe_limit = max(self._deadlines[self._interface.service(type(request)).deadline_key]
                                for request in SAFE_STATE)
@@ -71,7 +73,7 @@ class JournalCheck:
     def _is_witnessed(self, service: Service) -> bool:
         """Return whether the service's node writes the journal: a play simulates the nodes of other
         packages, a test does not."""
-        is_simulated = service.request in SERVICES or self._name_of(service) in self._in_journal
+        is_simulated = service.request in SENT or self._name_of(service) in self._in_journal
         return is_simulated and service.node not in self._facts.real
 
     def _carrier(self, query: Query) -> Service:
@@ -85,21 +87,37 @@ class JournalCheck:
         lines = [line for line in self._facts.journal if line.call and line.resource == name]
         queries = [query for query in self._execution.queries.values() if query.service == name]
         service = next(each for each in self._interface.services if self._name_of(each) == name)
+        paired: Optional[journal.JournalEntry] = None
         for query, following in itertools.zip_longest(queries, queries[1:]):
             service = self._carrier(query)
             while lines and lines[0].time < query.asked - self._facts.early:
                 yield Pair(service, None, lines.pop(0))
+            while self._is_repeated(paired, lines, query, following, service):
+                yield Pair(service, None, lines.pop(0))
             is_its = bool(lines) and self._is_of(lines, query, following, service)
-            yield Pair(service, query, lines.pop(0) if is_its else None)
+            line = lines.pop(0) if is_its else None
+            paired = line or paired
+            yield Pair(service, query, line)
         for line in lines:
             yield Pair(service, None, line)
+
+    def _is_repeated(
+            self, paired: Optional[journal.JournalEntry], lines: Sequence[journal.JournalEntry],
+            query: Query, following: Optional[Query], service: Service) -> bool:
+        """Return whether the next line is the last one once more, and the one after it is that of a
+        request."""
+        if paired is None or len(lines) < 2 or lines[0].content != paired.content:
+            return False
+        due = self._fields(query, lines[0], service)
+        is_other = lines[0].content != due and lines[1].content == due
+        return is_other and self._is_of(lines[1:], query, following, service)
 
     def _is_of(self, lines: Sequence[journal.JournalEntry], query: Query,
                following: Optional[Query], service: Service) -> bool:
         """Return whether the next line may be that of a request: the node got it while it was under
         way, or soon after. One that was dropped need not have reached its node."""
         line = lines[0]
-        if not _reaches(query, line):
+        if not _reaches(query, line) or self._is_next(line, query, following, service):
             return False
         if query.answered is not None:
             # a request without an answer may have been late on its way
@@ -110,25 +128,39 @@ class JournalCheck:
         skew = self._facts.early - EARLY_TOLERANCE
         if following is None or line.time <= following.asked - skew:
             return True
-        is_in_time = line.time <= following.asked + self._late
+        is_in_time = line.time <= self._facts.latest(following.asked)
         if not is_in_time or line.content != self._fields(query, line, service):
             return False
         has_another = len(lines) > 1 and lines[1].time <= (following.answered or math.inf)
         fits_following = line.content == self._fields(following, line, service)
         return has_another or not _reaches(following, line) or not fits_following
 
+    def _is_next(self, line: journal.JournalEntry, query: Query, following: Optional[Query],
+                 service: Service) -> bool:
+        """Return whether a line can only be that of the following request."""
+        return following is not None and line.time >= following.asked and (
+            self._fields(query, line, service) != line.content
+            == self._fields(following, line, service))
+
     def objections(self) -> Iterator[str]:
-        """Object to requests, answers, messages and losses that record and journal do not share."""
+        """Object to requests, answers, messages and losses that record and journal do not share: of
+        each service to the first."""
         asker = "the beginning"
+        before: Dict[str, Optional[journal.JournalEntry]] = {}  # of each service
+        told: Dict[str, List[str]] = {}
+        until = self._execution.differs_at or math.inf  # what comes later may follow from that
         for pair in self.pairs:
-            asker = pair.query.asker if pair.query is not None else asker
-            if self._is_witnessed(pair.service):
-                yield from self._of_pair(pair, asker)
+            name, asker = pair.service.name, pair.query.asker if pair.query is not None else asker
+            if self._is_witnessed(pair.service) and not told.get(name) and pair.time <= until:
+                told[name] = list(self._of_pair(pair, asker, before.get(name)))
+                yield from told[name]
+            before[name] = pair.line
         yield from self._of_health()
         yield from self._of_jumps()
         signs, offset = self._execution.signs, self._execution.offset
         if offset is not None:
-            yield from filter(None, objections(self._facts, signs, offset, self.end))
+            end = self._execution.differs_at or self.end  # later searches are not known
+            yield from filter(None, objections(self._facts, signs, offset, end))
 
     def _of_jumps(self) -> Iterator[str]:
         """Object to jumps of the simulated time that the simulated nodes have not seen."""
@@ -138,12 +170,17 @@ class JournalCheck:
             yield (f"the simulated time jumped back by {seen:.1f} s in all; on record are "
                    f"{told:.1f} s")
 
-    def _of_pair(self, pair: Pair, asker: str) -> Iterator[str]:
-        """Object to a request; ``asker`` is what has made the newest one on record."""
+    def _of_pair(self, pair: Pair, asker: str,
+                 before: Optional[journal.JournalEntry]) -> Iterator[str]:
+        """Object to a request; ``asker`` is what has made the newest one on record, ``before`` what
+        the node got before."""
         service, query, line = pair
         if line is None:
             assert query is not None
             yield from self._unheard(query, service)
+        elif query is None and before is not None and before.content == line.content:
+            yield (f"{asker}: {line.resource} was asked twice for {line.content}, and one request "
+                   "is on record")
         elif query is None:
             yield (f"after {asker}, {line.resource} was asked {line.content}, and no such request "
                    "is on record")
@@ -169,7 +206,8 @@ class JournalCheck:
         """Object to a request that reached no node, unless the node was away."""
         cause = query.cause
         # nothing is sent in less, if the machine is busy
-        is_short = self._until(query) - query.asked < self._late - self._facts.early
+        is_short = self._until(query) - query.asked < (
+            self._facts.latest(query.asked) - query.asked - self._facts.early)
         if self._facts.test.lacks(service):
             may_lack = service.is_optional and not service.fails_without
             is_well = cause is (None if may_lack else Cause.NOT_ADVERTISED)
@@ -195,7 +233,7 @@ class JournalCheck:
         if self._facts.is_disturbed:
             return True
         crash = max((crash.time for crash in self._crashes
-                     if crash.node == node and crash.time <= at + self._late), default=None)
+                     if crash.node == node and crash.time <= self._facts.latest(at)), default=None)
         if crash is None or at < crash + self._facts.away:
             return crash is not None
         return not any(line.node == node and crash < line.time < at for line in self._facts.journal)
@@ -206,7 +244,7 @@ class JournalCheck:
         name, result, fault = query.asker, query.result, line.fault
         # a goal is sent when its server is back
         is_awaited = isinstance(service, Action) and self._is_away(service.node, query.asked)
-        if line.time > query.asked + self._late and not is_awaited:
+        if line.time > self._facts.latest(query.asked) and not is_awaited:
             yield f"{name}: {query.service} got the request {line.time - query.asked:.1f} s late"
         limit = self._deadlines[service.deadline_key]
         until, deadline = self._until(query), query.asked + limit
@@ -216,50 +254,42 @@ class JournalCheck:
             latest = query.asked + self._safe_limit * self._facts.pace
         elif due == deadline and query.request in SAFE_STATE:  # it may take the computer's time
             latest = query.asked + limit * self._facts.pace
-        if until > latest + self._late or result is not None and until < due - self._facts.early:
+        is_early = result is not None and until < due - self._facts.early
+        if until > self._facts.latest(latest) or is_early:
             yield (f"{name}: {query.service} was waited for {until - query.asked:.1f} s; it was "
                    f"due after {due - query.asked:.1f} s, its deadline is "
                    f"{deadline - query.asked:g} s")
-        is_too_late = query.cause is Cause.NO_ANSWER and due > deadline - self._late
+        is_too_late = query.cause is Cause.NO_ANSWER and self._facts.latest(due) > deadline
         if result is None or is_too_late or line.objection is not None and fault is None:
             return
         done = "carried out" if fault is None else f"made to fail ({fault})"
-        if fault in (None, WRONG):
-            is_well = self._fits(query, line, result)
-        else:
-            is_well = query.cause is _cause(fault, service)
-        if not is_well:
-            yield (f"call {line.call} of {line.resource} for {name} was {done}; on record is "
-                   f"{query.outcome}")
+        call, said = f"call {line.call} of {line.resource}", self._due_result(query, line, service)
+        found = query.cause or result
+        if found != said and not (said is None and query.cause is None):
+            its, right = result_words(found, said)
+            yield f"{call} for {name} was {done}; on record is {its} instead of {right}"
+        served = self._served(query, line)
+        if None not in (said, served) and said != served:
+            yield "{} was {}; its node sent {} instead of {}".format(
+                call, done, *result_words(said, served))
 
-    def _fits(self, query: Query, line: journal.JournalEntry, result: Any) -> bool:
-        """Return whether a result is what the node has to say."""
-        is_prompt = isinstance(query.request, Prompt)
-        if line.fault == WRONG and not is_prompt:
-            return query.cause is Cause.UNUSABLE_ANSWER
-        if (line.node, line.call) not in self._answers:
-            return isinstance(result, Answer)  # of another package
-        due = self._answers[line.node, line.call]
-        if is_prompt and not self._interface.tells_pressed:
-            return query.cause is (Cause.REFUSED if due is None else None)
-        return bool(result == due)
+    def _due_result(self, query: Query, line: journal.JournalEntry,
+                    service: Service) -> Union[Answer, Cause, None]:
+        """Return what the node's response says, or the cause of its failure; None: an answer that
+        another package reads."""
+        is_known = self._name_of(service) == query.service and service.request in SENT
+        is_sent = is_known and line.fault not in (EXCEPTION, UNANSWERED, CRASH)
+        if line.response is None or not is_sent:
+            return _cause(line.fault, service) if line.fault is not None else None
+        return self._robot.result(service.request, line.response)
 
-    def _answers_of_nodes(self) -> Dict[Tuple[str, int], Optional[Answer]]:
-        """Return what each call was answered that was not made to fail, by node and call: no answer
-        is no."""
-        world = self._facts.world
-        world = world._replace(visitor=Visitor(world.visitor.manners))
-        services = {self._name_of(service): SERVICES[service.request]
-                    for service in self._interface.services if service.request in SERVICES}
-        answers: Dict[Tuple[str, int], Optional[Answer]] = {}
-        for line in self._facts.journal:
-            world.visitor.notice(line)
-            simulated = services.get(line.resource) if line.call else None
-            if simulated is not None and line.fault == WRONG:
-                answers[line.node, line.call] = simulated.nonsense
-            elif simulated is not None and line.done:
-                answers[line.node, line.call] = simulated.answer(line.content, world)
-        return answers
+    def _served(self, query: Query, line: journal.JournalEntry) -> Union[Answer, Cause, None]:
+        """Return what a simulated node has to say; None: that is for the visitor to decide."""
+        if line.fault is not None and not isinstance(query.request, Prompt):
+            return CAUSE_OF[line.fault]
+        if isinstance(query.request, QueryKnowledge):
+            return Answer(exhibits=getattr(self._places, query.request.what.lower()))
+        return None if isinstance(query.request, Prompt) else Answer()
 
     # --------------------------------------------------------------------------------------- health
 
@@ -279,11 +309,12 @@ class JournalCheck:
             if query is None or isinstance(service, Publication):  # subscribers are not monitored
                 continue
             at = query.answered
-            if at is None or at > self._facts.run.lines[-1].time - self._late:
+            if at is None or self._facts.latest(at) > self._facts.run.lines[-1].time:
                 continue
-            since, until = at - self._facts.away, at + self._late
-            is_noticed = any(event.name == query.service and since < time < until
-                             for time, event in changes)
+            since = at - self._facts.away
+            is_noticed = any(
+                event.name == query.service and since < time < self._facts.latest(at)
+                for time, event in changes)
             is_there = query.cause not in AWAY_CAUSES or query.service in absent
             if not is_there and not is_noticed:
                 yield f"{query.node}: {query.service} was gone, and that was not noticed"

@@ -22,16 +22,17 @@ from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSeq
 from behavior_controller.bt.engine.ports import defaults
 from behavior_controller.bt.engine.registry import argument
 from behavior_controller.bt.values.values import TEXT, whole_real
-from behavior_controller.config import phrases
-from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.config.settings import Settings
 from behavior_controller.run.events import BEGUN, OMITTED, OVER
-from behavior_controller.robot.declarations import Sense, Topic
 from behavior_controller.robot.gateway import Cause, Sample
 from behavior_controller.robot.requests import (
     Answer, Exhibit, GoTo, GoToGoal, Location, PerformGesture, PerformGestureGoal, Point, Prompt,
     QueryKnowledge, Request, Say, SayGoal, SetAnimation, SetAttention, SetPose, SetRecognition,
     SetRecognitionLanguage)
+
+from unit_tests.judge import files
+from unit_tests.judge.wire import (
+    ATTENTION, DOCUMENTS, FACES, RELEASE_1_0, RELEASE_1_1, SPEECH, STATES, robot_of)
 
 NOWHERE = Point(0.0, 0.0, 0.0)
 """A gesture target that means that there is nothing to point at."""
@@ -61,6 +62,25 @@ INDISPENSABLE = {"Navigate", "NavigateAsync", "SelectExhibit", "RetrieveListOfEx
 
 OF_A_VISIT = {"Navigate", "NavigateAsync", "SelectExhibit"}
 """Nodes without which an exhibit is left out."""
+
+SELECTS, STOP, EXHIBIT = "SelectExhibit", "stop", "exhibit"
+"""The node that begins a stop, its port with what a stop is called, and that of a tour."""
+
+ANSWERS = ("IsVisitorResponseYes", "HasVisitorResponded")
+GAZES = ("IsMutualGazeDiscovered",)
+PRESENCES = ("IsVisitorDiscovered", "IsVisitorPresent")
+"""The conditions on what a visitor answers, on the gaze, and on whether anybody is there."""
+
+DRIVES = ("Navigate", "NavigateAsync")
+WAITS, LOOK_HOME = ("Sleep", "Timeout"), ("LookUpHome", "RetrieveInitialLocation")
+"""The nodes by which a mission drives, waits for a visitor, and finds its way home."""
+
+SLEEP = "Sleep"
+NUMBERED = {SLEEP: "msec", "RetryUntilSuccessful": "num_attempts"}
+"""The nodes whose number in the mission file can be compared with the record, with its port."""
+
+FAREWELLS = {"EndTourSpeech": 0, "HereIsTheDoorSpeech": 6, "SayGoodByeSpeech": 7}
+"""The speeches that end a tour, with the number of release 1.0's phrase; 0: it has none."""
 
 
 # ----------------------------------------------------------------------------------------- entries
@@ -143,11 +163,11 @@ class TaskContext:
     """What the nodes of a mission go by: configuration, phrases, knowledge, policy; failures. The
     requests, answers and messages are those of the execution that it is the base of."""
 
-    def __init__(self, settings: Settings, known: Optional[Knowledge], policy: "PolicyTable"):
-        self.settings, self.known, self.policy = settings, known, policy
-        self.interface = settings.interface
+    def __init__(self, settings: Settings, known: Optional[files.KnowledgeFiles],
+                 phrases: files.PhrasesFile, policy: "PolicyTable"):
+        self.settings, self.known, self.phrases, self.policy = settings, known, phrases, policy
+        self.robot = robot_of(settings)
         self.language = settings.language if known is None else known.language
-        self.phrases = phrases.load(self.language, settings.scenario_specification)
         self.gone: Set[str] = set()  # services that are known to be gone
         self.failures: List[TaskFailure] = []
         self.succeeded_at: Dict[int, int] = {}  # the number of failures then, by uid of a node
@@ -164,6 +184,13 @@ class TaskContext:
         newest = self.failures[self._before:][-1:]
         return self.unrecovered + [(failed.cause, failed.resource) for failed in newest]
 
+    @property
+    def farewells(self) -> Dict[str, str]:
+        """What is said at the end of a tour, by the node that says it."""
+        known = self.known.phrases if self.known is not None else {}
+        return {node: known.get(number, self.phrases.speeches[node])
+                for node, number in FAREWELLS.items()}
+
     def pause(self, number: int, at: float) -> float:
         """Return the seconds that the next pass waits after a number of passes that failed for a
         cause that persists, the last one at that time."""
@@ -178,7 +205,7 @@ class TaskContext:
     def speech_lasts(self, node: "ReferenceNode", request: Any) -> float:
         """Return the seconds for which a node waits while release 1.0's robot speaks: it answers
         at once in English."""
-        is_early = self.interface.name == "release-1.0" and self.language == "English"
+        is_early = self.robot.name == RELEASE_1_0 and self.language == "English"
         chosen = self.settings.wait_for_speech
         is_description = node.registration_id.startswith("DescribeExhibitSpeech")
         is_awaited = chosen == "all" or chosen == "descriptions" and is_description
@@ -333,9 +360,9 @@ def ask(node: Any, kind: type, rule: Callable[[Any], Any],
     """Ask the robot for what the rule returns; None: nothing has to be asked, as on a robot that
     lacks the service."""
     course = node.course
-    if not course.interface.serves(kind):
+    if not course.serves(kind):
         return
-    node.resource = course.interface.resource(kind)
+    node.resource = course.resource(kind)
     wanted = rule(node)
     if wanted is None:
         return
@@ -358,9 +385,10 @@ def ask(node: Any, kind: type, rule: Callable[[Any], Any],
 
 
 class SignRule(NamedTuple):
-    """When a message is the sign; ``wait``: seconds that the condition itself waits, None:
-    ``conditionWait``."""
+    """When a message of a topic is the sign; ``wait``: seconds that the condition itself waits,
+    None: ``conditionWait``."""
 
+    topic: str
     is_sign: Callable[[Any, Any], bool]  # takes the course and the message's value
     wait: Optional[float] = None
     is_given_up: Callable[[Any, Any], bool] = lambda course, value: False
@@ -378,32 +406,34 @@ def _is_answer(course: Any, text: str) -> bool:
     return spoken(course.phrases, text) is not None
 
 
-EVIDENCE: Dict[str, Dict[Sense, SignRule]] = {
-    "D5.4.3": {
-        Sense.VISITOR: SignRule(_has_face), Sense.PRESENCE: SignRule(_has_face, PRESENCE_WAIT),
-        Sense.GAZE: SignRule(
-            lambda course, status: bool(status == ("seeking", course.settings.gaze_value))),
-        Sense.UTTERANCE: SignRule(_is_answer)
+VISITOR, PRESENCE, GAZE, UTTERANCE = "visitor", "presence", "gaze", "utterance"
+EVIDENCE: Dict[str, Dict[str, SignRule]] = {
+    DOCUMENTS: {
+        VISITOR: SignRule(FACES, _has_face), PRESENCE: SignRule(FACES, _has_face, PRESENCE_WAIT),
+        GAZE: SignRule(ATTENTION, lambda course, status: bool(
+            status == ("seeking", course.settings.mutual_gaze_value))),
+        UTTERANCE: SignRule(SPEECH, _is_answer)
     },
-    "release-1.0": {
-        Sense.VISITOR: SignRule(_is("scanning", 2), math.inf),
-        Sense.PRESENCE: SignRule(_is("social", 2), PRESENCE_WAIT),
-        Sense.GAZE: SignRule(_is("seeking", 2), math.inf, _is("seeking", 3)),
-        Sense.UTTERANCE: SignRule(_is_answer, ANSWER_WAIT)
+    RELEASE_1_0: {
+        VISITOR: SignRule(ATTENTION, _is("scanning", 2), math.inf),
+        PRESENCE: SignRule(ATTENTION, _is("social", 2), PRESENCE_WAIT),
+        GAZE: SignRule(ATTENTION, _is("seeking", 2), math.inf, _is("seeking", 3)),
+        UTTERANCE: SignRule(SPEECH, _is_answer, ANSWER_WAIT)
     }
 }
 PRESENT = ("scanning", 2), ("social", 2), ("social", -1)
-EVIDENCE["release-1.1"] = dict(EVIDENCE["release-1.0"])
-EVIDENCE["release-1.1"][Sense.PRESENCE] = SignRule(
-    lambda course, status: status in PRESENT, PRESENCE_WAIT)
+EVIDENCE[RELEASE_1_1] = dict(EVIDENCE[RELEASE_1_0])
+EVIDENCE[RELEASE_1_1][PRESENCE] = SignRule(
+    ATTENTION, lambda course, status: status in PRESENT, PRESENCE_WAIT)
 """Sections 4.6 and table 4 of the document; the statuses of the releases' attention, which in 1.1
 says nothing of a visitor in the mode social."""
 
-END_OF_LISTENING = SignRule(lambda course, text: is_error(text) or _is_answer(course, text))
+END_OF_LISTENING = SignRule(
+    SPEECH, lambda course, text: is_error(text) or _is_answer(course, text))
 """The end of listening: an answer, or an error of the recognition."""
 
 
-def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
+def _listening(node: Any, topic: str, seconds: float) -> Iterator[bool]:
     """Yield True while the node listens: for so many seconds, and for what began within them."""
     if seconds:
         for _ in node.pause(min(seconds, 1e9)):
@@ -413,14 +443,13 @@ def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
             yield True
 
 
-def _sense(node: Any, sense: Sense, evidence: SignRule, seconds: float,
+def _sense(node: Any, evidence: SignRule, seconds: float,
            after: Callable[[], float]) -> Generator[None, None, Optional[Sample]]:
     """Return the message that is the sign, the newest one of a state, each one of events, if it
     came after what it answers; None: there was none in time."""
-    course, topic = node.course, node.course.interface.evidence(sense).topic
-    node.resource = course.interface.name_of(topic)
-    listening = _listening(node, topic, seconds)
-    limit = course.settings.topic_max_age if topic.is_continuous else math.inf
+    course, topic = node.course, evidence.topic
+    node.resource, listening = course.robot.named(topic), _listening(node, topic, seconds)
+    limit = course.settings.topic_max_age if topic in STATES else math.inf
     is_sign = partial(evidence.is_sign, course)
     while True:
         messages, since, now = course.topics.recent(topic), after(), node.clock.now()
@@ -435,12 +464,12 @@ def _sense(node: Any, sense: Sense, evidence: SignRule, seconds: float,
         yield
 
 
-def _see(node: Any, sense: Sense, since: str = "",
+def _see(node: Any, sense: str, since: str = "",
          keep: Callable[[Any, Sample], None] = lambda node, sample: None) -> Steps:
     """Fail without a sign in messages later than the entry ``since``."""
-    evidence = EVIDENCE[node.course.interface.name][sense]
+    evidence = EVIDENCE[node.course.robot.name][sense]
     wait = node.course.settings.condition_wait if evidence.wait is None else evidence.wait
-    sample = yield from _sense(node, sense, evidence, 0.0 if is_asked_again(node) else wait,
+    sample = yield from _sense(node, evidence, 0.0 if is_asked_again(node) else wait,
                                lambda: node.entry(since, -math.inf) if since else -math.inf)
     if sample is None:
         raise Fails(Cause.CONDITION_FALSE)
@@ -457,7 +486,7 @@ def _listen(node: Any) -> Steps:
     """Listen for 10 s; an error of the recognition ends that with FAILURE."""
     began = node.clock.now()
     node.write(visitorResponse="")
-    sample = yield from _sense(node, Sense.UTTERANCE, END_OF_LISTENING, ANSWER_WAIT, lambda: began)
+    sample = yield from _sense(node, END_OF_LISTENING, ANSWER_WAIT, lambda: began)
     text = "" if sample is None else sample.value
     answer = None if is_error(text) else spoken(node.course.phrases, text)
     node.write(visitorResponse=answer or "")
@@ -476,15 +505,12 @@ def is_asked_again(node: Any) -> bool:
     return parent is not None and is_asked_again(parent)
 
 
-_WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)*")
-
-
-def spoken(known: phrases.Phrases, text: str) -> Optional[str]:
+def spoken(known: files.PhrasesFile, text: str) -> Optional[str]:
     """Return ``yes`` or ``no`` for what a visitor said, or None: whole words, the longest phrase
     first, no before yes."""
     if text.lstrip().lower().startswith("error"):
         return None
-    words = tuple(_WORD.findall(text.lower().replace("’", "'")))
+    words = files.words_of(text)
     pairs = sorted(((phrase, meaning) for meaning, synonyms in known.meanings.items()
                     for phrase in synonyms), key=lambda pair: -len(pair[0]))
     meanings, at = set(), 0
@@ -627,8 +653,7 @@ class RecoveryTask(Task):
                 break
             yield
         if self._patience is None:
-            late = self.clock.now() - due
-            self.course.delays.setdefault(self.failed.node.registration_id, []).append(late)
+            self.course.retried(self.failed.node.registration_id, due)
 
     def _substitute(self, node_id: str) -> ReferenceNode:
         # the policy was checked when the mission was loaded
@@ -666,29 +691,6 @@ class RecoveryTask(Task):
         if index not in before:
             self.write(nextExhibit=index)
         return False
-
-
-# ----------------------------------------------------------------------------------------- services
-
-DOCUMENTS, RELEASE_1_1 = "D5.4.3", "release-1.1"
-
-SENT: Dict[type, Callable[[Any, str], Tuple[Any, ...]]] = {
-    SetAnimation: lambda request, _: (request.state,),
-    PerformGesture: lambda request, robot: (
-        request.type, request.id, *(request.arm, request.shape) * (robot == RELEASE_1_1),
-        request.duration_ms, request.bow_nod_angle_deg, *request.target),
-    QueryKnowledge: lambda request, _: (request.what,),
-    SetAttention: lambda request, _: (request.state, *request.target),
-    GoTo: lambda request, _: request.goal,
-    Prompt: lambda request, robot: (
-        "|".join(option if robot == DOCUMENTS else f"'{option}'" for option in request.options),),
-    Say: lambda request, robot: (request.text, request.language)[:1 + (robot != DOCUMENTS)],
-    SetPose: lambda request, _: request.pose,
-    SetRecognition: lambda request, _: ("true" if request.is_enabled else "false",),
-    SetRecognitionLanguage: lambda request, _: (request.language,)
-}
-SENT.update({PerformGestureGoal: SENT[PerformGesture], GoToGoal: SENT[GoTo], SayGoal: SENT[Say]})
-"""Table 3: the values of a request's fields on the wire, on the robot of that interface."""
 
 
 # -------------------------------------------------------------------------------------------- rules
@@ -744,7 +746,7 @@ def _keep_pressed(node: Any, answer: Answer) -> None:
     course, pressed = node.course, answer.response.strip().lower()
     yes, no = (label.lower() for label in course.phrases.tablet_options)
     meaning = {"2": "no", no: "no", "1": "yes", yes: "yes"}.get(pressed)
-    if not course.interface.tells_pressed:  # release 1.0's tablet says only that it is done
+    if not course.robot.tells_pressed:  # release 1.0's tablet says only that it is done
         meaning = course.settings.tablet_success_is
     elif meaning is None:
         raise Fails(Cause.MISSING_DATA if pressed in ("", "0") else Cause.UNUSABLE_ANSWER)
@@ -794,7 +796,7 @@ def _iconic(node: Any, which: str, kind: Any = PerformGesture) -> Any:
 def _deictic(node: Any, kind: Any = PerformGesture) -> Any:
     target, settings = node.get_input("target"), node.course.settings
     known, arm_and_shape = node.course.known, {}
-    if known is not None and node.course.interface.name == RELEASE_1_1:
+    if known is not None and node.course.robot.name == RELEASE_1_1:
         arm_and_shape = {"arm": known.arm, "shape": known.shape}
     return None if target == NOWHERE else kind("deictic", settings.deictic_gesture_id,
                                                settings.gesture_duration, target, **arm_and_shape)
@@ -808,7 +810,7 @@ def _attend(node: Any, mode: str) -> Optional[Request]:
 def _set_mode(node: Any, mode: str) -> Steps:
     """Set a mode; release 1.1 ends a look at a location at once, whatever comes of that."""
     yield from ask(node, SetAttention, lambda node: _attend(node, mode), _keep_time)
-    is_ended = mode == "location" and node.course.interface.name == RELEASE_1_1
+    is_ended = mode == "location" and node.course.robot.name == RELEASE_1_1
     if is_ended and _attend(node, mode) is not None:
         query = node.ask(SetAttention("disabled"), is_step=False)
         while query.result is None:
@@ -854,7 +856,7 @@ def _is_so(node_id: str, condition: Callable[[Any], Any], ports: str = "") -> Ro
     return _row(node_id, Check, ports, partial(_require, condition=condition))
 
 
-def _sees(node_id: str, sense: Sense, ports: str = "", **facts: Any) -> Row:
+def _sees(node_id: str, sense: str, ports: str = "", **facts: Any) -> Row:
     return _row(node_id, Sign, ports, partial(_see, sense=sense, **facts))
 
 
@@ -906,11 +908,11 @@ ROWS: Tuple[Row, ...] = (
     _asks("GoodbyeGesture", PerformGesture, partial(_iconic, which="goodbye")),
     _is_so("IsASREnabled", lambda node: node.course.settings.asr_enabled),
     _is_so("IsListWithExhibit", _has_next, "<exhibits <nextExhibit"),
-    _sees("IsMutualGazeDiscovered", Sense.GAZE, "<attentionSetAt", since="attentionSetAt"),
-    _sees("IsVisitorDiscovered", Sense.VISITOR),
+    _sees("IsMutualGazeDiscovered", GAZE, "<attentionSetAt", since="attentionSetAt"),
+    _sees("IsVisitorDiscovered", VISITOR),
     _is_so("IsVisitorResponseYes", lambda node: node.entry("visitorResponse") == "yes",
            "<visitorResponse"),
-    _sees("IsYesNoUttered", Sense.UTTERANCE, ">visitorResponse =questionAskedAt",
+    _sees("IsYesNoUttered", UTTERANCE, ">visitorResponse =questionAskedAt",
           since="questionAskedAt", keep=_keep_utterance),
     _look_up("LookUpEntrance", "entrance", True),
     _look_up("LookUpHome", "home", False),
@@ -945,7 +947,7 @@ ROWS: Tuple[Row, ...] = (
     _look_up("RetrieveInitialLocation", "home", False),
     _row("GetVisitorResponse", Task, ">visitorResponse", _listen),
     _is_so("HasVisitorResponded", lambda node: node.entry("visitorResponse"), "<visitorResponse"),
-    _sees("IsVisitorPresent", Sense.PRESENCE),
+    _sees("IsVisitorPresent", PRESENCE),
     # release 1.1: the request is the goal of an action
     _asks("SayTextAsync", SayGoal, partial(_say_utility, kind=SayGoal), ">questionAskedAt",
           is_question=True),

@@ -23,7 +23,7 @@ from unit_tests.folders import COMMAND
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.failures import IN_SAFE_STATE, FailureRow, failure_rows, table
 from unit_tests.judge.reference import HANDLERS
-from unit_tests.judge.verdict import Verdict
+from unit_tests.judge.verdict import ENDS, Verdict
 from unit_tests.judge.journal_check import CAUSE_OF
 
 ALWAYS_SHOWN = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
@@ -222,11 +222,14 @@ def to_junit(verdict: Verdict, seconds: float, title: str) -> str:
     question. ``seconds`` is how long the test took, ``title`` what ran."""
     failed = sum(bool(objections) for _, objections in verdict.answers)
     suite = ElementTree.Element("testsuite", name=SUITE, tests=str(len(verdict.answers)),
-                                failures=str(failed), errors="0", time=f"{seconds:.3f}")
+                                failures=str(failed), errors="0", time=f"{seconds:.3f}",
+                                skipped=str(int(verdict.is_cut_off)))
     for question, objections in verdict.answers:
         case = ElementTree.SubElement(suite, "testcase", classname=SUITE, name=question, time="0")
         if objections:
             ElementTree.SubElement(case, "failure",
                                    message=objections[0]).text = "\n".join(objections)
+        elif verdict.is_cut_off and question == ENDS:
+            ElementTree.SubElement(case, "skipped", message=verdict.facts.cut_off)
     ElementTree.SubElement(suite, "system-out").text = f"{title}\n{verdict}"
     return ElementTree.tostring(suite, encoding="unicode")

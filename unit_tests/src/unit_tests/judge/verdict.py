@@ -10,22 +10,21 @@ ends in FAILURE.
 from typing import Callable, Iterable, Iterator, Optional, Tuple
 
 from behavior_controller import exit_codes
+from behavior_controller.config.settings import Settings
 from behavior_controller.run.events import Lost, Recovered, RunStarted
 from behavior_controller.run.story import degree, may_be_under_way, why
 from behavior_controller.text import clean, count
-from behavior_controller.simulation.visitor import (
-    DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR)
+from behavior_controller.simulation.visitor import LONG_WAIT
 
+from unit_tests.judge import files, numbers
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.journal_check import JournalCheck
-
-DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
-        LEAVES: "leaves", NO_GAZE: "never looks back"}
-
+from unit_tests.judge.outcome import DOES
 
 class Verdict:
-    """The verdict on a test: PASSED without objections. ``answers``: each question and its
+    """The verdict on a test: PASSED without objections, or CUT OFF if only its time was too short.
+    ``answers``: each question and its
     objections. ``execution`` is the mission done again, ``overdue`` what was due long before the
     end of a test that was cut off; empty: nothing."""
 
@@ -33,34 +32,38 @@ class Verdict:
         self.facts = facts
         self.execution = Execution(facts)
         self.journal_check = JournalCheck(facts, self.execution)
+        self.unlike_journal = tuple(self.journal_check.objections())
+        self.outcomes = self.execution.outcomes()
         self.overdue = self.execution.overdue(self.journal_check.end) if facts.cut_off else ""
         self.answers = [(question, tuple(dict.fromkeys(map(clean, answer(self)))))
                         for question, answer in QUESTIONS]
         self.objections = tuple(text for _, objections in self.answers for text in objections)
-        self.passed = not self.objections
+        # the mission went as it should until the time was over
+        self.is_cut_off = facts.has_timed_out and not self.objections and not self.is_out_of_time
+        self.passed = not self.objections and not self.is_cut_off
         self.praise = "; ".join(_praise(self))
 
     def __str__(self) -> str:
         """Return the verdict as lines of text."""
         if self.passed:
             return f"PASSED: {self.praise}"
+        if self.is_cut_off:
+            waiting = [search.node.registration_id
+                       for search in self.execution.signs.waiting.values()]
+            under_way = " or ".join(waiting) or self.execution.under_way()
+            return (f"CUT OFF: {self.facts.cut_off}, and {under_way} goes on; until then all went "
+                    f"as it should: {self.praise}; set testTimeout higher")
         return "FAILED: {}".format("\n        ".join(self.objections))
-
-    @property
-    def longest_wait(self) -> Tuple[float, str]:
-        """The longest wait for a sign of the visitor that goes on at the end: its seconds and the
-        node; (0, ""): none, or something was due."""
-        offset = self.execution.offset
-        if offset is None or self.overdue:
-            return 0.0, ""
-        return max(((self.journal_check.end - offset - search.at, search.node.registration_id)
-                    for search in self.execution.signs.waiting.values()), default=(0.0, ""))
 
     @property
     def waiting_for(self) -> str:
         """The node that has waited for a sign for so long that a visitor would have come in any
         case; empty: none."""
-        seconds, node = self.longest_wait
+        offset = self.execution.offset
+        waits = [] if offset is None or self.overdue else [
+            (self.journal_check.end - offset - search.at, search.node.registration_id)
+            for search in self.execution.signs.waiting.values()]
+        seconds, node = max(waits, default=(0.0, ""))
         return node if seconds > LONG_WAIT else ""
 
     @property
@@ -95,6 +98,7 @@ def _not_as_given(facts: Facts) -> Iterator[str]:
     begun, mission = of(facts.run.lines, RunStarted), facts.mission
     if mission is None or not begun:
         return
+    yield from _not_on_file(begun[0][1], mission.settings)
     has, files = begun[0][1].settings, begun[0][1].sources
     for name, value in mission.settings.values.items():
         if name not in SET_BY_THE_TEST and has.get(name) != value:
@@ -110,6 +114,18 @@ def _not_as_given(facts: Facts) -> Iterator[str]:
             yield f"the controller has another {what} than it was given: {names}"
 
 
+def _not_on_file(started: RunStarted, given: Settings) -> Iterator[str]:
+    """Object to phrases and knowledge that are not those of the files for mission and language."""
+    language, its = given.language, started.sources
+    has_files = bool(its.knowledge)
+    if has_files:
+        language = files.knowledge(its.knowledge[0].text, its.knowledge[1].text).language
+    due = files.on_file(given.scenario_specification, language, has_files)
+    for source, text in zip((its.phrases, *its.knowledge), due):
+        if not source.text.startswith(text):  # packages add to the phrases
+            yield f"the controller has another text than the file of {source.file}"
+
+
 SET_BY_THE_TEST = {"missionRuns", "recordDirectory", "startupTimeout", "verboseMode"}
 """Keys of the controller that the test decides by itself."""
 
@@ -119,8 +135,10 @@ def _end(verdict: Verdict) -> Iterator[str]:
     facts = verdict.facts
     finished, ending = facts.run.state.finished, "the controller " + _ending(facts.exit_code)
     outcomes = [visit.outcome for visit in facts.run.visits if visit.outcome]
-    if facts.has_timed_out and not verdict.is_out_of_time:
-        yield facts.cut_off + _going_on(verdict)
+    is_told = bool(verdict.execution.difference)
+    if facts.has_timed_out and not is_told and (
+            verdict.overdue or facts.run.state.started is None):
+        yield facts.cut_off
     elif facts.cut_off or facts.run.state.started is None:
         return
     elif finished is None:
@@ -133,15 +151,6 @@ def _end(verdict: Verdict) -> Iterator[str]:
     elif facts.exit_code != (exit_codes.SUCCESS if outcomes[-1] == "SUCCESS"
                              else exit_codes.FAILURE):
         yield f"the last pass ended with {outcomes[-1]}, and {ending}"
-
-
-def _going_on(verdict: Verdict) -> str:
-    """Return what the mission does at the end of a test that was too short."""
-    seconds, node = verdict.longest_wait
-    if node:
-        return (f"; {node} has waited {seconds:.0f} s for a sign of the visitor, who comes after "
-                f"{LONG_WAIT:g} s without a request (set testTimeout higher)")
-    return f"; {verdict.execution.under_way()} goes on" if verdict.facts.run.state.started else ""
 
 
 WHY = {exit_codes.WRONG_INPUT: " (a fault of its files or arguments)",
@@ -158,19 +167,36 @@ def _ending(exit_code: Optional[int]) -> str:
 def _mission(verdict: Verdict) -> Iterator[str]:
     """Object to the first thing that is not as the mission, done again, has it."""
     execution = verdict.execution
-    yield from filter(None, [execution.difference, *execution.late_retries, verdict.overdue])
+    yield from filter(None, [execution.difference, *execution.late_retries])
+    if execution.tree is not None and not execution.difference:  # from which it may follow
+        yield from filter(None, [verdict.overdue])
+        yield from numbers.objections(verdict.facts, execution.tree.nodes)
     lost = sum(event.lines for _, event in of(verdict.facts.run.lines, Lost))
     if lost:
         lines = count(lost, "line", "lines")
         yield f"the record lacks {lines}, so the mission cannot be done again"
 
 
+def _outcome(verdict: Verdict) -> Iterator[str]:
+    """Object to visits that people would object to, whatever mission and engine brought them about,
+    unless that may follow from what is known to be wrong."""
+    if verdict.execution.difference or verdict.unlike_journal:
+        return
+    for outcome in verdict.outcomes:
+        for text in outcome.objections():
+            yield f"pass {outcome.visit.number}: {text}"
+
+
+ENDS = "the controller ran the mission to its end"
+"""The question that a test leaves open which is cut off."""
+
 QUESTIONS: Tuple[Tuple[str, Callable[[Verdict], Iterable[str]]], ...] = (
     ("the controller started, without an exception", _start),
     ("the mission went as its tree, its visitor and the recovery policy have it", _mission),
+    ("each visitor was shown what a visitor of that kind expects", _outcome),
     ("each request, answer and message on record is in the journal, and no sign was missed",
-     lambda verdict: verdict.journal_check.objections()),
-    ("the controller ran the mission to its end", _end),
+     lambda verdict: verdict.unlike_journal),
+    (ENDS, _end),
 )
 """All that decides."""
 
@@ -184,9 +210,14 @@ def _praise(verdict: Verdict) -> Iterator[str]:
     calls = [line for line in facts.journal if line.call]
     ended = [visit for visit in facts.run.visits if visit.outcome]
     whole = [visit for visit in ended if visit.outcome == "SUCCESS"]
-    if whole:
-        passes = count(len(whole), "pass ended", "passes ended")
+    right = [outcome.visit for outcome in verdict.outcomes if outcome.is_right]
+    others = len(whole) - len([visit for visit in whole if visit in right])
+    if len(whole) > others:
+        passes = count(len(whole) - others, "pass ended", "passes ended")
         yield f"{passes} as a visitor who {DOES[facts.test.visitor_behaviour]} should"
+    if others:
+        passes = count(others, "pass ended", "passes ended")
+        yield f"{passes} in SUCCESS, with a visitor who {DOES[facts.test.visitor_behaviour]}"
     elif not ended:
         yield "no pass ended"
     for visit in whole:

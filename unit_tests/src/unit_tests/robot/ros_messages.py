@@ -18,11 +18,6 @@ FACE_CENTRE = Point(320.0, 240.0, 1.5)
 """The position of the visitor's face: pixels, and metres from the camera."""
 
 
-def fields_of(request: Any) -> Fields:
-    """Return the fields of a srv request, or of a goal."""
-    return {slot: getattr(request, slot) for slot in request.__slots__}
-
-
 def response(service: Service, answer: Optional[Answer], fault: Optional[str] = None) -> Any:
     """Return the response that carries ``answer``: see ``behaviour.response``."""
     content = behaviour.response(service, answer, fault)

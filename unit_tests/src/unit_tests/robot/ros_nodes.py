@@ -24,12 +24,12 @@ from behavior_controller.simulation.arrivals import Arrivals
 from behavior_controller.simulation.behaviour import Fields, SERVICES
 from behavior_controller.simulation.configuration import IDLE_ACTION
 from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED, WRONG
-from behavior_controller.simulation.journal import Journal, JournalEntry
+from behavior_controller.simulation.journal import Journal, JournalEntry, plain
 from behavior_controller.simulation.simulated_node import Reply, SimulatedNode
 
 from unit_tests.robot import claims, options
 from unit_tests.robot.ros_messages import (
-    feedback, fields_of, is_cancelled, message, offer_idle, response, response_fields,
+    feedback, is_cancelled, message, offer_idle, response, response_fields,
     serve_action, serve_goals, succeed)
 from unit_tests.robot.options import Arguments, CLOCK_NODE, Options
 from unit_tests.robot.ros_time import ComputerTime, RosTime, publish_clock
@@ -188,10 +188,11 @@ class RosNode:
 
     def _reply(self, service: Service, request: Any) -> Reply:
         """Return what to do with a request; it is in the journal before its answer is sent."""
-        fields = fields_of(request)
+        fields = plain(request)
         with self._lock:
+            self._read_journal()  # the answer is that of the visitor as of now
             reply = self._node.reply(service, rospy.resolve_name(service.name), fields,
-                                     response_fields(service))
+                                     response_fields(service), response)
         outcome = reply.entry.fault or reply.entry.objection or reply.answer or "no"
         self._log("call", reply.entry.call, fields, "->", outcome)
         if reply.entry.fault == CRASH:
@@ -205,7 +206,7 @@ class RosNode:
         if fault == EXCEPTION:
             raise rospy.ServiceException(reply.exception)
         self._time.wait(math.inf if fault == UNANSWERED else reply.entry.seconds)
-        return response(service, reply.answer, fault)
+        return reply.response
 
     def _achieve(self, action: Action, goal: Any) -> None:
         """Carry out one goal, which a cancel or a newer one may stop."""
@@ -223,7 +224,7 @@ class RosNode:
                 goal.publish_feedback(feedback(action, news))
             if self._time.wait(min(LONGEST_STEP, max(seconds * (1.0 - share), _SHORTEST_GAP))):
                 return None
-        result = response(action, reply.answer, fault)
+        result = reply.response or response(action, None, fault)
         if reply.answer is None and fault != WRONG:
             return goal.set_aborted(result, reply.exception if fault == EXCEPTION else "")
         return goal.set_succeeded(result)

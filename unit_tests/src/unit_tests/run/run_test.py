@@ -20,7 +20,8 @@ from unit_tests.run.test_node import NOTHING_TESTED, NOT_RUN, expect_verdict, re
 
 
 def main(words: Optional[Sequence[str]] = None) -> int:
-    """Return 0 if the test passed, 1 if it failed, 2 if it could not be run."""
+    """Return 0 if the test passed, 1 if it failed, 2 if it could not be run, 3 if its time was too
+    short."""
     given = sys.argv[1:] if words is None else words
     try:
         if "--version" in given:

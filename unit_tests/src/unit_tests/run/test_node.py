@@ -1,6 +1,8 @@
 """The node that waits for the end of the mission, writes the report and gives the verdict."""
 import contextlib
+import dataclasses
 import datetime
+import math
 import os
 import shutil
 import signal
@@ -14,21 +16,27 @@ from behavior_controller import exit_codes
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError, FaultsFound
 from behavior_controller.ros.names import enter
-from behavior_controller.run.events import LeafFinished
+from behavior_controller.run.events import LeafFinished, unix_now
 from behavior_controller.run.history import Run
 from behavior_controller.run.record import files
 from behavior_controller.run.record.tail import RunTail
 from behavior_controller.output_files import OutputKind
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
+from behavior_controller.text import count
 from behavior_controller.simulation.behaviour import NODES
 from behavior_controller.simulation.journal import Journal, JournalEntry
 from behavior_controller.simulation.rehearsal import arrival_waits
-from behavior_controller.simulation.rehearsal.play import LoadedMission, TIMED_OUT, leaves_reached
+from behavior_controller.simulation.configuration import NONE, REAL, Configuration
+from behavior_controller.simulation.rehearsal.play import (
+    LoadedMission, PASS_LIMIT, TIMED_OUT, leaves_reached)
 
 from unit_tests import folders
+from unit_tests.folders import noted
 from unit_tests.robot import claims, options
 from unit_tests.run.controller import read_errors, read_exit_code
-from unit_tests.judge.facts import Facts, by_record, speeds
+from unit_tests.judge.facts import Facts, Stall, by_record, speeds
+from unit_tests.judge.outcome import DOES
+from unit_tests.judge.read_back import misprints
 from unit_tests.judge.report import Report, title, to_junit
 from unit_tests.robot.options import Arguments, Options
 
@@ -42,11 +50,17 @@ VERDICT = "verdict"
 """File in the folder of the run with the exit code of the test and the text that is shown at its
 end."""
 
-PASSED, _FAILED, NOT_RUN = 0, 1, 2
+PASSED, _FAILED, NOT_RUN, CUT_OFF = 0, 1, 2, 3
 """Exit codes of a test."""
 
 NOTHING_TESTED = "nothing was tested"
 """The last line of a test that did not start."""
+
+TOO_SHORT = ", so that the test may be cut off"
+"""The words about a testTimeout that is too short."""
+
+START_TIME = 10.0
+"""Seconds that the nodes of a test may take to start, and the controller to end."""
 
 MISSION_START_LIMIT = 30.0
 """Seconds after ``startupTimeout`` within which a controller must have started its mission."""
@@ -66,24 +80,23 @@ NODE_CHECK_INTERVAL = 1.0
 POLL_INTERVAL = 0.1
 """Seconds between two reads of the controller's record."""
 
-WORTH_TELLING = 0.25
-"""Seconds of a stall that a report tells."""
+SHORTEST_STALL, WORTH_TELLING = 0.05, 0.25
+"""Seconds of a stall that counts, and of one that a report tells."""
 
 KEPT_SHARE = 0.9
 """The share of the speed that was asked for which counts as reached."""
 
 TOO_FAST = "speed {:g} was asked for, and {:.1f} was reached: this machine does not go faster"
 
-STALLED = ("this machine stood still for up to {:.1f} s: only what comes more than {:.1f} s late "
-           "is an objection")
+STALLED = "this machine stood still {}, for up to {:.1f} s: what was due then may be as much later"
 
 
 def main() -> int:
     """Return the exit code: 0 passed, 1 failed, 2 the configuration cannot be used, or a living
-    node has a name of ours."""
+    node has a name of ours, 3 its time was too short."""
     explain_node(
         "report", "Waits for the end of a test, and writes its report. The launch file of the "
-        "test starts it.", "0 passed, 1 failed, 2 nothing was tested")
+        "test starts it.", "0 passed, 1 failed, 2 nothing was tested, 3 cut off by testTimeout")
     try:
         arguments = options.of_process()
         try:
@@ -102,24 +115,30 @@ def _test(own: Options) -> int:
     """Wait for the end of the mission, and report."""
     test, world = own.test, own.world
     print("randomSeed {}".format(test.random_seed), flush=True)
+    stage: Optional[LoadedMission] = None
+    with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
+        stage = LoadedMission(world.settings, world=world)
     warnings = arrival_waits.warnings(arrival_waits.of_mission(world), test.arrival_rate)
-    print("".join(line + "\n" for line in warnings), end="", flush=True)
+    needed = time_needed(stage, test) if stage is not None else ""
+    print("".join(line + "\n" for line in [*warnings, needed] if line), end="", flush=True)
+    warnings += [needed] * (TOO_SHORT in needed)
     arguments = own.arguments
     began = time.monotonic()
     facts = wait_for_end(own, lambda: claims.replacement(own))
     facts = facts._replace(cut_off=facts.cut_off or claims.replacement(own),
                            real=frozenset(NODES).difference(arguments.simulated))
-    with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
-        stage = LoadedMission(world.settings, world=world)
+    if stage is not None:
         facts = facts._replace(mission=stage.mission,
                                expected=leaves_reached(stage, test.visitor_behaviour))
-    if facts.stall > WORTH_TELLING:
-        warnings.append(STALLED.format(facts.stall, facts.late))
+    stalls = [stall.ends - stall.begins for stall in facts.stalls]
+    told = count(sum(seconds > WORTH_TELLING for seconds in stalls), "time", "times")
+    if max(stalls, default=0.0) > WORTH_TELLING:
+        warnings.append(STALLED.format(told, max(stalls)))
     warnings += too_fast(own, facts.run)
     heading = title(facts, test, datetime.datetime.now()) + f"; speed {own.speed:g}" * own.has_clock
     report = Report(facts, heading, warnings)
     robot = world.settings.robot
-    _save_junit(to_junit(report.verdict, time.monotonic() - began, heading), robot)
+    junit = _save_junit(to_junit(report.verdict, time.monotonic() - began, heading), robot)
     files = ["report: " + save(report.text(), arguments, folders.REPORT, robot),
              "its folder, with record and journal: " + arguments.folder]
     content = report.page()
@@ -127,7 +146,36 @@ def _test(own: Options) -> int:
     columns = shutil.get_terminal_size(fallback=(DEFAULT_COLUMNS, 0)).columns
     is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else _FAILED
-    return finish(code, report.shown(columns, files, page), arguments)
+    if report.verdict.is_cut_off:
+        code = CUT_OFF
+    wrong = _read_back(report, arguments.folder, junit)
+    shown = "\n".join([report.shown(columns, files, page), *wrong])
+    return finish(_FAILED if wrong else code, shown, arguments)
+
+
+def _read_back(report: Report, folder: str, junit: str) -> List[str]:
+    """Return a line for each mistake in the files that were written: the report and its page in
+    the folder of the run, and the JUnit file at a path."""
+    texts = [noted(folder, name) for name in (OUTPUT, folders.page_beside(OUTPUT))]
+    return [f"FAILED: {text}" for text in misprints(
+        report.verdict, texts[0], noted(*os.path.split(junit)), texts[1])]
+
+
+def time_needed(stage: LoadedMission, test: Configuration) -> str:
+    """Return in a line how long the visitors of a test take without faults, each as the first one
+    in a play, and whether the test has that time; empty: the play does not end."""
+    alone = dataclasses.replace(test, failure_rate=0.0, planned_faults=(), mission_runs=1,
+                                call_times=REAL if test.takes_time else NONE,
+                                test_timeout=PASS_LIMIT)
+    seconds = stage.play(alone).seconds
+    if seconds >= PASS_LIMIT:
+        return ""
+    whole = test.mission_runs * seconds + START_TIME
+    line = (f"a visitor who {DOES[test.visitor_behaviour]} takes about {seconds:.1f} s: for "
+            f"{test.mission_runs} and the start {whole:.0f} s are needed, and testTimeout is "
+            f"{test.test_timeout:g} s")
+    is_short = whole > test.test_timeout
+    return line + f"{TOO_SHORT}; set testTimeout:={math.ceil(whole)}" * is_short
 
 
 def show_progress(run: Run, journal: Sequence[JournalEntry], seconds: float) -> None:
@@ -174,7 +222,7 @@ def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> F
 
     start_limit = MISSION_START_LIMIT + float(own.arguments.startup_timeout)
     began = checked = shown = time.monotonic()
-    cut_off, has_timed_out, stall = "", False, 0.0
+    cut_off, has_timed_out, stalls = "", False, []
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
         if time.monotonic() > checked + NODE_CHECK_INTERVAL:
             cut_off, checked = disturbance(), time.monotonic()
@@ -190,13 +238,15 @@ def wait_for_end(own: Options, disturbance: Callable[[], str] = lambda: "") -> F
         elif not cut_off and lasted > test.test_timeout:
             cut_off, has_timed_out = TIMED_OUT.format(test.test_timeout) + " (testTimeout)", True
         time.sleep(POLL_INTERVAL)
-        stall = max(stall, time.monotonic() - polled - POLL_INTERVAL)
+        stall = time.monotonic() - polled - POLL_INTERVAL
+        if stall > SHORTEST_STALL:
+            stalls.append(Stall(unix_now() - stall, unix_now()))
     if rospy.is_shutdown():
         cut_off, has_timed_out = "the test was stopped before the mission had ended", False
     read()
     return Facts(run, by_record(journal, run.lines), read_exit_code(folder), test, own.world,
                  cut_off=cut_off, has_timed_out=has_timed_out, errors=read_errors(folder),
-                 stall=stall, speed=max(own.speed, speeds(run.lines, own.speed)[1]))
+                 stalls=tuple(stalls), speed=max(own.speed, speeds(run.lines, own.speed)[1]))
 
 
 def _of_robot(name: str, robot: str) -> str:
@@ -231,8 +281,8 @@ def _write(paths: Sequence[str], text: str, kind: OutputKind) -> str:
     return reason
 
 
-def _save_junit(text: str, robot: str = "") -> None:
-    """Write the verdict where catkin collects test results."""
+def _save_junit(text: str, robot: str = "") -> str:
+    """Write the verdict where catkin collects test results, and return its path."""
     folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
     with contextlib.suppress(OSError):
         os.makedirs(folder, exist_ok=True)
@@ -240,6 +290,7 @@ def _save_junit(text: str, robot: str = "") -> None:
     reason = _write([path], text, folders.JUNIT).partition("nowhere: ")[2]
     if reason:
         print("no JUnit file: " + reason, flush=True)
+    return "" if reason else path
 
 
 def finish(code: int, text: str, arguments: Arguments) -> int:

@@ -1,0 +1,207 @@
+"""The outcome of each visit by people's measures: what a visitor would object to, whatever tree and
+engine brought it about.
+
+It reads the journal alone, between the times at which a pass began and ended. The rules are those
+of a tour: of a mission whose stops are exhibits.
+"""
+import math
+from typing import Collection, Dict, Iterator, List, Mapping, NamedTuple, Optional
+
+from behavior_controller.robot.requests import Exhibit, Location
+from behavior_controller.run.state import Visit
+from behavior_controller.simulation.configuration import IDLE_ACTION
+from behavior_controller.simulation.faults import WRONG
+from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.visitor import (
+    DECLINES, ENGAGES, LEAVES, NO_GAZE, SILENT, UNCLEAR)
+
+from unit_tests.judge import reference
+from unit_tests.judge.facts import Facts
+from unit_tests.judge.files import KnownPlaces, YES
+from unit_tests.judge.wire import FACES, node_of, robot_of
+
+PROMPT_RATE = 600.0
+"""Messages per minute on each topic from which on none comes too late for a visitor who engages."""
+
+DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
+        LEAVES: "leaves", NO_GAZE: "never looks back"}
+
+NOTICED_BY = {**dict.fromkeys((DECLINES, SILENT, UNCLEAR), reference.ANSWERS),
+              NO_GAZE: reference.GAZES, LEAVES: reference.PRESENCES}
+"""The node types without which a mission does not ask what a visitor of a kind does."""
+
+
+class Part(NamedTuple):
+    """A part of an exhibit's description that was said, and where the robot had driven to."""
+
+    text: str
+    place: Location
+    is_on_the_way: bool
+
+
+class VisitOutcome:
+    """What the visitor of one pass saw and heard, by the journal."""
+
+    def __init__(self, visit: Visit, facts: Facts, places: KnownPlaces,
+                 node_types: Collection[str], farewells: Mapping[str, str]):
+        """``node_types`` are those of the mission, ``farewells`` what is said at the end of a tour,
+        by the node that says it."""
+        self._facts, self._places, self.visit = facts, places, visit
+        self._node_types, self._farewells = set(node_types), farewells
+        lines = [line for line in facts.journal
+                 if visit.began <= line.time <= (visit.ended or math.inf)]
+        self._lines = [line for line in lines if line.call]
+        self._messages = [line for line in lines if not line.call]
+        self._drives = [line for line in self._lines
+                        if line.node == "robotNavigation" and line.done]
+        self._exhibits: Dict[str, List[Exhibit]] = {}  # by each part of their descriptions
+        for place in places.exhibits:
+            for text in _parts(place):
+                self._exhibits.setdefault(text, []).append(place)
+        self.described = list(self._descriptions())
+        self.shown = list(dict.fromkeys(
+            place.name for part in self.described for place in self._exhibits[part.text][:1]))
+
+    def _descriptions(self) -> Iterator[Part]:
+        """Yield the parts of descriptions that were said."""
+        both = {" ".join(_parts(place)): _parts(place) for place in self._places.exhibits}
+        place, arrives = self._places.home[0].location, -math.inf
+        for line in self._lines:
+            if line in self._drives:
+                place, arrives = _goal(line), line.time + line.seconds
+            said = _said(line)
+            for text in both.get(said) or [said] * (said in self._exhibits):
+                yield Part(text, place, arrives > line.time + self._facts.early)
+
+    def objections(self) -> Iterator[str]:
+        """Object to what was said at the wrong place, to a tour that was not wanted, and to one
+        that was not given."""
+        behaviour = self._facts.test.visitor_behaviour
+        is_asked = not self._node_types.isdisjoint(NOTICED_BY.get(behaviour, ()))
+        for part in self.described:
+            exhibits = self._exhibits[part.text]
+            what = f"{exhibits[0].name} was described"
+            if part.place not in [place.location for place in exhibits]:
+                yield what + " where the robot stood at {:g}, {:g}, {:g}°".format(*part.place)
+                break  # the others may follow from it
+            if part.is_on_the_way:
+                yield what + " while the robot drove there"
+                break
+        yield from self._of_drives()
+        if behaviour == ENGAGES and self._is_calm:
+            yield from self._of_tour()
+        elif behaviour == LEAVES and is_asked:
+            yield from self._of_leaving()
+        elif is_asked and not self._may_be_misread:
+            elsewhere = [place.location for place in self._places.home + self._places.entrance]
+            goals = [_goal(line) for line in self._drives if _goal(line) not in elsewhere]
+            if self.shown or goals:
+                what = ", ".join(self.shown) or "driven to {:g}, {:g}, {:g}°".format(*goals[0])
+                yield f"the visitor, who {DOES[behaviour]}, was shown {what}"
+
+    def _of_drives(self) -> Iterator[str]:
+        """Object to a drive that begins while the robot points, describes or takes its leave."""
+        for drive in self._drives:
+            for line in self._lines:
+                is_there = line.time < drive.time < line.time + line.seconds - self._facts.early
+                text = _said(line)
+                is_seen = line.node == "gestureExecution" and line.done or (
+                    text in self._exhibits or text in self._farewells.values())
+                if is_there and is_seen:
+                    yield "the robot drove away while it {}".format(
+                        f"said “{text}”" if text else "made a gesture")
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether each exhibit was described, in their order, and the robot has driven home, if the
+        mission has it do so."""
+        due = [text for place in self._places.exhibits for text in _parts(place)]
+        goals, home = [_goal(line) for line in self._drives[-1:]], self._places.home[0].location
+        is_home = goals == [home] or self._node_types.isdisjoint(reference.LOOK_HOME)
+        return [part.text for part in self.described] == due and is_home
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the visit ended as a visitor of that kind expects."""
+        is_tour = self._facts.test.visitor_behaviour == ENGAGES
+        return (self.is_whole if is_tour else True) and not any(self.objections())
+
+    @property
+    def _is_calm(self) -> bool:
+        """Whether nothing was in the way of a tour: no fault or deadline, also just before, no
+        message too late, no answer that cannot reach the robot, no mission that waits for nobody.
+        """
+        facts, settings = self._facts, self._facts.world.settings
+        test, robot = facts.test, robot_of(settings)
+        is_heard = settings.asr_enabled and test.recognise_by != IDLE_ACTION
+        is_pressed = robot.tells_pressed or settings.tablet_success_is == YES
+        has_all = not (test.absent_services or test.absent_actions or facts.real or any(
+            stall.ends - stall.begins > facts.late for stall in facts.stalls))
+        begins, ends = self.visit.began - facts.away, self.visit.ended or 0.0
+        has_faults = any(
+            not line.done or line.seconds + facts.late > settings.deadlines[
+                line.node + "Deadline"] for line in facts.journal
+            if line.call and begins <= line.time <= ends)
+        is_prompt = test.arrival_rate >= PROMPT_RATE and settings.topic_max_age >= facts.late
+        waits = robot.has_files or settings.condition_wait > 0.0 or not (
+            self._node_types.isdisjoint(reference.WAITS))
+        return bool(self.visit.outcome) and has_all and is_prompt and waits and not has_faults and (
+            is_heard if settings.asr_enabled else is_pressed)
+
+    @property
+    def _may_be_misread(self) -> bool:
+        """Whether an answer without a meaning may have been taken for a yes."""
+        return any(line.fault == WRONG and line.node == "tabletEvent" for line in self._lines)
+
+    def _of_tour(self) -> Iterator[str]:
+        if not self.is_whole:
+            yield "the visitor, who engages, was shown {} of {} exhibits in this order: {}".format(
+                len(self.shown), len(self._places.exhibits), ", ".join(self.shown) or "none")
+            return
+        if self.visit.outcome != "SUCCESS":
+            yield f"the visitor was shown all exhibits, and the pass ended in {self.visit.outcome}"
+        said = list(map(_said, self._lines))
+        for node in self._node_types.intersection(self._farewells):
+            if self._farewells[node] not in said:
+                yield f"the visitor, who engages, was not told “{self._farewells[node]}”"
+
+    def _of_leaving(self) -> Iterator[str]:
+        """Object to an exhibit that is begun, or a goodbye, for a visitor who has been gone for so
+        long, by the sensors, that the robot has to know."""
+        limit = self._facts.world.settings.topic_max_age + self._facts.late
+        begins = [text for place in self._places.exhibits for text in _parts(place)[:1]]
+        told = [line for line in self._lines
+                if _said(line) in begins or _said(line) in self._farewells.values()]
+        for line in told:
+            seen = [(message.time, _sees(message)) for message in self._messages
+                    if message.time < line.time and _sees(message) is not None]
+            present = max((at for at, is_there in seen if is_there), default=0.0)
+            gone = next((at for at, _ in seen if at > present), math.inf)
+            if line.time > gone + limit:
+                yield f"“{_said(line)}” was said to a visitor who had left"
+                return
+        if self.is_whole and any(message.node == node_of(FACES) for message in self._messages):
+            yield "the visitor, who leaves, was there to the end"
+
+
+def _said(line: JournalEntry) -> str:
+    """Return what the robot said; empty: it did something else, or failed."""
+    is_speech = line.node == "textToSpeech" and line.done
+    return str(line.content.get("message", line.content.get("text"))) if is_speech else ""
+
+
+def _sees(message: JournalEntry) -> Optional[bool]:
+    """Return whether a message of a sensor says that somebody is there; None: it does not tell."""
+    if message.node == node_of(FACES):
+        return bool(message.content["face_label_id"])
+    is_social = message.content.get("state") == "social"
+    return {1: False, 2: True}.get(message.content["value"]) if is_social else None
+
+
+def _goal(line: JournalEntry) -> Location:
+    return Location(*(line.content[name] for name in ("goal_x", "goal_y", "goal_theta")))
+
+
+def _parts(place: Exhibit) -> List[str]:
+    """Return the parts of a description that are said."""
+    return [text for text in (place.description1, place.description2) if text]
