@@ -27,8 +27,8 @@ class JournalEntry(NamedTuple):
     fault: Optional[str] = None  # the injected fault: one of faults.KINDS
     objection: Optional[str] = None  # why the node itself refused the request
     seconds: float = 0.0  # that the node takes until it answers
-    jumped: float = 0.0  # by how many seconds /clock has jumped back, which ``time`` leaves out
     response: Optional[Dict[str, Any]] = None  # the fields of the response; None: there is none
+    jumped: float = 0.0  # by how many seconds /clock has jumped back, which ``time`` leaves out
 
     @property
     def done(self) -> bool:

@@ -125,8 +125,8 @@ class VirtualRobot(Gateway):
         if entry.call:
             self.called(entry)
         visitor = self.world.visitor
-        was_here = visitor.is_here
         visitor.notice(entry)
+        was_here = bool(self.presence) and self.presence[-1][1]
         if visitor.is_here is not was_here:
             self.presence.append((entry.time, visitor.is_here))
 

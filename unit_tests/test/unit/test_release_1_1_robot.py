@@ -227,7 +227,10 @@ def test_without_its_key_the_arm_is_the_default_and_not_what_was_read_before(mon
     pointed = [line.content for line in calls(of_test, "gestureExecution")]
     assert [(content["arm"], content["deictic_shape"]) for content in pointed] == 2 * [
         ("EITHER", "PALM_UPWARDS")]
-    assert [end[1] for end in ends(of_test)] == 3 * ["SUCCESS"] and objections(of_test) == ()
+    assert [end[1] for end in ends(of_test)] == 3 * ["SUCCESS"]
+    # the judge reads the file itself
+    assert [text.partition(" of ")[0] for text in objections(of_test)] == [
+        "the controller has another text than the file"]
 
 
 def test_a_visitor_is_not_lost_in_the_mode_that_says_nothing_of_visitors():

@@ -268,7 +268,7 @@ class JournalCheck:
         if found != said and not (said is None and query.cause is None):
             its, right = result_words(found, said)
             yield f"{call} for {name} was {done}; on record is {its} instead of {right}"
-        served = self._served(query, line)
+        served = self._served(query, line, service)
         if None not in (said, served) and said != served:
             yield "{} was {}; its node sent {} instead of {}".format(
                 call, done, *result_words(said, served))
@@ -283,10 +283,11 @@ class JournalCheck:
             return _cause(line.fault, service) if line.fault is not None else None
         return self._robot.result(service.request, line.response)
 
-    def _served(self, query: Query, line: journal.JournalEntry) -> Union[Answer, Cause, None]:
+    def _served(self, query: Query, line: journal.JournalEntry,
+                service: Service) -> Union[Answer, Cause, None]:
         """Return what a simulated node has to say; None: that is for the visitor to decide."""
         if line.fault is not None and not isinstance(query.request, Prompt):
-            return CAUSE_OF[line.fault]
+            return _cause(line.fault, service)
         if isinstance(query.request, QueryKnowledge):
             return Answer(exhibits=getattr(self._places, query.request.what.lower()))
         return None if isinstance(query.request, Prompt) else Answer()

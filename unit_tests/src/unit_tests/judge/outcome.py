@@ -88,7 +88,8 @@ class VisitOutcome:
                 yield what + " while the robot drove there"
                 break
         yield from self._of_drives()
-        if behaviour == ENGAGES and self._is_calm:
+        if behaviour == ENGAGES and self._is_calm and (
+                not self._node_types.isdisjoint(reference.DESCRIBES)):
             yield from self._of_tour()
         elif behaviour == LEAVES and is_asked:
             yield from self._of_leaving()
@@ -100,7 +101,10 @@ class VisitOutcome:
                 yield f"the visitor, who {DOES[behaviour]}, was shown {what}"
 
     def _of_drives(self) -> Iterator[str]:
-        """Object to a drive that begins while the robot points, describes or takes its leave."""
+        """Object to a drive that begins while the robot points, describes or takes its leave, if
+        the mission does one after the other."""
+        if any(node_type.endswith("Async") for node_type in self._node_types):
+            return
         for drive in self._drives:
             for line in self._lines:
                 is_there = line.time < drive.time < line.time + line.seconds - self._facts.early

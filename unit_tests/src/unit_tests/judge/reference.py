@@ -75,6 +75,10 @@ DRIVES = ("Navigate", "NavigateAsync")
 WAITS, LOOK_HOME = ("Sleep", "Timeout"), ("LookUpHome", "RetrieveInitialLocation")
 """The nodes by which a mission drives, waits for a visitor, and finds its way home."""
 
+DESCRIBES = ("DescribeExhibitSpeech", "DescribeExhibitSpeech_1", "DescribeExhibitSpeech_2",
+             "DescribeExhibitSpeechAsync")
+"""The types of nodes that say the description of an exhibit."""
+
 SLEEP = "Sleep"
 NUMBERED = {SLEEP: "msec", "RetryUntilSuccessful": "num_attempts"}
 """The nodes whose number in the mission file can be compared with the record, with its port."""
