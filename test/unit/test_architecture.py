@@ -41,7 +41,7 @@ LAYERS = [
     ["bt.engine"],
     ["bt.script"],
     ["run.statistics"],
-    ["run.moment", "run.diagnostics", "run.digest"],
+    ["run.moment", "run.diagnostics", "run.digest", "run.readiness"],
     ["run.safe_state", "run.story", "run.history"],
     ["run.fold", "run.observed_gateway"],
     ["run.state"],

@@ -1,4 +1,4 @@
-"""What is so with configuration, mission and texts of a run, for the list that is read before it."""
+"""Checks configuration, mission and texts of a run, for the list that is read before it."""
 import os
 import time
 from typing import Iterator

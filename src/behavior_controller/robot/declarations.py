@@ -180,8 +180,8 @@ class Topic(Generic[Value]):
     none is skipped. ``action``: an action that a robot may offer instead, for ``Listen``: the
     response of its answer is a message, its deadline the seconds after those of the request within
     which the result comes. ``is_event``: whether a value of a state is an event, which the robot
-    may publish only once: the newest one counts too.
-    ``words`` says for people what a value is. ``simulated_value`` returns what a rehearsal publishes on a topic that ``simulation`` does not
+    may publish only once: the newest one counts too. ``words`` says for people what a value is.
+    ``simulated_value`` returns what a rehearsal publishes on a topic that ``simulation`` does not
     know, by the seconds since its beginning; None: nothing. The other fields: see ``Service``.
     """
 

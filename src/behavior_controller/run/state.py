@@ -34,7 +34,7 @@ RESULTS = (COMPLETE, IN_PART, BROKEN_OFF, VISITOR_DECLINED, VISITOR_LEFT, NO_REA
 
 _RESULT_OF = {DECLINED: VISITOR_DECLINED, LEFT: VISITOR_LEFT, SILENT_VISITOR: NO_REACTION,
               UNCLEAR: NO_REACTION, STOPPED: STOPPED}
-"""The results of a visit that ended for a reason of these kinds, if the robot could see and hear."""
+"""The results of a visit that ended for these kinds of reasons, if the robot could see and hear."""
 
 RESPECTS = (GONE, SHORT, NEW, SILENT, FAILING, SLOW)
 """The respects in which a service or topic may not be well, the strongest first."""

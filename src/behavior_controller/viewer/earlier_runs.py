@@ -1,5 +1,5 @@
-"""What the list of runs asks for: figures and visits of the runs below a folder, a run's report, and
-two visits compared."""
+"""Answers what the list of runs asks for: figures and visits of the runs below a folder, a run's
+report, and two visits compared."""
 import asyncio
 import os
 import subprocess

@@ -90,8 +90,8 @@ class ShownState(Struct, frozen=True):
 
 
 EXIT_CODES = """0: the mission was shown (with --watch: until it ended), and with --ready all is
-ready; 1: with --ready something has to be waited for or repaired; no mission answers there, what answers is not a mission, the connection is lost, or nothing can be printed; 2: wrong
-arguments"""
+ready; 1: with --ready something has to be waited for or repaired; no mission answers there, what
+answers is not a mission, the connection is lost, or nothing can be printed; 2: wrong arguments"""
 
 
 class NoMission(Exception):
