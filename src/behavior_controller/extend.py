@@ -1,6 +1,6 @@
 """The public names for what other packages add: their leaves, declarations and phrases, and tests.
 
-docs/extending.md explains each. They stay here when a module of this package moves; nothing else of
+docs/reference.md lists them. They stay here when a module of this package moves; nothing else of
 it is promised to other packages.
 """
 import importlib
@@ -41,7 +41,7 @@ __all__ = list(_MODULE_OF)
 
 def __getattr__(name: str) -> Any:
     if name not in _MODULE_OF:
-        meant = did_you_mean(name, _MODULE_OF) or "docs/extending.md lists the names"
+        meant = did_you_mean(name, _MODULE_OF) or "docs/reference.md lists the names"
         raise AttributeError(f"{__name__} has no {name} ({meant})")
     return getattr(importlib.import_module(_MODULE_OF[name]), name)
 
