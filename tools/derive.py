@@ -21,7 +21,6 @@ sys.path[:0] = [
     os.path.join(ROOT, folder) for folder in ("src", os.path.join("unit_tests", "src"), "tools")]
 
 import fault_reference  # noqa: E402
-import house  # noqa: E402
 
 from behavior_controller import leaves  # noqa: E402
 from behavior_controller.config import settings  # noqa: E402
@@ -302,7 +301,6 @@ def _fixed(derive: Callable[[], str]) -> Part:
 
 PARTS: Dict[str, Dict[str, Part]] = {
     "env-hooks/60.cssr_system.bash": {"words": _fixed(completion)},
-    "docs/architecture.md": {"rooms": _fixed(house.drawing), "modules": _fixed(house.table)},
     "docs/authors_guide.md": {"findings": _fixed(rehearsal_findings)},
     "docs/reference.md": {
         "keys": _fixed(lambda: keys_table("key", settings.KEYS)),

@@ -1,6 +1,6 @@
 """Robot Mission Interpreter: runs a mission drawn in Groot2 on the CSSR4Africa robot.
 
-docs/architecture.md draws which room uses which; reading starts with those that use no other.
+docs/architecture.md says which folder uses which; reading starts with those that use no other.
 """
 import sys
 

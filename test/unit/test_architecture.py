@@ -4,13 +4,14 @@ import ast
 import functools
 import importlib
 import importlib.util
+import itertools
 import os
 import pkgutil
 import re
 import shutil
 import subprocess
-import sys
 
+import folder_uses
 import pytest
 
 from behavior_controller import leaves
@@ -19,8 +20,6 @@ from behavior_controller.config import phrases
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PRODUCT = "behavior_controller"
-sys.path.insert(0, os.path.join(ROOT, "tools"))
-import house  # noqa: E402
 
 # From the top: a module imports from its own layer and from those below. The longest name that fits
 # decides.
@@ -149,14 +148,14 @@ CYCLES = set()
 
 
 def cycles(uses):
-    """Return the pairs of rooms that use each other, also through others."""
-    return {(room, other) for room in uses for other in house.reached(uses, room)
-            if room < other and room in house.reached(uses, other)}
+    """Return the pairs of folders that use each other, also through others."""
+    return {(folder, other) for folder in uses for other in folder_uses.reached(uses, folder)
+            if folder < other and folder in folder_uses.reached(uses, other)}
 
 
 @pytest.mark.parametrize("depth", range(1, 5))
 def test_no_two_folders_use_each_other_at_any_depth(depth):
-    uses = house.used(depth)
+    uses = folder_uses.used(depth)
     assert len(uses) > (20 if depth > 1 else 10)
     assert cycles(uses) == {pair for pair in CYCLES if set(pair) <= set(uses)}
 
@@ -487,6 +486,20 @@ def members():
             found.setdefault(head, set()).update(
                 getattr(target, "name", getattr(target, "id", "")) for target in targets)
     return found
+
+
+def test_the_architecture_document_has_the_order_of_the_folders():
+    """A folder uses those to its left; those with a comma between them do not use each other."""
+    with open(os.path.join(ROOT, "docs", "architecture.md"), encoding="utf-8") as file:
+        line, = re.findall(r"(?m)^`bt/`.*$", file.read())
+    groups = [set(re.findall(r"`(\w+)/`", group)) for group in line.split(" < ")]
+    uses = folder_uses.used()
+    named = set().union(*groups)
+    assert named == {folder for folder in uses if os.path.isdir(os.path.join(
+        ROOT, "src", PRODUCT, folder))}
+    for left, group in zip(itertools.accumulate([set(), *groups], set.union), groups):
+        for folder in group:
+            assert uses[folder] & named <= left, folder
 
 
 def test_the_architecture_document_names_what_classes_and_modules_have():
