@@ -97,6 +97,7 @@ def test_the_budget_and_the_pauses_are_those_of_the_policy(document):
 
 @pytest.mark.parametrize("document, claim", [
     ("operators_guide.md", "no drive under way"), ("operators_guide.md", "ten thousand events"),
-    ("reference.md", "ten thousand events"), ("../README.md", "leaves the robot safe")])
+    ("reference.md", "ten thousand events"), ("../README.md", "leaves the robot safe"),
+    ("tutorial.md", "both commands warn")])
 def test_no_wrong_claim_is_back(document, claim):
     assert claim not in " ".join(text_of(document).split())

@@ -1,6 +1,7 @@
 """Does docs/tutorial.md build data/reception.xml, and say at each step what the commands say?"""
 import importlib.util
 import os
+import re
 from xml.etree import ElementTree
 
 import pytest
@@ -46,3 +47,11 @@ def test_each_step_says_what_the_commands_say(step):
     names = [line.split()[3] for line in commands_of(step)]
     assert names == ["validateMission", "rehearseMission"]
     assert step.console == tutorial.said(step)
+
+
+def test_the_last_commands_copy_what_belongs_to_the_name():
+    copied = re.findall(r"^cp (reception_\S+) my_(\S+)$", STEPS[-1].text, re.M)
+    assert all(source == target for source, target in copied)
+    data = os.path.dirname(folders.mission("reception"))
+    files = {name for name in os.listdir(data) if name.startswith("reception_")}
+    assert {source for source, _ in copied} == {name for name in files if "Kinyarwanda" not in name}
