@@ -16,7 +16,6 @@ pytestmark = [
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 SERVES = {  # what goes on until it is stopped, and what it prints when it is up
-    "roslaunch unit_tests simulatedRobot.launch": "faceDetection: randomSeed",
     "roslaunch unit_tests simulatedRobot.launch speed:=10": "faceDetection: randomSeed",
     "rosrun cssr_system behaviorController": " starts, ",
     "rosrun cssr_system missionStatus --watch": "lab_tour",
