@@ -140,7 +140,7 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
 
 @pytest.mark.parametrize(
     "before, event, changed",
-    [([], RUN, "health mission now story"), ([], PassStarted(1, 0.0), "now story timeline"),
+    [([], RUN, "health mission now ready story"), ([], PassStarted(1, 0.0), "now story timeline"),
      ([PassStarted(1, 0.0)], PassFinished(1, "SUCCESS", 1.0), "now story visits"),
      ([], PassFinished(1, "SUCCESS", 1.0), ""),
      ([], StepStarted(1, "x", "x", "driving", "", 0.0, False), "now timeline"),
@@ -148,7 +148,7 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
        ], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), "now timeline"),
      ([], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), ""),
      ([], Noticed("info", "so"), "story"), ([], Noticed("warning", "so"), "story"),
-     ([], GONE_AWAY, "health now story"), ([], RunFinished("stopped", 0), "now story visits")])
+     ([], GONE_AWAY, "health now ready story"), ([], RunFinished("stopped", 0), "now ready story visits")])
 def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before, event, changed):
     let_time_stand(monkeypatch, [50.0])
     rig = one_leaf("<WelcomeSpeech/>")

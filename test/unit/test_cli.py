@@ -434,7 +434,8 @@ def test_a_full_disk_is_one_line_and_exit_code_1(tool):
 
 def test_a_reader_that_goes_away_ends_a_tool_in_silence(file):
     bad = file(BAD)
-    code, out, err = in_shell("validateMission", "| head -n 1", *[bad] * 500)  # more than a pipe holds
+    # more than a pipe holds
+    code, out, err = in_shell("validateMission", "| head -n 1", *[bad] * 500)
     assert (code, out.count("\n"), err) == (0, 1, "")
 
 
