@@ -23,7 +23,8 @@ SANE = {
                        NODES], "lookupService": "rosrpc://h:1", "lookupNode": "http://h:1/",
     "getParam": {"a": [1, "b"]}, "registerService": 1, "publisherUpdate": 0,
     "registerPublisher": ["http://h:1/"], "registerSubscriber": [], "unregisterSubscriber": 1,
-    "deleteParam": 0, "getPid": 77, "requestTopic": ["TCPROS", "h", 1]
+    "deleteParam": 0, "getPid": 77, "requestTopic": ["TCPROS", "h", 1],
+    "setParam": 0, "servicesInUse": [True, ["/a/x"]]
 }
 
 
@@ -61,7 +62,7 @@ def of_texts(value):
 
 FITS = {"getParam": lambda value: True,
         **dict.fromkeys(
-            ("unregisterSubscriber", "deleteParam", "getPid", "registerService", "publisherUpdate"),
+            ("unregisterSubscriber", "deleteParam", "setParam", "getPid", "registerService", "publisherUpdate"),
             lambda value: type(value) is int),
         "lookupNode": lambda value: isinstance(value, str),
         "lookupService": lambda value: isinstance(value, str), "registerPublisher": of_texts,
@@ -216,7 +217,7 @@ def test_a_peer_is_not_blamed_for_a_shortage_of_this_computer(host):
 
 def test_a_start_without_files_says_so_and_nothing_about_the_master():
     with no_files_left(), pytest.raises(OSError) as caught:
-        master._ask_at_start("lookupNode", "/a")
+        master.ask_at_start("lookupNode", "/a")
     assert caught.value.errno == errno.EMFILE
 
 

@@ -146,7 +146,7 @@ def test_the_model_of_a_subtree_has_the_defaults_of_its_ports(attributes, local)
 @pytest.mark.parametrize("body, line, column, code", [
     ('\n<SubTree ID="Sub" name="a"/><SubTree ID="Sub"\n name="a"/>', 3, 2, "same-path"),
     ('<In x="{e}"/>\n<To\n spot="{e}"/>', 3, 2, "entry-type"),
-    ('\n<LoopInt queue="1;b" value="{x}"><AlwaysSuccess/></LoopInt>', 2, 1, "node-refuses")])
+    ('\n<LoopInt queue="1;b" value="{x}"><AlwaysSuccess/></LoopInt>', 2, 10, "node-refuses")])
 def test_what_only_the_making_of_a_node_shows_is_a_fault_at_its_place(body, line, column, code):
     with pytest.raises(MissionError) as caught:
         load_text(

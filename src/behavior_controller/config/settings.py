@@ -178,7 +178,7 @@ def unread(words: Iterable[str], keys: Optional[Sequence[str]] = None) -> List[F
     faults = []
     for word in words:
         name, is_assignment, value = word.partition(ASSIGNMENT)
-        if not is_assignment or "/" in name or name in ROS_WORDS:
+        if not is_assignment or "/" in name or name in (*ROS_WORDS, "rosout"):
             continue
         text, hint = f"the node does not read {name}", did_you_mean("_" + name, known)
         if name.startswith("__"):

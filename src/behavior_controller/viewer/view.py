@@ -209,9 +209,8 @@ class View(story.Story):
         age = None
         if self.state.alive is not None and not self.ended:
             age = round(unix_now() - self.state.alive, 1)
-        # a run that is over stands at its end
-        at = self.state.at if self.ended else unix_now()
-        return parts.Alive(age, age is not None and age >= HANGS, at, clock_shift=clock_shift())
+        return parts.Alive(age, age is not None and age >= HANGS, unix_now(),
+                           clock_shift=clock_shift())
 
     def node(self, uid: int) -> Optional[Dict[str, Any]]:
         """Return the details of a node: its place, ports with values, last results; None if it does

@@ -117,10 +117,9 @@ def _difference(model: Element, spec: NodeSpec) -> str:
             return f"its port {name}, which it has not here"
         if port.direction.value != element.tag:
             return f"its port {name} as an {element.tag}, and it is an {port.direction.value} here"
-        is_bare = not type_name and port.default is not None and "default" not in element.attributes
-        is_other = is_bare or _TYPES.get(type_name, port.type) not in (port.type, ANY)
+        is_other = type_name and _TYPES.get(type_name, port.type) not in (port.type, ANY)
         if port.type != ANY and is_other:
-            return f"its port {name} of type {type_name or ANY}, and it is of type {port.type} here"
+            return f"its port {name} of type {type_name}, and it is of type {port.type} here"
     return ""
 
 

@@ -184,7 +184,7 @@ function showHealth(offers) {
 }
 
 function showStep(now) {
-  travels.end = now.ended && frozen === null ? alive.at : 0;
+  travels.end = now.card.kind === "ended" ? now.card.since + 0.001 : 0;  // a run that is over stands there
   showNow(now);
   keepHeight();
   const isStep = ["step", "wait", "retry", "paused"].includes(card.kind);
