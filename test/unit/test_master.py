@@ -140,6 +140,7 @@ def test_which_node_offers_an_action(master, publishers, nodes, expected):
 def test_what_this_node_subscribes_to_is_registered_where_it_is_not_listed(master, monkeypatch):
     monkeypatch.setattr(rospy.core, "get_node_uri", lambda: "http://us:1/")
     directory = Directory()
+    directory.is_keeping_up = True
     directory.subscribe(FACES, "t/T")
     directory.refresh()
     assert ("registerSubscriber", FACES, "t/T", "http://us:1/") in master.calls

@@ -67,7 +67,7 @@ class Health:
         self._reports.append(replace(change, respect=respect))
         self._wake()
 
-    def hear(self, topic: str, at: float, words: str, rate: float) -> None:
+    def hear(self, topic: str, at: float, words: str = "", rate: float = 0.0) -> None:
         """Report the time of a topic's last message, what it says, and how many come in a second,
         from any thread. This does not wake the tree."""
         self.last_arrivals[topic] = at
