@@ -301,10 +301,10 @@ def _fixed(derive: Callable[[], str]) -> Part:
 
 PARTS: Dict[str, Dict[str, Part]] = {
     "env-hooks/60.cssr_system.bash": {"words": _fixed(completion)},
-    "docs/authors_guide.md": {"findings": _fixed(rehearsal_findings)},
     "docs/reference.md": {
         "keys": _fixed(lambda: keys_table("key", settings.KEYS)),
         "services and topics": _fixed(offers), "nodes": _fixed(nodes), "entries": _fixed(entries),
+        "findings": _fixed(rehearsal_findings),
         "keys of a test": _fixed(lambda: keys_table("key", configuration.KEYS))},
     "config/" + settings.FILE_NAME: {"keys": key_lines(settings.KEYS)},
     "unit_tests/config/" + options.FILE_NAME: {"keys": key_lines(configuration.KEYS)},

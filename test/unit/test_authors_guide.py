@@ -1,0 +1,52 @@
+"""The author's guide and the reference say of missions and rehearsals what is so."""
+import os
+import re
+
+import pytest
+
+from behavior_controller import leaves
+from behavior_controller.missions import load
+from behavior_controller.simulation.rehearsal import cli, play, plays
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+
+
+def text_of(*path):
+    with open(os.path.join(ROOT, *path), encoding="utf-8") as file:
+        return " ".join(file.read().split())
+
+
+GUIDE, REFERENCE = text_of("docs", "authors_guide.md"), text_of("docs", "reference.md")
+
+
+@pytest.mark.parametrize("name", ["lab_tour", "reception"])
+def test_the_nodes_of_the_delivered_missions(name):
+    nodes = load.load_tree(load.find(name)).nodes
+    kinds = {node.spec.id for node in nodes} & {spec.id for spec in leaves.mission_specs()}
+    assert "`data/{}.xml` has {} kinds of mission nodes, and {} nodes".format(
+        name, len(kinds), len(nodes)) in GUIDE
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/authors_guide.md",
+                                      "docs/developers_guide.md"])
+def test_the_number_of_recorded_traces(document):
+    tested = text_of("test", "conformance", "test_conformance.py")
+    counts = re.findall(r'\("(?:hand|random\.jsonl\.xz)", (\d+)\)', tested)
+    assert len(counts) == 2 and re.search(
+        r"{:,} (?:recorded )?traces".format(sum(map(int, counts))), text_of(document))
+
+
+def test_the_quoted_rehearsal(capsys):
+    cli.main(["lab_tour", "--faults", "none", "--jobs", "1"])
+    printed = re.findall(r"(?m)^(?:visitor|\w+ +(?:voice|tablet)) .*$", capsys.readouterr().out)
+    with open(os.path.join(ROOT, "docs", "authors_guide.md"), encoding="utf-8") as file:
+        quoted = re.findall(r"(?m)^(?:visitor|\w+ +(?:voice|tablet)) .*$", file.read())
+    assert len(quoted) == 4 and len(printed) > 4
+    for line in quoted:  # the last column has runs with faults
+        columns = re.split(r"  +", line)[:5]
+        assert any(re.split(r"  +", each.rstrip())[:5] == columns for each in printed), line
+
+
+def test_the_limits_of_a_rehearsal():
+    assert "up to {} further runs".format(plays.MOST_PLAYS) in REFERENCE
+    assert "{:,.0f} s of the mission's time".format(play.PASS_LIMIT) in REFERENCE
