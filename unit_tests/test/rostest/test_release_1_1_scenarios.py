@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Is each fault of release 1.1 that needs a robot survived, and what does a visitor see of it?
 
-The numbers are those of docs/release_1_1.md. The whole tests run two at a time.
+The numbers are those of docs/reference.md. The whole tests run two at a time.
 """
 import os
 import signal
