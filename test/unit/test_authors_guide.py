@@ -41,10 +41,10 @@ def test_the_quoted_rehearsal(capsys):
         command, *quoted = re.search(r"\$ .* rehearseMission (.*\n[^`]*)```", file.read()).group(
             1).splitlines()
     cli.main(command.split() + ["--jobs", "1"])
-    printed = {re.sub(r"in \S+ s$", "in … s", line) for line in capsys.readouterr().out.split("\n")}
+    lines = capsys.readouterr().out.splitlines()
+    printed = {re.sub(r"in \S+ s$", "in … s", line) for line in lines}
     assert len(quoted) > 8
-    assert [line for line in quoted
-            if re.sub(r"in \S+ s$", "in … s", line) not in printed | {"…"}] == []
+    assert {re.sub(r"in \S+ s$", "in … s", line) for line in quoted} <= printed | {"…"}
 
 
 def test_the_limits_of_a_rehearsal():
