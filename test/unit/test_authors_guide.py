@@ -27,8 +27,7 @@ def test_the_nodes_of_the_delivered_missions(name):
         name, len(kinds), len(nodes)) in GUIDE
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/authors_guide.md",
-                                      "docs/developers_guide.md"])
+@pytest.mark.parametrize("document", ["docs/authors_guide.md", "docs/developers_guide.md"])
 def test_the_number_of_recorded_traces(document):
     tested = text_of("test", "conformance", "test_conformance.py")
     counts = re.findall(r'\("(?:hand|random\.jsonl\.xz)", (\d+)\)', tested)

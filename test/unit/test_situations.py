@@ -814,7 +814,7 @@ DELAY = TreeShown("", rows("<Delay delay_msec='4500'><A/></Delay>").nodes[:1])
           waits_for="its release in Groot2", uid=1)),
     (State(suspended=("waits for start", 120.0), visits=(VISIT,)),
      Card("paused", "waits for start", "visitor 3", 120.0,
-          waits_for="the operator's call of start")),
+          waits_for="the operator: rosservice call /behaviorController/start")),
     (State(at=130.0, finished=STOPPED, held={1: 120.0}), Card("ended", "stopped", "", 130.0))])
 def test_the_card_of_a_model(state, expected):
     assert card(state) == expected

@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from behavior_controller.run.events import (
-    EVENTS, BreakpointChanged, FeedbackReceived, HealthChanged, HookEnded, Line, Noticed, Paused,
-    Retried, RunFinished, Starting, RecognitionPending, StopChanged, Suspended,
+    EVENTS, BreakpointChanged, Checked, FeedbackReceived, HealthChanged, HookEnded, Line, Noticed,
+    Paused, RecognitionPending, Retried, RunFinished, Starting, StopChanged, Suspended, TopicSaid,
     TreeStatuses)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller import replay_cli as command
@@ -63,7 +63,9 @@ def record(tmp_path_factory):
         Starting("-"),
         HookEnded(1, 1, 1),
         TreeStatuses("R-"),
-        FeedbackReceived(1, "-")
+        FeedbackReceived(1, "-"),
+        Checked("topic", "/x", "ready"),
+        TopicSaid("/x", "-", 1.0)
     ]
     at = lines[began]["time"]
     lines[began + 1:began + 1] = [msgspec.to_builtins(Line(at, event)) for event in extra]
