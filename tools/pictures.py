@@ -84,7 +84,7 @@ def outdated() -> List[str]:
 
 def main() -> None:
     """Make every picture."""
-    sys.path.insert(0, os.path.join(ROOT, "test", "unit"))
+    sys.path.insert(0, os.path.join(ROOT, "test", "support"))
     from browser import open_browser
     os.makedirs(PICTURES, exist_ok=True)
     browser = open_browser()

@@ -93,7 +93,7 @@ def test_an_example_adds_its_leaves_its_decorator_and_its_phrase():
                      **there)
     assert (code, text.splitlines()[1:]) == (0, [
         os.path.join(EXAMPLES, "greeter", "data", "greet.xml") +
-        ": can be run, 20 nodes, 0 warnings"
+        ": can be run, 25 nodes, 0 warnings"
     ])
     palette = run("exportNodeModel", **there)[1]
     assert all('ID="{}"'.format(node) in palette
