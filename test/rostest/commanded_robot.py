@@ -96,7 +96,7 @@ class CommandedService:
         self._service, self._world = service, world
         self._changed = threading.Condition()
         if mode == "wrong":
-            rospy.Service(service.name, wrong_type(service, plain(world.settings.interface)),
+            rospy.Service(service.name, wrong_type(service, services_of(world.settings.interface)),
                           lambda request: None)
         elif mode != "absent":
             rospy.Service(service.name, TYPES[service], self._answer)
@@ -119,7 +119,7 @@ class CommandedService:
         return reply(self._service, request, FAULTS.get(self.mode), self._world)
 
 
-def plain(interface):
+def services_of(interface):
     """Return the services of a robot, without its actions."""
     return [service for service in behaviour.services(interface) if type(service) is Service]
 
@@ -239,7 +239,7 @@ def main():
     world = visited(modes.get("interface", DEFAULT.name))
     interface = world.settings.interface
     services = {service.name: CommandedService(service, modes.get(service.name, "done"), world)
-                for service in plain(interface)}
+                for service in services_of(interface)}
     for action in interface.services:
         name = "action " + action.name
         if isinstance(action, Action) and modes.get(name) != "absent":
