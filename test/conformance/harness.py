@@ -221,6 +221,7 @@ def _run_tree(case: Dict[str, Any], tree: Tree, events: List[Any]) -> Dict[str, 
             break
     if case.get("halt_at_end"):
         records.append(_halted(tree, events))
+    tree.show_own_statuses()  # py_trees' tools are shown the results instead
     return {
         "nodes": [[node.uid, node.registration_id, node.name, node.full_path]
                   for node in tree.nodes],
