@@ -206,7 +206,7 @@ class TestOneNode(unittest.TestCase):
 
     def test_a_robot_has_one_controller_whatever_its_name_is(self):
         running = self.running()
-        below = ["/robot2{0}:={0}".format(service) for service in SERVICES]
+        below = ["/robot2{0}:={0}".format(name) for name in (*SERVICES, "/faceDetection/data")]
         for words in (["__name:=other"], ["__ns:=/hall"], ["_robot:=robot2", *below],
                       ["_robot:=robot2"] + [word.replace("/robot2", "") for word in below]):
             self.assert_refused(self.start(*words), NAME)
