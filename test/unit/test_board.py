@@ -148,7 +148,8 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
        ], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), "now timeline"),
      ([], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), ""),
      ([], Noticed("info", "so"), "story"), ([], Noticed("warning", "so"), "story"),
-     ([], GONE_AWAY, "health now ready story"), ([], RunFinished("stopped", 0), "now ready story visits")])
+     ([], GONE_AWAY, "health now ready story"),
+     ([], RunFinished("stopped", 0), "now ready story visits")])
 def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before, event, changed):
     let_time_stand(monkeypatch, [50.0])
     rig = one_leaf("<WelcomeSpeech/>")

@@ -62,7 +62,8 @@ def of_texts(value):
 
 FITS = {"getParam": lambda value: True,
         **dict.fromkeys(
-            ("unregisterSubscriber", "deleteParam", "setParam", "getPid", "registerService", "publisherUpdate"),
+            ("unregisterSubscriber", "deleteParam", "setParam", "getPid", "registerService",
+             "publisherUpdate"),
             lambda value: type(value) is int),
         "lookupNode": lambda value: isinstance(value, str),
         "lookupService": lambda value: isinstance(value, str), "registerPublisher": of_texts,
