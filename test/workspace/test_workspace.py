@@ -155,10 +155,10 @@ def test_no_package_of_the_system_is_shadowed(home, workspace):
 def test_another_packages_leaves(home, sourced):
     shell = Shell(home, str(sourced))
     text = shell.do("roslaunch greeter greeter.launch")
-    for words in ("the lights are blue", "CuriousSpeech::10): SUCCESS", "the lights are white",
+    for words in ("the lights are blue", "CuriousSpeech::11): SUCCESS", "the lights are white",
                   "the display shows Follow me", "the robot has driven", "exit code 0"):
         assert words in text, text
-    assert text.count("SayTime::12): SUCCESS") == 1  # every other time, of two
+    assert text.count("SayTime::15): SUCCESS") == 1  # every other time, of two
     assert 'ID="EveryOther"' in shell.do("rosrun cssr_system exportNodeModel")
     text = shell.do("roslaunch courier courier.launch")
     for words in ("the hatch is open", "HandOver::11): SUCCESS", "the hatch is closed",
