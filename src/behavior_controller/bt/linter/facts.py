@@ -11,7 +11,7 @@ from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.loader.flow import SUPPRESSED, TOUCHED, WRITTEN, Flow
-from behavior_controller.bt.loader.structure import Trees
+from behavior_controller.bt.loader.structure import Trees, from_leaves
 from behavior_controller.bt.values.status import NAMES
 
 
@@ -135,23 +135,12 @@ class MissionFacts:
 
 
 def outcomes(trees: Mapping[str, List[Element]], registry: Registry) -> Dict[int, int]:
-    """Return how each element can end, by ``id(element)``.
+    """Return how each element can end, by ``id(element)``. ``trees``: see ``from_leaves``."""
+    def decided(element: Element, ends: int) -> int:
+        for attribute, status in DECISIONS.items():
+            if attribute in element.attributes:
+                ends |= ENDS_BY_NAME[NAMES[status]]
+        return ends
 
-    ``trees`` holds the elements of each tree in document order, called trees before those that call
-    them.
-    """
-    ends: Dict[int, int] = {}
-    ends_of_tree: Dict[str, int] = {}
-    for tree_id, elements in trees.items():
-        for element in reversed(elements):  # so that children come before their parent
-            if element.tag == "SubTree":
-                result = ends_of_tree[element.attributes["ID"]]
-            else:
-                children = [ends[id(child)] for child in element.children]
-                result = registry[element.type_id].ends(element.attributes, children)
-            for attribute, status in DECISIONS.items():
-                if attribute in element.attributes:
-                    result |= ENDS_BY_NAME[NAMES[status]]
-            ends[id(element)] = result
-        ends_of_tree[tree_id] = ends[id(elements[0])]
-    return ends
+    return from_leaves(trees, lambda element, children: registry[element.type_id].ends(
+        element.attributes, children), decided)

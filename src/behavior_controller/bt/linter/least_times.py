@@ -8,6 +8,7 @@ from behavior_controller.bt.engine.possible_results import FAILS, SKIPS, SUCCEED
 from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.registry import NodeSpec
 from behavior_controller.bt.loader.document import Element
+from behavior_controller.bt.loader.structure import from_leaves
 
 Times = Tuple[float, float]
 """Before it succeeds, and before it fails; infinite for what it never does."""
@@ -17,21 +18,17 @@ _BOTH = (SUCCEEDS, FAILS)
 
 def least_times(trees: Mapping[str, List[Element]], ends: Mapping[int, int],
                 registry: Registry) -> Dict[int, Times]:
-    """Return the least times of each element, by ``id(element)``. ``trees``: as for ``outcomes``;
-    ``ends`` are its results."""
-    times: Dict[int, Times] = {}
-    of_tree: Dict[str, Times] = {}
-    for tree_id, elements in trees.items():
-        for element in reversed(elements):  # so that children come before their parent
-            if element.tag == "SubTree":
-                found = of_tree[element.attributes["ID"]]
-            else:
-                children = [(ends[id(child)], times[id(child)]) for child in element.children]
-                found = _of_node(registry[element.type_id], element.attributes, children)
-            is_conditional = not element.attributes.keys().isdisjoint(DECISIONS)
-            times[id(element)] = (0.0, 0.0) if is_conditional else found
-        of_tree[tree_id] = times[id(elements[0])]
-    return times
+    """Return the least times of each element, by ``id(element)``. ``trees``: see
+    ``from_leaves``; ``ends`` are the results of each."""
+    def of_element(element: Element, children: List[Times]) -> Times:
+        below = [(ends[id(child)], times) for child, times in zip(element.children, children)]
+        return _of_node(registry[element.type_id], element.attributes, below)
+
+    def decided(element: Element, times: Times) -> Times:
+        is_conditional = not element.attributes.keys().isdisjoint(DECISIONS)
+        return (0.0, 0.0) if is_conditional else times
+
+    return from_leaves(trees, of_element, decided)
 
 
 def milliseconds(attributes: Attributes, port: str) -> float:

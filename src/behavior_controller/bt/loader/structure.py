@@ -1,7 +1,8 @@
 """The trees of a mission: their IDs, models and calls, and which one is the main tree (BT.CPP
 12.3); and the findings about the mission, to which each rule adds."""
 import re
-from typing import Collection, Counter, Dict, Iterable, List, Optional, Set, Tuple
+from typing import (
+    Callable, Collection, Counter, Dict, Iterable, List, Mapping, Optional, Set, Tuple, TypeVar)
 
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
@@ -21,6 +22,7 @@ PORT_ELEMENTS = tuple(direction.value for direction in Direction)
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
 
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
+Value = TypeVar("Value")
 _MANY = 10 ** 9  # nodes: counted no further
 _BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
 _ATTRIBUTES: Dict[str, Tuple[str, ...]] = {
@@ -85,6 +87,28 @@ def by_place(fault: Fault) -> Tuple[str, int, int, str, str]:
     """Return the key by which findings are ordered."""
     return fault.file, fault.line, fault.column, fault.code, fault.text
 
+
+
+def from_leaves(trees: Mapping[str, List[Element]],
+                value_of: Callable[[Element, List[Value]], Value],
+                decided: Callable[[Element, Value], Value]) -> Dict[int, Value]:
+    """Return a value of each element, by ``id(element)``, made of those of its children, or of the
+    tree that a SubTree calls; then ``decided`` by its attributes.
+
+    ``trees`` holds the elements of each tree in document order, called trees before those that call
+    them.
+    """
+    values: Dict[int, Value] = {}
+    of_tree: Dict[str, Value] = {}
+    for tree_id, elements in trees.items():
+        for element in reversed(elements):  # so that children come before their parent
+            if element.tag == "SubTree":
+                value = of_tree[element.attributes["ID"]]
+            else:
+                value = value_of(element, [values[id(child)] for child in element.children])
+            values[id(element)] = decided(element, value)
+        of_tree[tree_id] = values[id(elements[0])]
+    return values
 
 
 class Trees:
