@@ -56,6 +56,11 @@ class Digest(Struct, frozen=True):
     outages: Tuple[Outage, ...] = ()
     unserved: Tuple[Period, ...] = ()
 
+    @property
+    def robot(self) -> str:
+        """The robot, if it is one of several."""
+        return self.settings.get("robot", "")
+
 
 class Digester:
     """Folds the lines of a run; ``digest`` returns what is known up to the last one."""

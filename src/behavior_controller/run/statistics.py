@@ -9,9 +9,6 @@ from msgspec import Struct
 from behavior_controller.run.digest import Digest, EndedVisit, Outage, Period
 from behavior_controller.run.state import RESULTS
 
-ROBOT = "robot"
-"""The setting that names the robot of a run."""
-
 
 class Choice(NamedTuple):
     """Which visits are meant; an empty text means all. ``day`` is such as 2026-11-27."""
@@ -24,8 +21,7 @@ class Choice(NamedTuple):
 
     def has_run(self, digest: Digest) -> bool:
         """Return whether visits of a run may be meant."""
-        robot = digest.settings.get(ROBOT, "")
-        return self.mission in ("", digest.mission) and self.robot in ("", robot)
+        return self.mission in ("", digest.mission) and self.robot in ("", digest.robot)
 
     def has_visit(self, visit: EndedVisit) -> bool:
         """Return whether a visit of such a run is meant."""
@@ -153,7 +149,7 @@ def _served(runs: List[Tuple[Digest, Period]]) -> float:
     opened: Dict[str, List[Period]] = collections.defaultdict(list)
     served = 0.0
     for digest, (began, ended) in runs:
-        opened[digest.settings.get(ROBOT, "")].append((began, ended))
+        opened[digest.robot].append((began, ended))
         lost = sum(max(0.0, min(last, ended) - max(first, began))
                    for first, last in digest.unserved)
         served += ended - began - lost

@@ -12,8 +12,7 @@ from msgspec import Struct
 
 from behavior_controller.errors import BehaviorControllerError, MissionError
 from behavior_controller.run.digest import EndedVisit
-from behavior_controller.run.statistics import (
-    ROBOT, Choice, Statistics, day_of, days_of, statistics)
+from behavior_controller.run.statistics import Choice, Statistics, day_of, days_of, statistics
 from behavior_controller.viewer.parting import Parting, parting, visit_rows
 from behavior_controller.viewer.run_index import Listed, RunIndex
 from behavior_controller.viewer.view import clock
@@ -114,7 +113,7 @@ class EarlierRuns:
         figures = statistics(digests, choice._replace(result="", fault=""))
         return RunList(
             self._place, reading, sorted({digest.mission for digest in digests} - {""}),
-            sorted({digest.settings.get(ROBOT, "") for digest in digests} - {""}),
+            sorted({digest.robot for digest in digests} - {""}),
             days_of(digests), figures,
             [_run_row(each) for each in chosen[:NEWEST]],
             [_visit_row(*each) for each in visits[first:first + NEWEST]],
@@ -177,15 +176,12 @@ async def on_a_thread(function: Callable[[], Result]) -> Result:
 def _visit_row(listed: Listed, visit: EndedVisit) -> VisitRow:
     digest = listed.digest
     return VisitRow(listed.name, visit.number, day_of(visit.began), clock(visit.began),
-                    digest.mission, digest.settings.get(ROBOT, ""), visit.result, visit.words,
+                    digest.mission, digest.robot, visit.result, visit.words,
                     visit.seconds, visit.faults)
 
 
 def _run_row(listed: Listed) -> RunRow:
     digest = listed.digest
-    ending = digest.ending or "the record ends before the run"
-    if listed.goes_on:
-        ending = "goes on"
-    return RunRow(listed.name, digest.mission, digest.settings.get(ROBOT, ""),
-                  day_of(digest.began), clock(digest.began), clock(digest.ended),
-                  len(digest.visits), listed.trouble or ending, not listed.trouble)
+    return RunRow(listed.name, digest.mission, digest.robot, day_of(digest.began),
+                  clock(digest.began), clock(digest.ended), len(digest.visits), listed.ending,
+                  not listed.trouble)

@@ -36,6 +36,13 @@ class Listed(msgspec.Struct, frozen=True):
     trouble: str = ""
     goes_on: bool = False
 
+    @property
+    def ending(self) -> str:
+        """How the run ended, or why it cannot be read."""
+        if self.goes_on:
+            return self.trouble or "goes on"
+        return self.trouble or self.digest.ending or "the record ends before the run"
+
 
 class _Index(msgspec.Struct, frozen=True):
     layout: str = ""
@@ -52,8 +59,7 @@ class _Reading:
 
     def listed(self) -> Listed:
         """Read what was added, and return the run."""
-        name, goes_on = os.path.basename(os.path.dirname(self.path)), False
-        bytes_read = size(self.path)
+        bytes_read, goes_on = size(self.path), False
         with contextlib.suppress(OSError):
             goes_on = is_written(self.path)
         try:
@@ -62,7 +68,8 @@ class _Reading:
                     self._digester.take(line)
         except BehaviorControllerError as error:
             self.trouble = str(error)
-        return Listed(name, bytes_read, self._digester.digest(not goes_on), self.trouble, goes_on)
+        return Listed(_name(self.path), bytes_read, self._digester.digest(not goes_on),
+                      self.trouble, goes_on)
 
 
 class RunIndex:
@@ -91,9 +98,11 @@ class RunIndex:
             listed = known.get(name)
             if listed is None or listed.goes_on or listed.size != size(path):
                 known[name] = self._listed(name, path)
-                has_changed = True
+                # one that goes on is read again anyway
+                has_changed = has_changed or not known[name].goes_on
                 yield [known[name] for name in paths if name in known]
-            if time.monotonic() - written > WRITE_INTERVAL:  # what was read is not read again
+            # what was read is not read again
+            if has_changed and time.monotonic() - written > WRITE_INTERVAL:
                 self._write(list(known.values()))
                 written = time.monotonic()
         if has_changed:

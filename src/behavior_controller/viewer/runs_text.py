@@ -53,9 +53,6 @@ def _table(head: List[str], rows: List[List[object]]) -> Iterator[str]:
 
 def _run(listed: Listed) -> str:
     digest = listed.digest
-    ending = digest.ending or "the record ends before the run"
-    if listed.goes_on:
-        ending = "goes on"
     facts = [digest.mission, f"{clock(digest.began)} to {clock(digest.ended)}",
-             count(len(digest.visits), "visit", "visits"), listed.trouble or ending]
+             count(len(digest.visits), "visit", "visits"), listed.ending]
     return clean(f"{listed.name}  " + ", ".join(filter(None, facts)))
