@@ -1,13 +1,14 @@
 """Which node an exception, a callback or a running frame belongs to."""
+import signal
 import sys
 
 import py_trees
 import pytest
 
-from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.failure import TickError, failure_of, node_on, owner_of
 from behavior_controller.bt.engine.leaf import SyncActionLeaf
-from behavior_controller.bt.engine.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.values.status import SUCCESS
 
@@ -56,7 +57,7 @@ class Asks(SyncActionLeaf):
 def leaves():
     tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence><Asks/><Asks/>"
                      "</Sequence></BehaviorTree></root>",
-                     Registry(builtin_specs() + [NodeSpec("Asks", Kind.ACTION, Asks)]), "m.xml")
+                     Registry([NodeSpec("Asks", Kind.ACTION, Asks)]), "m.xml")
     return tree, [node for node in tree.nodes if isinstance(node, Asks)]
 
 
@@ -98,4 +99,8 @@ def test_an_exception_names_its_node_once(node, words):
     failure = failure_of(node, KeyError("x"), "its timer: ")
     assert isinstance(failure, TickError) and failure.node is node
     assert words in str(failure) and failure_of(None, failure) is failure
-    assert isinstance(failure_of(node, KeyboardInterrupt()), KeyboardInterrupt)
+
+
+def test_a_ctrl_c_stays_one(monkeypatch):
+    monkeypatch.setattr(signal, "getsignal", {signal.SIGINT: signal.default_int_handler}.get)
+    assert isinstance(failure_of(OTHER, KeyboardInterrupt()), KeyboardInterrupt)

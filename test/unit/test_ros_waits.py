@@ -69,7 +69,7 @@ def test_while_the_safe_state_is_awaited(master, wake, monkeypatch):
     told, events = [], Events()
     events.subscribe(told.append)
     console = Console()
-    run = node._Run(plan, RosTopics(robot, wake.emit, print, plan.tree.clock),
+    run = node._Run(plan, RosTopics(robot.topics, wake.emit, print, plan.tree.clock),
                     Outputs(events, console.tell), console, events,
                     Signals(console, wake.emit, lambda: None), ())
     monkeypatch.setattr(node, "WakeUp", CountedWakeUp)

@@ -88,7 +88,11 @@ INTERFACES: Dict[str, Interface] = {
 DEFAULT = INTERFACES[d543.INTERFACE.name]
 
 
-@functools.lru_cache(maxsize=None)
 def interface_of(name: str, robot: str = "") -> Interface:
     """Return the interface of that name; its names are below the namespace ``robot``, if any."""
-    return replace(INTERFACES[name], namespace="/" + robot) if robot else INTERFACES[name]
+    return _in_namespace(INTERFACES[name], "/" + robot) if robot else INTERFACES[name]
+
+
+@functools.lru_cache(maxsize=None)
+def _in_namespace(robot: Interface, namespace: str) -> Interface:
+    return replace(robot, namespace=namespace)
