@@ -108,15 +108,17 @@ class Lines:
 
 class Robot:
     """The commanded robot; ``modes`` as in ``commanded_robot.py``, by name of the service or topic.
+
+    ``log`` has the lines that rospy writes there.
     """
 
     def __init__(self, modes=None, **environment):
         arguments = ["{}={}".format(name, mode) for name, mode in (modes or {}).items()]
         self.process = subprocess.Popen(
             [sys.executable, os.path.join(HERE, "commanded_robot.py")] + arguments,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             universal_newlines=True, bufsize=1, env=dict(os.environ, **environment))
-        self.lines = Lines(self.process.stdout)
+        self.lines, self.log = Lines(self.process.stdout), Lines(self.process.stderr)
         self.lines.wait_for(lambda line: "ready" in line, 20)
 
     def set_mode(self, name, mode):
@@ -182,7 +184,8 @@ class Robot:
 
     def _close(self):
         self.process.wait(10)
-        for stream in (self.process.stdin, self.process.stdout):
+        self.log.wait_for_end(10)
+        for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
             stream.close()
 
 

@@ -175,6 +175,12 @@ class TestStartUp(unittest.TestCase):
         for name in PARTS:
             self.assert_line(text, "ERROR", name, "without it")
 
+    def test_the_nodes_that_are_asked_whether_they_are_there_log_nothing_of_it(self):
+        robot = self.robot({DRIVE: "absent"})
+        self.assertEqual(self.run_node("_startupCheck:=all")[0], 1)
+        robot.stop()
+        self.assertEqual(robot.log.text(), "")
+
     def test_the_resolved_name_is_told(self):
         self.robot()
         code, text = self.run_node("/textToSpeech/say_text:=/voice/say")
@@ -184,7 +190,7 @@ class TestStartUp(unittest.TestCase):
 
     @on_one_python
     def test_a_mission_that_only_speaks_needs_text_to_speech_alone(self):
-        self.robot(dict.fromkeys(set(PARTS) - {"/textToSpeech/say_text"}, "absent"))
+        self.robot(dict.fromkeys(set(PARTS) - {SAY}, "absent"))
         self.package.write("data/speaks.xml", SPEAKS)
         self.package.configure(scenarioSpecification="speaks", missionRuns="1")
         code, text = self.run_node()
