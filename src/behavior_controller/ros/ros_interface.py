@@ -6,7 +6,7 @@ the operator wants, at a bounded rate; the tick thread obeys.
 import threading
 import time
 from functools import partial
-from typing import Any, Callable, Iterable, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, Mapping, Optional, Tuple
 
 import msgspec
 import roslib.message
@@ -84,15 +84,26 @@ class RosInterface(LineQueue):
             return self._trigger._response_class(*outcome)
 
     def _work(self) -> None:
-        is_over = False
-        while not is_over:
-            is_over = self._closed.wait(PUBLISH_INTERVAL)
-            if is_over:
-                self._view.stopped = CONTROLLER_STOPPED
-            try:
+        try:
+            while not self._closed.wait(PUBLISH_INTERVAL):
                 self._publish()
-            except rospy.ROSException:
-                return  # ROS has shut down
+            self._view.stopped = CONTROLLER_STOPPED
+            sent = self._sent()
+            self._publish()
+            self._wait_for_more_than(sent)
+        except rospy.ROSException:
+            pass  # ROS has shut down
+
+    def _sent(self) -> Dict[int, int]:
+        """Return how many messages of ``~state`` each subscriber was sent, by its connection."""
+        return {connection: number for connection, _, number, _ in self._topic.impl.get_stats()[2]}
+
+    def _wait_for_more_than(self, sent: Dict[int, int]) -> None:
+        """Return when each subscriber was sent one more. rospy sends on threads that end with the
+        process, and tells nobody when they have sent."""
+        ends = time.monotonic() + LAST_STATE_LIMIT
+        while time.monotonic() < ends and sent.items() & self._sent().items():
+            time.sleep(0.005)
 
     def _publish(self) -> None:
         """Publish the state if it has changed, and the diagnostics if they have, or are due."""
