@@ -23,6 +23,7 @@ class MissionSpec(NodeSpec):
 
     Returns whether the mission may.
     """
+    begins_pass: bool = False  # it clears what belongs to one visitor
     is_farewell: bool = False  # it makes no sense after the visitor has left
     farewells: Tuple[str, ...] = ()  # names of an instance that make it a farewell
     # the mode of attention that it sets; "": the one that its name says; None: it sets none

@@ -182,7 +182,8 @@ GESTURES = {"welcome": {"setting": "welcome_gesture_id"},
 
 SPECS = (
     leaf_spec("StartOfTree", StartOfTreeInLanguage,
-              "Shows that a visitor's pass begins, and sets the language of recognition."),
+              "Shows that a visitor's pass begins, and sets the language of recognition.",
+              begins_pass=True),
     leaf_spec("SayText", SayText, "Says a utility phrase, by its number.",
               choices=PHRASES,
               farewells=FAREWELLS, says_phrase=True),

@@ -21,6 +21,7 @@ from behavior_controller.run.observed_gateway import ObservedGateway
 from behavior_controller.leaves import data
 from behavior_controller.run.events import Events, TreeShown
 from behavior_controller.run.record.tree_shown import shown
+from behavior_controller.missions.late_begin import late_begins
 from behavior_controller.missions.left_out_steps import left_out_steps
 from behavior_controller.missions.path_analysis import foresee
 from behavior_controller.robot.gateway import FilesGateway, Gateway, Topics
@@ -165,7 +166,8 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
                     f"utilityPhrase{knowledge.language}{number} <text>")
             fault = node.element.fault(rules.PHRASE_MISSING, text, hint, "name")
             faults.append(fault._replace(is_warning=settings.interface.numbers_phrases))
-    return list(dict.fromkeys([*faults, *left_out_steps(tree)])) + foresee(tree, settings)
+    faults = [*dict.fromkeys(faults), *left_out_steps(tree), *late_begins(tree)]
+    return faults + foresee(tree, settings)
 
 
 def unsupported(tree: Tree, robot: Interface) -> List[Fault]:

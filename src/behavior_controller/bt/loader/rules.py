@@ -184,6 +184,7 @@ MODE_MISSING = warning("A node checks a sign that no mode of attention set befor
 FAREWELL_TO_NOBODY = warning("The mission says goodbye to a visitor who has left.")
 STEP_LEFT_OUT = warning("A step that no policy may skip is left out when a step before it fails, "
                         "because one recovery stands behind both.")
+BEGINS_LATE = warning("A pass begins after a node has asked the robot for something.")
 NO_STOP = warning("Without speech recognition the mission never comes to its stops.")
 ROBOT_LACKS = error("A node cannot work, because the configured robot lacks what it needs.")
 DOES_WITHOUT = warning("A node does nothing, because the configured robot lacks what it needs.")
