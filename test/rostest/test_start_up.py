@@ -400,7 +400,6 @@ class TestStartUp(unittest.TestCase):
 
     def assert_runs_without_log(self, *arguments, **environment):
         """Expect a warning about the log file alone, and a mission that runs."""
-        self.robot()
         self.package.write("data/speaks.xml", SPEAKS)
         self.package.configure(scenarioSpecification="speaks", missionRuns="1")
         code, text = self.run_node(*arguments, **environment)
@@ -415,9 +414,11 @@ class TestStartUp(unittest.TestCase):
     def check_hanging_log(self, name):
         """The log file of the node of that name is a pipe that nobody reads."""
         os.mkfifo(os.path.join(self.folder, name + ".log"))
+        self.robot()
         self.assert_runs_without_log("__name:=" + name, ROS_LOG_DIR=self.folder)
 
     def test_a_log_file_that_cannot_be_written(self):
+        self.robot()
         for path in ("/proc/x", self.folder, "/proc/x/y", "/dev/full"):
             self.assert_runs_without_log("__log:=" + path)
 
