@@ -16,12 +16,17 @@ from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, Location, Point, QueryKnowledge, SetAttention)
+from behavior_controller.text import Source
 
 EXHIBITS = tuple(
     Exhibit("exhibit {}".format(n), "first text {}".format(n), "second text {}".format(n),
             Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n in (1, 2))
 ENTRANCE = Exhibit("entrance", "", "", Location(7.0, 8.0, 180.0), Point(7.5, 8.5, 1.5))
 HOME = Exhibit("home", "", "", Location(0.5, 0.25, 0.0), Point(0.0, 0.0, 0.0))
+RUN = events.RunStarted(
+    "some/where/lab_tour.xml", [], {},
+    events.Sources((), Source("", ""), Source("", ""), ""),
+    {offer.name: offer.kind for offer in INTERFACE.offers})
 # of a runner without a wait for an event; without a limit such a test would not end
 MOST_ROUNDS = 2 * runner.ROUNDS_AT_ONCE
 CAUSES = [

@@ -17,7 +17,7 @@ from behavior_controller.cli import create_tree
 from behavior_controller.run import history as run_module
 from behavior_controller.run.events import (
     PULSE, Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, LeafSummary, Noticed,
-    PassFinished, PassStarted, Recovering, RunFinished, RunStarted, Sources, StepStarted,
+    PassFinished, PassStarted, Recovering, RunFinished, RunStarted, StepStarted,
     Suspended, Tick, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import GONE
@@ -26,7 +26,6 @@ from behavior_controller.robot.d543 import INTERFACE
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
 from behavior_controller.run.story import Story, cause, how_it_ended
-from behavior_controller.text import Source
 from behavior_controller.viewer import board as board_module
 from behavior_controller.viewer import view
 from behavior_controller.viewer import status_tool
@@ -38,11 +37,9 @@ from behavior_controller.viewer import report_moments as moments_module
 from behavior_controller.viewer.report_moments import Moments
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.viewer.timeline import Bar
-from mission_rig import LiveBoard, Rig, board_of, one_leaf, refusal, service_of, visitor_who
+from mission_rig import RUN, LiveBoard, Rig, board_of, one_leaf, refusal, service_of, visitor_who
 from recorded_tours import recorded_day
 
-RUN = RunStarted("some/where/lab_tour.xml", [], {}, Sources((), Source("", ""), Source("", ""), ""),
-                 {offer.name: offer.kind for offer in INTERFACE.offers})
 ENDED = "all passes are done; last pass: SUCCESS; attention and lifelike movement are off"
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone",
                           "it cannot drive")

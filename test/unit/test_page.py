@@ -774,8 +774,7 @@ def is_stale(browser):
 
 SERVED = """
 import sys, threading, time
-from mission_rig import one_leaf
-from test_board import RUN
+from mission_rig import RUN, one_leaf
 from page_rig import Show
 from behavior_controller.robot.d543 import FACES
 rig = one_leaf("<Sleep msec='900000'/>")

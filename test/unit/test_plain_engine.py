@@ -14,7 +14,7 @@ from behavior_controller import bt
 from behavior_controller.errors import MissionError
 from behavior_controller.viewer.publish import publish
 from free_ports import free_port
-from test_groot2 import Client
+from groot2_client import Client
 
 FILE = "<root BTCPP_format='4'{}><BehaviorTree ID='M'>{}</BehaviorTree></root>"
 

@@ -6,9 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import rospy
 import rostest
 
-from behavior_controller.run.events import LeafFinished, Recovered
-from behavior_controller.robot.gateway import Cause
-from whole_test import CLEAN, WholeTest, run_test
+from whole_test import CLEAN, WholeTest, run_test, story
 
 
 class TestScenarios(WholeTest):
@@ -35,23 +33,6 @@ class TestScenarios(WholeTest):
         self.assertEqual(first.code, 0, "\n".join(first.report))
         self.assertEqual(story(first.run), story(second.run))
         self.assertGreater(len(story(first.run)), 5)
-
-
-def story(run):
-    """Return what happened to each leaf in turn: branches that run side by side may do so in any
-    order.
-
-    Times differ, and so does the number of reports that a waiting condition is false.
-    """
-    found = {}
-    for event in [
-            line.event for line in run.lines if isinstance(line.event, (LeafFinished, Recovered))
-    ]:
-        if event.failure is None or event.failure.cause is not Cause.CONDITION_FALSE:
-            how = event.status if isinstance(event, LeafFinished) else event.outcome
-            found.setdefault(event.path, []).append((type(event), how, event.failure and
-                                                     event.failure.cause))
-    return found
 
 
 if __name__ == "__main__":

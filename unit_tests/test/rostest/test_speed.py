@@ -16,9 +16,8 @@ from behavior_controller.simulation import configuration
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 from unit_tests.judge.facts import speeds
 
-from test_scenarios import story
-from whole_test import NOT_RUN, PASSED, WholeTest, run_test
-from test_simulated_time import Simulator  # of test/rostest, whose path whole_test adds
+from whole_test import NOT_RUN, PASSED, WholeTest, run_test, story
+from simulator import Simulator  # of test/rostest, whose path whole_test adds
 
 SEED = ("scenarioSpecification:=lab_tour", "callTimes:=real", "arrivalRate:=600", "randomSeed:=3")
 DECLINES = (*SEED, "failureRate:=0", "visitorBehaviour:=declines")

@@ -8,6 +8,8 @@ import unittest
 from typing import List, NamedTuple
 from xml.etree import ElementTree
 
+from behavior_controller.robot.gateway import Cause
+from behavior_controller.run.events import LeafFinished, Recovered
 from behavior_controller.run.history import Run
 from behavior_controller.run.record.reader import read_record
 from unit_tests.judge.verdict import QUESTIONS
@@ -85,3 +87,20 @@ def _run(pattern):
 def _junit(path):
     return ElementTree.parse(path).getroot() if os.path.exists(path) else ElementTree.Element(
         "none")
+
+
+def story(run):
+    """Return what happened to each leaf in turn: branches that run side by side may do so in any
+    order.
+
+    Times differ, and so does the number of reports that a waiting condition is false.
+    """
+    found = {}
+    for event in [
+            line.event for line in run.lines if isinstance(line.event, (LeafFinished, Recovered))
+    ]:
+        if event.failure is None or event.failure.cause is not Cause.CONDITION_FALSE:
+            how = event.status if isinstance(event, LeafFinished) else event.outcome
+            found.setdefault(event.path, []).append((type(event), how, event.failure and
+                                                     event.failure.cause))
+    return found

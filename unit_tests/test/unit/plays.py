@@ -4,8 +4,9 @@ import functools
 
 from msgspec.structs import replace
 
+from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import settings
-from behavior_controller.run.events import Line
+from behavior_controller.run.events import Line, PassStarted, Tick
 from behavior_controller.run.history import Run
 from behavior_controller.simulation.faults import parse_planned_fault
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
@@ -14,6 +15,11 @@ from unit_tests.judge.facts import Facts
 
 NODES = ("animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention",
          "robotNavigation", "tabletEvent", "textToSpeech")
+
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
+<Sequence><{}/>{}</Sequence></BehaviorTree></root>"""
+
+RELEASE = {"robotInterface": "release-1.0"}
 
 UNIX = 5000.0
 """Seconds from a play's clock, which the mission goes by, to the times of record and journal."""
@@ -38,6 +44,13 @@ def facts(faults=(), mission=(), on=None, **test):
                  on.mission, played.cut_off, has_timed_out=played.has_timed_out)
 
 
+def of_mission(steps, faults=(), chosen=(), **test):
+    """Return the facts of a mission of these steps with the chosen keys of the controller."""
+    on = settings.defaults(**dict(chosen))
+    start = "StartOfTree" if dict(chosen) == RELEASE else "START_OF_TREE"
+    return facts(faults, on=LoadedMission(on, [parse(MISSION.format(start, steps))]), **test)
+
+
 def of_test_with(of_test, **test):
     """Return facts of a test whose configuration was another."""
     return of_test._replace(test=dataclasses.replace(of_test.test, **test))
@@ -47,6 +60,18 @@ def changed(before, change):
     """Return facts whose record is made of the lines that ``change`` returns for each of its."""
     return before._replace(
         run=Run(after for line in before.run.lines for after in change(line)))
+
+
+def from_then_on(time, seconds):
+    """Return a change by which all from a time on happens so many seconds later."""
+    def apply(line):
+        event = line.event
+        if line.time < time:
+            return [line]
+        if isinstance(event, (Tick, PassStarted)):
+            event = replace(event, at=event.at + seconds)
+        return [replace(line, time=line.time + seconds, event=event)]
+    return apply
 
 
 def with_event(before, event, *others):

@@ -28,20 +28,8 @@ from unit_tests.judge import reference
 from unit_tests.judge.failures import failure_rows
 from unit_tests.judge.verdict import Verdict
 
-from plays import changed, facts, of_test_with, with_event
-
-MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
-<Sequence><{}/>{}</Sequence></BehaviorTree></root>"""
-
-RELEASE = {"robotInterface": "release-1.0"}
-
-
-def of_mission(steps, faults=(), chosen=(), **test):
-    """Return the facts of a mission of these steps with the chosen keys of the controller."""
-    on = settings.defaults(**dict(chosen))
-    start = "StartOfTree" if dict(chosen) == RELEASE else "START_OF_TREE"
-    return facts(faults, on=LoadedMission(on, [parse(MISSION.format(start, steps))]), **test)
-
+from plays import (
+    MISSION, RELEASE, changed, facts, from_then_on, of_mission, of_test_with, with_event)
 
 def policy(text):
     """Have the missions read this recovery policy."""
@@ -52,18 +40,6 @@ def policy(text):
 
 def objections(of_test):
     return Verdict(of_test).objections
-
-
-def from_then_on(time, seconds):
-    """Return a change by which all from a time on happens so many seconds later."""
-    def apply(line):
-        event = line.event
-        if line.time < time:
-            return [line]
-        if isinstance(event, (Tick, PassStarted)):
-            event = replace(event, at=event.at + seconds)
-        return [replace(line, time=line.time + seconds, event=event)]
-    return apply
 
 
 def ends(of_test, node):

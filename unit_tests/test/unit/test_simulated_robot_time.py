@@ -21,8 +21,7 @@ from unit_tests.robot import options
 from unit_tests.robot.ros_time import RosTime
 from unit_tests.run.test_node import too_fast
 
-from plays import UNIX, calls, changed, facts
-from test_judged_situations import from_then_on, of_mission
+from plays import UNIX, calls, changed, facts, from_then_on, of_mission
 
 LONG = "<WelcomeSpeech/><Sleep msec='6000'/><WelcomeSpeech/><Sleep msec='60000'/>"
 
