@@ -116,12 +116,12 @@ def test_two_robots_at_once_serve_no_more_than_all_of_the_day():
     assert statistics(runs, Choice(robot="a")).runs == 1
 
 
-def test_the_commonest_fault_comes_first_and_says_how_many_visits_it_ended():
+def test_the_fault_that_ended_most_visits_comes_first():
     run = Digest("tour", {}, NOON, NOON + 3600, "ended", (
         visit_at(NOON, COMPLETE, ["a", "b"]), visit_at(NOON, COMPLETE, ["b"]),
         visit_at(NOON, BROKEN_OFF, ["c"], "c"), visit_at(NOON, BROKEN_OFF, [], "d")))
-    assert statistics([run]).faults == [FaultCount("b", 2, 0), FaultCount("c", 1, 1),
-                                        FaultCount("d", 1, 1), FaultCount("a", 1, 0)]
+    assert statistics([run]).faults == [FaultCount("c", 1, 1), FaultCount("d", 1, 1),
+                                        FaultCount("b", 2, 0), FaultCount("a", 1, 0)]
 
 
 def test_times_between_failures_are_those_in_which_the_robot_was_used():

@@ -106,13 +106,13 @@ def _by_result(visits: Iterable[EndedVisit]) -> Dict[str, int]:
 
 
 def _fault_counts(visits: List[EndedVisit]) -> List[FaultCount]:
-    """Return the faults, that which most visits met first."""
+    """Return the faults, that which ended most visits first, then that which most met."""
     ended = collections.Counter(visit.decisive for visit in visits if visit.decisive)
     met: Counter[str] = collections.Counter(
         fault for visit in visits if visit.faults or visit.decisive
         for fault in {*visit.faults, visit.decisive} - {""})
     return [FaultCount(fault, count, ended[fault]) for fault, count in sorted(
-        met.items(), key=lambda item: (-item[1], -ended[item[0]], item[0]))]
+        met.items(), key=lambda item: (-ended[item[0]], -item[1], item[0]))]
 
 
 def _node_figures(digests: List[Digest]) -> List[NodeFigures]:
