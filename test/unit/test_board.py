@@ -250,11 +250,12 @@ def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
     assert changed() == {"statuses", "now"} and changed() == set()
     rig.tree.blackboard.set("key", 1)
     rig.tick()
-    assert changed() == {"statuses", "now", "blackboard"} and changed() == set()
+    assert changed() == {"statuses", "now", "blackboard", "values"} and changed() == set()
     now[0] += board_module.PULSE
     assert changed() == {"alive", "health"} and changed() == set()
     board.show(one_leaf("<AlwaysFailure/>").tree)
-    assert changed() == {"mission", "statuses", "now", "blackboard"} and changed() == set()
+    assert changed() == {"mission", "statuses", "now", "blackboard", "values"}
+    assert changed() == set()
     board.close()
     assert changed() == {"now", "alive"}
     assert board.part("now")["ended"] == "the controller has stopped"

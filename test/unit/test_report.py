@@ -319,7 +319,7 @@ def test_sentences_can_be_chosen_by_what_they_are_about():
     assert page.text.count("data-cause=") == page.text.count('data-cause="refused"') == 1
     assert page.of("found") == [""] and "1 results in 1 bars" in page.of("timeline")[0]
     assert page.of("legend") == [
-        "successfailurehaltednot yet truea retry failedwaiting for a visitorwarningerror"
+        "successfailurehaltednot yet truea retry failedwaiting for a visitorwarningerrorvalue"
     ]
 
 

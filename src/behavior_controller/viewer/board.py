@@ -50,12 +50,14 @@ class Board(View):
 
     def take(self, at: float, event: Event) -> Tuple[Sentence, ...]:
         """Fold an event, keep it for later, and note which parts have changed."""
-        before = self.state
+        before, version = self.state, self.visit_values.version
         if isinstance(event, TreeShown):  # the page shows the nodes of the earlier tree no more
             self.backlog = Backlog(self.backlog.outset)
         self.backlog.take(before, Line(at, event))
         sentences = super().take(at, event)
         self._touch(*self.changed(before), *(["story"] if sentences else []))
+        if self.visit_values.version != version:
+            self._touch("values")
         return sentences
 
     def alive(self) -> Alive:

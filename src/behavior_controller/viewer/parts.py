@@ -1,5 +1,5 @@
 """The parts of the board: what page and ``missionStatus`` show of a run."""
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Tuple
 
 from msgspec import Struct
 
@@ -58,6 +58,20 @@ class StoryPart(Struct, frozen=True):
 
     visit: Optional[Dict[str, Any]]
     sentences: List[SentenceRow]
+
+
+class ValueLane(Struct, frozen=True):
+    """A value of the visit: when it changed, and to which text; an empty one: it had no value."""
+
+    name: str
+    changes: List[Tuple[float, str]]
+
+
+class Values(Struct, frozen=True):
+    """The values of the visit over time, and how many more it has that are not followed."""
+
+    lanes: List[ValueLane]
+    left_out: int = 0
 
 
 class Offer(Struct, frozen=True):

@@ -23,8 +23,10 @@ from behavior_controller.run import story
 from behavior_controller.run.moment import robot_line
 from behavior_controller.viewer.timeline import Bar, Lanes
 from behavior_controller.viewer.runs_text import seconds
-from behavior_controller.viewer.report_moments import Moments
+from behavior_controller.viewer.report_moments import Moments, packed
 from behavior_controller.viewer.report_frame import encodable, file_text, framed
+from behavior_controller.viewer.values import joined
+from behavior_controller.viewer.parts import Values
 from behavior_controller.viewer.view import View, clock
 from behavior_controller.text import clean
 
@@ -33,13 +35,14 @@ COMMAND = "replayMission"
 SECTIONS = {"then": "Moment", "story": "Story", "timeline": "Timeline", "tree": "Tree",
             "files": "Mission file", "settings": "Configuration"}
 ICONS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
-UNTRUE, RETRIED, STEP_DONE = "n", "r", "d"
+UNTRUE, RETRIED, STEP_DONE, VALUE = "n", "r", "d", "v"
 """Kinds of bars in addition to the statuses: a condition that does not hold, a retry that failed, a
-step."""
+step, a value."""
 
 LEGEND = {
     "S": "success", "F": "failure", "h": "halted", UNTRUE: "not yet true",
-    RETRIED: "a retry failed", "w": "waiting for a visitor", "warning": "warning", "error": "error"}
+    RETRIED: "a retry failed", "w": "waiting for a visitor", "warning": "warning", "error": "error",
+    VALUE: "value"}
 
 MAX_LIST_DEPTH = 100
 """Levels of nested lists; browsers accept no more than about 170, so deeper nodes are shown beside
@@ -76,6 +79,8 @@ class Drawn:
         self.lanes = Lanes()  # results of mission leaves, from their events
         self.changes = Lanes()  # results of other nodes, from their changes of status
         self.moments = Moments()
+        self._values: List[Tuple[float, Values]] = []  # of each visit that is over
+        self._values_began = began
         self.missing: List[str] = []  # of the record
         self.view = View()
         self.view.take(began, tree)
@@ -85,6 +90,8 @@ class Drawn:
         """Process the next line."""
         self.ended = max(self.ended, time)
         before = self.view.state
+        if isinstance(event, events.PassStarted):
+            self._end_values(time)
         for sentence in self.view.take(time, event):
             self.sentences[sentence.visit].append(sentence)
         state = self.view.state
@@ -120,6 +127,15 @@ class Drawn:
             bar = self._bar(time - max(0.0, event.seconds), time, kind, why)
             self.lanes.add(event.uid, bar, is_asked_again=is_no)
 
+    def _end_values(self, time: float) -> None:
+        self._values.append((self._values_began, self.view.values()))
+        self._values_began = time
+
+    def values(self) -> Dict[str, List[Tuple[int, str]]]:
+        """Return when each value changed (ms), and to which text."""
+        return {name: [(round(1000 * self._since(at)), text) for at, text in changes]
+                for name, changes in joined(self._values).items()}
+
     def _bar(self, began: float, ended: float, kind: str, note: str = "") -> Bar:
         return Bar(self._since(began), self._since(ended), kind, note)
 
@@ -130,6 +146,7 @@ class Drawn:
         """Draw what was under way when the record ended."""
         if self.view.state.step is not None:
             self._end_step(replace(self.view.state.step, ended=self.ended))
+        self._end_values(self.ended)
         return self
 
 
@@ -254,7 +271,8 @@ def _data(run: Drawn) -> str:
         "nodes": [[node.type, [(port.name, port.text, port.given) for port in node.ports]]
                   for node in run.nodes],
         "types": run.tree.summaries,
-        "moments": run.moments.packed(), "words": dict(LEGEND, **{"R": UNDER_WAY, STEP_DONE: ""}),
+        "moments": run.moments.packed(), "values": packed(run.values()),
+        "words": dict(LEGEND, **{"R": UNDER_WAY, STEP_DONE: "", VALUE: ""}),
         "signs": ICONS}
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 

@@ -15,6 +15,12 @@ AT_MOMENTS = ("statuses", "now", "story", "blackboard")
 """The parts of the board that a moment has; the sentences stand in the page itself."""
 
 
+def packed(data: Any) -> str:
+    """Return data as compressed JSON."""
+    text = json.dumps(data, separators=(",", ":"))
+    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
+
+
 class Moments:
     """Takes a view after each event, and keeps the moments at which something shown changed."""
 
@@ -41,9 +47,7 @@ class Moments:
         self._moments.append((round(at, 3), news if self._moments else dict(self._parts)))
 
     def _close(self) -> None:
-        text = json.dumps(self._moments, separators=(",", ":"))
-        packed = base64.b64encode(zlib.compress(text.encode(), 9)).decode()
-        self._stretches.append((self._moments[0][0], packed))
+        self._stretches.append((self._moments[0][0], packed(self._moments)))
         self._moments = []
 
     def packed(self) -> List[Tuple[float, str]]:

@@ -13,6 +13,7 @@ from behavior_controller.run.events import (
 from behavior_controller.run.state import (
     Exchange, LeafFailure, NodeResult, State, Step, Visit, rank, step_over)
 from behavior_controller.viewer import parts
+from behavior_controller.viewer.values import VisitValues
 from behavior_controller.run import story
 from behavior_controller.run.moment import card, robot_line
 from behavior_controller.run.readiness import is_ready, readiness
@@ -65,6 +66,8 @@ class View(story.Story):
         # of this visit, that ended, and whether each failed
         self._steps: Deque[Tuple[Step, bool]] = collections.deque(maxlen=STEPS)
         self._results: Dict[int, Deque[Tuple[NodeResult, int]]] = {}  # and how often in a row
+        self.visit_values = VisitValues()
+        self.visit_values.take(before, self.blackboard())
         self.calls: Dict[str, Calls] = {}
         """The calls of each service so far."""
 
@@ -78,6 +81,7 @@ class View(story.Story):
                 **asdict(sentence), number=self._count, time=clock(sentence.at)))
         if isinstance(event, PassStarted):
             self._steps.clear()
+            self.visit_values.begin()
         elif isinstance(event, TreeShown):  # the results are those of an earlier tree's nodes
             self._results.clear()
         ended_step = step_over(before, self.state)
@@ -89,6 +93,8 @@ class View(story.Story):
             self._end(ended)
         for exchange in self.state.concluded(Exchange):
             self._count_call(exchange)
+        if isinstance(event, PassStarted) or _change(VALUES, before, self.state):
+            self.visit_values.take(self.state, self.blackboard())
         return sentences
 
     def _count_call(self, exchange: Exchange) -> None:
@@ -117,9 +123,7 @@ class View(story.Story):
         """Return the parts that may have changed since ``before``; to make one takes longer than to
         fold an event."""
         now = self.state
-        names = [name for name, fields in PARTS.items()
-                 if any(_has_changed(getattr(before, field), getattr(now, field))
-                        for field in fields)]
+        names = [name for name, fields in PARTS.items() if _change(fields, before, now)]
         # without a step, the card shows the statuses
         return names + (["now"] if "statuses" in names and now.step is None else [])
 
@@ -167,6 +171,9 @@ class View(story.Story):
     def timeline(self) -> List[Dict[str, Any]]:
         """Return the steps of the visit that ended: when each began, and how long it took."""
         return [_step(*ended) for ended in self._steps]
+
+    def values(self) -> parts.Values:
+        return self.visit_values.part()
 
     def blackboard(self) -> Dict[str, str]:
         return {name: self._value(name, text) for name, text in sorted(self.state.entries.items())}
@@ -241,14 +248,18 @@ PARTS: Dict[str, Tuple[str, ...]] = {
     "ready": ("checks", "said", "starting", "started", "finished", "robot"),
     "visits": ("visit_results", "finished"),
     "timeline": ("steps", "visit_count"),
+    "values": (),
     "blackboard": ("entries", "tree"),
     "health": ("started", "robot"),
     "alive": ()}
 """All parts of the board in the order in which they are sent, and the fields of the model that each
 shows."""
 
-MOMENT = ("statuses", "now", "story", "visits", "timeline", "blackboard")
+MOMENT = ("statuses", "now", "story", "visits", "timeline", "values", "blackboard")
 """Those that are known for each moment."""
+
+VALUES = ("robot", "said", "visits", "entries", "tree")
+"""The fields of the model that have the values of a visit."""
 
 
 def clock(at: float) -> str:
@@ -269,8 +280,10 @@ def _offer(name: str, kind: str, trouble: Optional[HealthChanged]) -> parts.Offe
                        text, rank(trouble))
 
 
-def _has_changed(before: Any, now: Any) -> bool:
-    return before is not now and before != now  # most are the same object
+def _change(fields: Iterable[str], before: State, now: State) -> bool:
+    """Return whether one of these fields is another one; most are the same object."""
+    pairs = ((getattr(before, field), getattr(now, field)) for field in fields)
+    return any(old is not new and old != new for old, new in pairs)
 
 
 def _are_alike(one: NodeResult, other: NodeResult) -> bool:

@@ -10,6 +10,9 @@ function element(tag, className, text) {
   return made;
 }
 
+// text only where it has changed: what is read aloud is read once
+function put(where, text) { if (where.textContent !== text) where.textContent = text; }
+
 // what is chosen in a list that is one tab stop is walked by the arrow keys
 function walkByArrows(box, chosen) {
   box.addEventListener("keydown", event => {
@@ -24,6 +27,8 @@ function walkByArrows(box, chosen) {
 
 const INSTANT = 50;  // milliseconds; what takes less is done at once
 const NEAR = 3;      // pixels between two bars of a kind that are drawn as one
+const FEW = 6;       // lanes of values that are shown at first
+const TOLD = 20;     // changes of a value that are read aloud: the newest
 
 function duration(length) {  // milliseconds
   const seconds = length / 1000;
@@ -32,16 +37,23 @@ function duration(length) {  // milliseconds
   return minutes < 60 ? minutes + " min " + Math.round(seconds) % 60 + " s" : Math.floor(minutes / 60) + " h " + minutes % 60 + " min";
 }
 
+// the lane of a value: ``changes`` are times and texts, an empty one where it has none
+function valueLane(name, changes, end) {
+  const bars = changes.map(([begin, text], place) => (
+    {begin: Math.max(0, begin), end: place + 1 < changes.length ? changes[place + 1][0] : end, kind: "v", count: 1, text}));
+  return {name, isValue: true, bars: bars.filter(bar => bar.text && bar.end >= bar.begin)};
+}
+
 // Lanes of bars, and the stretch of time that is seen, from 0 to ``length`` at most: milliseconds. Buttons, keys, the
 // pointer, and the wheel with Ctrl zoom and move it. A lane has a name, a link or none, and bars in order: {begin, end, kind,
 // count, text}.
 class Timeline {
   // ``clock`` labels a time on an axis with that tick; ``words`` has the kinds of bars; ``choose`` is called with a lane, a
-  // bar and what is told of it, ``drawn`` with the number of lanes without bars
-  constructor(box, length, {clock, words, choose, drawn, least = 95}) {
+  // bar and what is told of it, ``drawn`` with the number of lanes without bars; so many lanes are ``above`` those of values
+  constructor(box, length, {clock, words, choose, drawn, least = 95, above = 0}) {
     this.length = Math.max(length, Timeline.SHORTEST);
     [this.from, this.to, this.lanes, this.axis, this.width] = [0, this.length, [], element("div", "axis"), 50];
-    Object.assign(this, {box, clock, words, choose, drawn, least});
+    Object.assign(this, {box, clock, words, choose, drawn, least, above, values: element("div", "values"), hasAll: false});
     box.append(this.axis);
     this.listen();
   }
@@ -64,6 +76,11 @@ class Timeline {
       event.preventDefault();
       this.zoom(event.deltaY > 0 ? 1.25 : 0.8, this.timeAt(event));
     }, {passive: false});
+    byId("all-values").addEventListener("click", () => {
+      this.hasAll = !this.hasAll;
+      byId("all-values").setAttribute("aria-pressed", this.hasAll);
+      this.draw();
+    });
     addEventListener("resize", () => this.draw());
   }
 
@@ -100,10 +117,15 @@ class Timeline {
 
   // a lane that was there keeps its row
   setLanes(lanes) {
-    const rows = new Map(this.lanes.map(lane => [lane.name, lane.row])), before = this.lanes.map(lane => lane.name).join("\n");
-    for (const lane of lanes) lane.row = rows.get(lane.name) || this.makeRow(lane);
+    const key = lane => lane.name + (lane.isValue ? " =" : ""), keys = some => some.map(key).join("\n");
+    const rows = new Map(this.lanes.map(lane => [key(lane), lane.row])), before = keys(this.lanes);
+    for (const lane of lanes) lane.row = rows.get(key(lane)) || this.makeRow(lane);
     this.lanes = lanes;
-    if (before !== lanes.map(lane => lane.name).join("\n")) this.box.replaceChildren(this.axis, ...lanes.map(lane => lane.row));
+    if (before !== keys(lanes)) {
+      const others = lanes.filter(lane => !lane.isValue).map(lane => lane.row);
+      this.values.replaceChildren(...lanes.filter(lane => lane.isValue).map(lane => lane.row));
+      this.box.replaceChildren(this.axis, ...others.slice(0, this.above), this.values, ...others.slice(this.above));
+    }
     this.draw();
   }
 
@@ -118,20 +140,31 @@ class Timeline {
 
   draw() {
     this.width = Math.max(50, this.axis.clientWidth);
-    const {scale} = this;
-    let empty = 0;
+    const {scale} = this, few = this.hasAll ? Infinity : FEW;
+    let empty = 0, values = 0;
     for (const lane of this.lanes) {
-      const bars = this.merged(lane.bars, scale), counts = {};
-      lane.row.hidden = !bars.length;
-      empty += lane.row.hidden;
-      for (const bar of lane.bars) counts[this.words[bar.kind]] = (counts[this.words[bar.kind]] || 0) + bar.count;
-      const longest = lane.bars.reduce((most, bar) => Math.max(most, bar.end - bar.begin), 0);
-      lane.row.lastChild.setAttribute("aria-label", lane.name + ": " + Object.entries(counts).map(([word, count]) => count + " " + word).join(", ") +
-                                      "; the longest took " + duration(longest));
+      const bars = this.merged(lane.bars, scale);
+      lane.row.hidden = !bars.length || Boolean(lane.isValue) && ++values > few;
+      empty += !bars.length;
+      lane.row.lastChild.setAttribute("aria-label", lane.isValue ? this.told(lane) : this.counted(lane));
       lane.row.lastChild.replaceChildren(...bars.map(bar => this.barElement(lane, bar, scale)));
     }
+    this.values.classList.toggle("all", this.hasAll);
+    byId("all-values").hidden = values <= FEW;
+    put(byId("all-values"), "All " + values + " values");
     this.drawAxis(scale);
     this.drawn(empty);
+  }
+
+  counted(lane) {
+    const counts = {}, longest = lane.bars.reduce((most, bar) => Math.max(most, bar.end - bar.begin), 0);
+    for (const bar of lane.bars) counts[this.words[bar.kind]] = (counts[this.words[bar.kind]] || 0) + bar.count;
+    return lane.name + ": " + Object.entries(counts).map(([word, count]) => count + " " + word).join(", ") + "; the longest took " + duration(longest);
+  }
+
+  told(lane) {
+    const older = Math.max(0, lane.bars.length - TOLD), told = lane.bars.slice(older).map(bar => bar.text + " at " + this.clock(bar.begin, this.tick));
+    return lane.name + ": " + (older ? older + " earlier values, " : "") + told.join(", ");
   }
 
   // bars of a kind that would touch are one, with the count of what is in it
@@ -167,7 +200,8 @@ class Timeline {
     const made = element("span", "bar " + bar.kind + (length * scale > 45 ? " wide" : ""));
     made.style.left = this.share(begin - this.from);
     made.style.width = this.share(length);
-    if (length * scale > 45)
+    if (bar.kind === "v") made.textContent = bar.text;
+    else if (length * scale > 45)
       made.textContent = (bar.kind === "d" || lane.isNamed ? bar.text + " " : bar.count > 1 ? bar.count + " in " : "") + duration(bar.end - bar.begin);
     made.title = this.telling(lane, bar);
     made.addEventListener("click", () => this.choose(lane, bar, made.title));

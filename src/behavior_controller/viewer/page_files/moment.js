@@ -15,9 +15,6 @@ async function momentAt(at) {
   return parts;
 }
 
-// text only where it has changed: what is read aloud is read once
-function put(where, text) { if (where.textContent !== text) where.textContent = text; }
-
 // a text that leads to its node, if it has one
 function leading(text, uid) {
   if (!uid) return document.createTextNode(text);

@@ -14,6 +14,7 @@ let alive = {age: null, hangs: false};  // the tick thread's last sign of life, 
 let parts = {};           // of the board, as of the last message
 let steps = [];           // of the visit that ended
 let step = null;          // the one on the card
+let values = {lanes: [], left_out: 0};  // of the visit
 let tallest = {height: 0, at: 0};  // of the header's part for the robot, and when it took that height
 let measured = null;      // what it said when its height was last asked for
 let hasBegun = null;      // whether a pass has, when the list of what is ready was shown last
@@ -38,9 +39,10 @@ function showVisits(visits) {
 const MARKS = {failure: "error", recovery: "r"};
 let drawnAt = 0, drawnVisit = 0;
 const timeline = new Timeline(byId("lanes"), 0, {
-  clock: sinceBegin, least: 80, words: {R: "", F: "failed", w: "waited", error: "failure", r: "recovery"},
+  clock: sinceBegin, least: 80, words: {R: "", F: "failed", w: "waited", error: "failure", r: "recovery", v: ""},
   choose: (lane, bar) => travel(visit.began + bar.begin / 1000),
-  drawn: () => put(byId("stretch"), sinceBegin(timeline.from, timeline.tick) + " to " + sinceBegin(timeline.to, timeline.tick))});
+  drawn: () => put(byId("stretch"), sinceBegin(timeline.from, timeline.tick) + " to " + sinceBegin(timeline.to, timeline.tick) +
+    (values.left_out ? "; " + values.left_out + " more entries stand in the blackboard alone" : ""))});
 
 function showTimeline() {
   drawnAt = seconds();
@@ -54,13 +56,16 @@ function showTimeline() {
   for (const sentence of sentences)
     if (sentence.visit === visit.number && sentence.kind in MARKS) add("Failures", sentence.at, 0, MARKS[sentence.kind], sentence.text);
   for (const each of all) add(laneOf(each), each.began, each.seconds, each.failed ? "F" : each.is_wait ? "w" : "R", each.words);
-  seeUntil(Math.max(1000, ...[...lanes.values()].flatMap(lane => lane.bars.map(bar => bar.end))));
-  timeline.setLanes([...lanes.values()]);
+  const changes = values.lanes.map(lane => 1000 * (lane.changes[lane.changes.length - 1][0] - visit.began));
+  const length = Math.max(1000, ...changes, ...[...lanes.values()].flatMap(lane => lane.bars.map(bar => bar.end)));
+  seeUntil(length);
+  timeline.setLanes([...values.lanes.map(({name, changes}) => valueLane(name, changes.map(([at, text]) => [1000 * (at - visit.began), text]), length)),
+                     ...lanes.values()]);
   if (step && follow && timeline.isWhole) keepInView(lanes.get(laneOf(step)).row);
 }
 
 function keepInView(row) {
-  const box = byId("lanes"), above = row.offsetTop - timeline.axis.offsetHeight, below = row.offsetTop + row.offsetHeight;
+  const box = byId("lanes"), above = row.offsetTop - timeline.axis.offsetHeight - timeline.values.offsetHeight, below = row.offsetTop + row.offsetHeight;
   if (above < box.scrollTop || below > box.scrollTop + box.clientHeight) box.scrollTop = below - box.clientHeight;
 }
 
@@ -227,12 +232,12 @@ function showReady(ready) {
 
 const SHOW = {
   alive: part => { alive = part; [ahead, shift] = [part.at - seconds(), part.clock_shift]; }, mission: showMission, statuses: showStatuses,
-  now: showStep, story: story => { showStory(story); showAlarms(); }, timeline: part => { steps = part; },
+  now: showStep, story: story => { showStory(story); showAlarms(); }, timeline: part => { steps = part; }, values: part => { values = part; },
   visits: showVisits, ready: showReady, health: showHealth, blackboard: showBlackboard};
 
 function show(news, all) {
   for (const name of Object.keys(SHOW)) if (name in news) SHOW[name](all[name]);
-  if ("now" in news || "story" in news || "timeline" in news) showTimeline();
+  if (["now", "story", "timeline", "values"].some(name => name in news)) showTimeline();
 }
 
 // -------------------------------------------------------------------------------------------------- is it still so?

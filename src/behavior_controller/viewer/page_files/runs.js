@@ -42,8 +42,8 @@ async function ask(first = 0) {
 
 function show(found, first) {
   const counts = found.figures.visits, number = sum(counts);
-  put("place", found.place ? found.place + (found.reading ? ": " + found.reading : "") : "no runs are recorded here (recordDirectory)");
-  put("figures", plural(number, "visit", "visits") + " in " + plural(found.figures.runs, "run", "runs"));
+  put(byId("place"), found.place ? found.place + (found.reading ? ": " + found.reading : "") : "no runs are recorded here (recordDirectory)");
+  put(byId("figures"), plural(number, "visit", "visits") + " in " + plural(found.figures.runs, "run", "runs"));
   options("mission", found.missions);
   options("robot", found.robots);
   byId("of-robot").hidden = !found.robots.length;
@@ -60,12 +60,8 @@ function show(found, first) {
   const rows = shown.map(visitElement);
   byId("list").replaceChildren(...(rows.length ? rows : [element("li", "quiet", "no visit")]));
   byId("more").hidden = !found.older;
-  put("more", plural(found.older, "older visit", "older visits"));
+  put(byId("more"), plural(found.older, "older visit", "older visits"));
   showChosen();
-}
-
-function put(id, text) {
-  if (byId(id).textContent !== text) byId(id).textContent = text;
 }
 
 const long = seconds => duration(1000 * seconds);
@@ -155,14 +151,14 @@ function visitElement(visit) {
 
 function showChosen() {
   byId("compare").disabled = chosen.length < 2;
-  put("chosen", chosen.length ? chosen.map(each => nameOf(each.visit)).join(" and ") : "choose two visits to see where they part");
+  put(byId("chosen"), chosen.length ? chosen.map(each => nameOf(each.visit)).join(" and ") : "choose two visits to see where they part");
 }
 
 async function compare() {
   const answer = await fetch("compared/" + chosen.map(each => each.key).join("/"));
   byId("compared").hidden = false;
   if (!answer.ok) {
-    put("parts", await answer.text());
+    put(byId("parts"), await answer.text());
     byId("columns").replaceChildren();
   } else showCompared(await answer.json(), chosen.map(each => nameOf(each.visit)));
   byId("compared-title").focus({preventScroll: true});
@@ -172,7 +168,7 @@ async function compare() {
 function showCompared(found, names) {
   const {first} = found, from = first === null ? 0 : Math.max(0, first - CONTEXT);
   const at = rows => first < rows.length ? rows[first].name + " " + LETTERS[rows[first].letter] : "the end";
-  put("parts", first === null ? "Both took the same way, " + plural(found.one.length, "result", "results") + "." :
+  put(byId("parts"), first === null ? "Both took the same way, " + plural(found.one.length, "result", "results") + "." :
     "They part after " + plural(first, "result", "results") + " that are alike: " + at(found.one) + " in one, " + at(found.other) + " in the other.");
   byId("columns").replaceChildren(...[found.one, found.other].map((rows, place) => {
     const column = element("div"), list = element("ol", "rows");

@@ -71,6 +71,8 @@ travels = {
 
 const drawn = timeline.drawn;
 timeline.drawn = empty => { drawn(empty); drawCursor(); };
+unpacked(data.values).then(values => timeline.setLanes([
+  ...timeline.lanes, ...Object.entries(values).map(([name, changes]) => valueLane(name, changes, data.length))]));
 byId("lanes").addEventListener("click", event => {
   const bar = event.target.closest(".bar");
   if (bar) travel((data.began + timeline.timeAt({clientX: bar.getBoundingClientRect().left})) / 1000 + 0.001);

@@ -32,7 +32,7 @@ document.querySelector("form").addEventListener("submit", event => event.prevent
 // -------------------------------------------------------------------------------------------------------------- timeline
 
 const NEWEST = 10;    // results of an open node that are shown at first
-const timeline = new Timeline(byId("lanes"), data.length, {clock, words: data.words, choose: showDetail, drawn: showRange});
+const timeline = new Timeline(byId("lanes"), data.length, {clock, words: data.words, choose: showDetail, drawn: showRange, above: 2});
 timeline.origin = data.began + data.offset;
 
 function clock(time, step = 1000) {
