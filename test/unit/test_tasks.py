@@ -1,0 +1,140 @@
+"""The tasks that people open the page for: a professor, a student and a technician find the answer
+with at most two clicks, and it is that of the model of the run."""
+from collections import Counter
+
+import pytest
+
+from behavior_controller.robot.requests import Faces, Say
+from behavior_controller.robot.d543 import FACES
+from behavior_controller.run.events import MISSING, READY, Checked, TopicSaid
+from behavior_controller.run.moment import card, robot_line
+from behavior_controller.run.readiness import readiness
+from behavior_controller.run.state import BROKEN_OFF
+from behavior_controller.viewer.board import Board
+from behavior_controller.viewer.run_index import all_runs
+from behavior_controller.viewer.web_page import Page
+from free_ports import free_port
+from mission_rig import Rig, refusal, visitor_who
+from page_rig import open_page, text, wait_until
+from recorded_tours import KINDS, recorded_day
+from test_situations import Situation, use_time_of
+
+LANES = """
+return Object.fromEntries([...document.querySelectorAll("#lanes .values .lane:not([hidden])")].map(
+  row => [row.firstChild.textContent, [...row.lastChild.children].map(bar => bar.title)]))"""
+ROWS = """
+return [...document.querySelectorAll("#ready-list li")].map(
+  row => [...row.children].map(one => one.textContent))"""
+
+
+@pytest.mark.parametrize("width, height", [(390, 844), (1280, 800)])
+def test_a_professor_sees_whether_all_is_ready(show, browser, screen, width, height):
+    rig = Rig()
+    played, shown = Situation(rig), show(rig)
+    screen(width, height)
+    open_page(browser, shown)
+    checks = [Checked("mission", "lab_tour.xml", READY, "222 nodes"),
+              Checked("service", "/textToSpeech/say_text", READY),
+              Checked("topic", FACES.name, READY), Checked("topic", "/x", MISSING, "no node")]
+    for event in [*checks, TopicSaid(FACES.name, "no face", 10.0)]:
+        rig.mission.events.emit(event)
+    expected = readiness(played.run.state)
+    wait_until(lambda: len(browser.execute_script(ROWS)) == len(expected) == 4)
+    for row, (_, name, words) in zip(expected, browser.execute_script(ROWS)):
+        assert (name, words) == (f"{row.kind} {row.name}", row.text)
+    assert text(browser, "#ready-title") == "Not ready"  # without a click
+    rig.mission.events.emit(Checked("topic", "/x", READY, ""))
+    wait_until(lambda: text(browser, "#ready-title") == "Ready")
+
+
+def watched(rig, words):
+    """Have a topic say its newest message, as the monitoring does, and return the visitor."""
+    def act(rig):
+        rig.clock.advance(0.5)
+        rig.topics.publish(FACES, Faces((), ()))
+        if words not in [event.words for event in rig.of(TopicSaid)]:
+            rig.mission.events.emit(TopicSaid(FACES.name, words, 10.0))
+    return act
+
+
+def test_a_student_sees_that_a_visitor_was_not_greeted_for_want_of_a_face(
+        show, browser, monkeypatch):
+    rig, waits = Rig(), []
+    use_time_of(rig, monkeypatch)
+    played, shown = Situation(rig), show(rig)
+    played.play(watched(rig, "no face"), lambda: waits.append(0) or len(waits) > 20)
+    open_page(browser, shown)
+    state = played.run.state
+    wait_until(lambda: text(browser, "#now") == card(state).what)
+    assert "waiting for a visitor" in card(state).what
+    # without a click: beside the wait, the face detection has said all the time that it sees none
+    lanes = browser.execute_script(LANES)
+    assert lanes["attention"][-1].startswith(f"attention: {state.robot.attention.state},")
+    bar, = lanes[FACES.name]
+    assert bar.startswith(f"{FACES.name}: {state.said[FACES.name].words},")
+    assert "answer" not in lanes
+
+
+def test_a_student_finds_the_failure_that_kept_the_robot_from_greeting(show, browser, monkeypatch):
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, Say) and
+              "welcome" in request.text else NotImplemented)
+    use_time_of(rig, monkeypatch)
+    played, shown = Situation(rig), show(rig)
+    rig.run(visitor_who("yes"))
+    open_page(browser, shown)
+    failed = next(failed for failed in played.run.failures if failed.node == "WelcomeSpeech")
+    # in the story of the visit, also when it is over
+    wait_until(lambda: "WelcomeSpeech failed" in browser.execute_script(
+        "return byId('transcript').textContent"))
+    mark = "return getComputedStyle(rowOf(arguments[0]).querySelector('.sign')).color"
+    red = browser.execute_script(
+        "return getComputedStyle(document.querySelector('.legend .F')).color")
+    assert browser.execute_script(mark, failed.uid) == red  # and red in the tree
+    browser.execute_script("""
+        const lane = timeline.lanes.find(lane => lane.name === "WelcomeSpeech");
+        lane.row.querySelector(".bar.F").click()""")  # the only click
+    wait_until(lambda: browser.execute_script("return frozen") is not None)
+    at = browser.execute_script("return frozen")
+    state = played.run.at(at + 1e-6)
+    wait_until(lambda: text(browser, "#now") == card(state).what)
+    assert "WelcomeSpeech" in card(state).what
+    assert text(browser, "#place") == robot_line(state).place
+    titles = browser.execute_script(LANES)["attention"]
+    assert titles[-1].startswith(f"attention: {state.robot.attention.state},")
+
+
+@pytest.fixture(name="thirty", scope="module")
+def _thirty(tmp_path_factory):
+    """Return a folder of thirty runs of the simulated robot, with three visitors each."""
+    place = str(tmp_path_factory.mktemp("records"))
+    with pytest.MonkeyPatch.context() as patch:
+        for number in range(30):
+            recorded_day(place, patch, 3, KINDS[number % 8:] + KINDS[:number % 8])
+    return place
+
+
+def test_a_technician_finds_failed_visits_and_the_commonest_cause_in_thirty_runs(
+        browser, thirty):
+    port = free_port()
+    page = Page("127.0.0.1", port, Board(lambda: []), pytest.fail, thirty)
+    texts = lambda chosen: browser.execute_script(  # noqa: E731
+        "return [...document.querySelectorAll(arguments[0])].map(one => one.textContent)", chosen)
+    try:
+        browser.get(f"http://127.0.0.1:{port}/runs.html")
+        digests = [each.digest for each in all_runs(thirty)]
+        visits = [visit for digest in reversed(digests) for visit in reversed(digest.visits)]
+        failed = [visit for visit in visits if visit.result == BROKEN_OFF]
+        assert len(digests) == 30 and 0 < len(failed) < len(visits) == 90
+        wait_until(lambda: texts("#figures") == ["90 visits in 30 runs"], 60)
+        chip = next(each for each in browser.find_elements("css selector", "#results button")
+                    if each.text.endswith(BROKEN_OFF))
+        chip.click()
+        wait_until(lambda: texts("#list a") == [visit.words for visit in failed])
+        (fault, ended), = Counter(visit.decisive for visit in failed).most_common(1)
+        met = sum(fault in (*visit.faults, visit.decisive) for visit in visits)
+        assert texts("#faults tbody tr:first-child td") == [fault, str(met), str(ended)]
+        browser.find_elements("css selector", "#list a")[0].click()  # the second click
+        wait_until(lambda: browser.find_elements("css selector", ".visit[open]"), 30)
+        assert "broken off" in text(browser, ".visit[open] .stops")
+    finally:
+        page.close()
