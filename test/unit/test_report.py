@@ -24,7 +24,8 @@ from behavior_controller.run.record.codec import header
 from behavior_controller.replay_cli import main
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.run.record.tree_shown import shown
-from behavior_controller.viewer.report import MAX_LIST_DEPTH, Drawn, to_html
+from behavior_controller.viewer.report import (
+    CUT_OFF, FAILED as IS_FAILED, MAX_LIST_DEPTH, PASSED, Drawn, Judgement, to_html)
 from behavior_controller.run.history import Run
 from behavior_controller.run.moment import card, robot_line
 from behavior_controller.simulation.rehearsal.findings import KIND_BY_NAME
@@ -779,7 +780,8 @@ def short(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         path = recorded_day(place, patch, 2, ("leaves", "robot refuses"))
     page = place / "report.html"
-    page.write_text(to_html(read_record(path), "PASS\n<every call> was made"), encoding="utf-8")
+    verdict = Judgement(CUT_OFF, ["<every call> was made"], ["visitor 1"])
+    page.write_text(to_html(read_record(path), verdict), encoding="utf-8")
     return "file://{}".format(page)
 
 
@@ -796,6 +798,21 @@ def test_it_is_accessible_and_fits_every_width(report, short, width, mode):
                           "li').forEach(one => one.remove())")
     assert findings(report, source) == []  # it takes its time: a few rows of each kind do
     assert "<every call> was made" in report.find_element("id", "verdict").text
+
+
+def test_a_verdict_is_a_coloured_headline_with_its_reasons(report, day, tmp_path):
+    lines, colours = read_record(day)[:40], set()
+    for word in (PASSED, IS_FAILED, CUT_OFF):
+        page = tmp_path / "{}.html".format(word)
+        page.write_text(to_html(lines, Judgement(word, ["why 1", "why 2"], ["more"])),
+                        encoding="utf-8")
+        report.get("file://{}".format(page))
+        head = report.find_element("css selector", "#verdict h2")
+        assert head.text.endswith(word) and head.text != word  # a sign of its own besides
+        colours.add(head.value_of_css_property("background-color"))
+        assert [each.text for each in report.find_elements("css selector", "#verdict p")] == [
+            "why 1", "why 2"]
+    assert len(colours) == 3
 
 
 def test_the_report_of_a_rehearsal_is_accessible_and_has_the_page_s_look(report, tmp_path):

@@ -8,7 +8,7 @@ import re
 import sys
 from time import localtime, strftime
 from types import SimpleNamespace
-from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from msgspec.structs import replace
 from tornado.template import Template
@@ -51,6 +51,18 @@ their parent."""
 
 MOST_MISSING = 5
 """The most places at the head of the page where the record lacks something."""
+
+
+PASSED, FAILED, CUT_OFF = "PASSED", "FAILED", "CUT OFF"
+VERDICT_ICONS = {PASSED: "✔", FAILED: "✘", CUT_OFF: "■"}
+
+
+class Judgement(NamedTuple):
+    """The verdict on a test: a word of ``VERDICT_ICONS``, why, and further lines."""
+
+    word: str
+    sentences: Sequence[str]
+    details: Sequence[str]
 
 
 class FilePlace(NamedTuple):
@@ -150,10 +162,11 @@ class Drawn:
         return self
 
 
-def to_html(lines: Iterable[events.Line], verdict: str = "", generator: str = COMMAND) -> str:
+def to_html(lines: Iterable[events.Line], verdict: Optional[Judgement] = None,
+            generator: str = COMMAND) -> str:
     """Return the page of a record (its last mission, if the mission was changed while it ran).
 
-    ``verdict`` is a text that stands before the story, ``generator`` the command that makes it.
+    ``verdict`` stands before the story, ``generator`` is the command that makes the page.
     """
     earlier, run = _last(lines)
     visits = [(visit, _grouped(run.sentences[number]))
@@ -164,6 +177,7 @@ def to_html(lines: Iterable[events.Line], verdict: str = "", generator: str = CO
     live = file_text("page_files", "index.html")
     content = Template(file_text("report_files", "report.html")).generate(
         clock=clock, seconds=seconds, sign=_sign, story=story, letter_of=_letter, verdict=verdict,
+        verdict_icons=VERDICT_ICONS,
         choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
         rows=_rows(run), settings=settings, documents=documents,
         moment=_between(live, '<div id="card">', "</section>"),

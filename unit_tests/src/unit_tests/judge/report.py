@@ -12,7 +12,7 @@ from behavior_controller.config.config_file import to_text, values_of
 from behavior_controller.run.events import (
     LeafFinished, Line, Noticed, PassFinished, Recovered)
 from behavior_controller.run.state import LEFT_OUT, State
-from behavior_controller.viewer.report import to_html
+from behavior_controller.viewer.report import Judgement, to_html
 from behavior_controller.run.story import sentences, why
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean, count
@@ -180,13 +180,13 @@ class Report:
         if the mission did not start."""
         if self._run.state.started is None:
             return ""
-        shown = [self._title, "", str(self.verdict), "", *self.visitors, "",
-                 *table(self.rows, self._began)]
+        shown = [self._title, "", *self.visitors, "", *table(self.rows, self._began)]
         lines, execution = list(self._run.lines), self.verdict.execution
         if execution.difference:
             what = "Here the run differs. " + clean(execution.difference)
             lines.append(Line(execution.differs_at, Noticed("error", what)))
-        return to_html(sorted(lines, key=lambda line: line.time), "\n".join(shown), COMMAND)
+        judged = Judgement(self.verdict.word, self.verdict.sentences, shown)
+        return to_html(sorted(lines, key=lambda line: line.time), judged, COMMAND)
 
 
 def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:

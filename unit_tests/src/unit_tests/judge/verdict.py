@@ -15,6 +15,7 @@ from behavior_controller.run.events import Lost, Recovered, RunStarted
 from behavior_controller.run.story import degree, may_be_under_way, why
 from behavior_controller.text import clean, count
 from behavior_controller.simulation.visitor import LONG_WAIT
+from behavior_controller.viewer.report import CUT_OFF, FAILED, PASSED
 
 from unit_tests.judge import files, numbers
 from unit_tests.judge.execution import Execution
@@ -45,15 +46,26 @@ class Verdict:
 
     def __str__(self) -> str:
         """Return the verdict as lines of text."""
-        if self.passed:
-            return f"PASSED: {self.praise}"
+        return f"{self.word}: " + "\n        ".join(self.sentences)
+
+    @property
+    def word(self) -> str:
+        """The verdict in a word."""
         if self.is_cut_off:
-            waiting = [search.node.registration_id
-                       for search in self.execution.signs.waiting.values()]
-            under_way = " or ".join(waiting) or self.execution.under_way()
-            return (f"CUT OFF: {self.facts.cut_off}, and {under_way} goes on; until then all went "
-                    f"as it should: {self.praise}; set testTimeout higher")
-        return "FAILED: {}".format("\n        ".join(self.objections))
+            return CUT_OFF
+        return PASSED if self.passed else FAILED
+
+    @property
+    def sentences(self) -> Tuple[str, ...]:
+        """The reasons of the verdict."""
+        if self.passed:
+            return (self.praise,)
+        if not self.is_cut_off:
+            return self.objections
+        waiting = [search.node.registration_id for search in self.execution.signs.waiting.values()]
+        under_way = " or ".join(waiting) or self.execution.under_way()
+        return (f"{self.facts.cut_off}, and {under_way} goes on; until then all went as it should: "
+                f"{self.praise}; set testTimeout higher",)
 
     @property
     def waiting_for(self) -> str:
