@@ -25,7 +25,7 @@ from behavior_controller.replay_cli import main
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.run.record.tree_shown import shown
 from behavior_controller.viewer.report import (
-    CUT_OFF, FAILED as IS_FAILED, MAX_LIST_DEPTH, PASSED, Drawn, Judgement, to_html)
+    CUT_OFF, FAILED as IS_FAILED, MAX_LIST_DEPTH, PASSED, Drawn, ShownVerdict, to_html)
 from behavior_controller.run.history import Run
 from behavior_controller.run.moment import card, robot_line
 from behavior_controller.simulation.rehearsal.findings import KIND_BY_NAME
@@ -780,7 +780,7 @@ def short(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         path = recorded_day(place, patch, 2, ("leaves", "robot refuses"))
     page = place / "report.html"
-    verdict = Judgement(CUT_OFF, ["<every call> was made"], ["visitor 1"])
+    verdict = ShownVerdict(CUT_OFF, ["<every call> was made"], ["visitor 1"])
     page.write_text(to_html(read_record(path), verdict), encoding="utf-8")
     return "file://{}".format(page)
 
@@ -804,7 +804,7 @@ def test_a_verdict_is_a_coloured_headline_with_its_reasons(report, day, tmp_path
     lines, colours = read_record(day)[:40], set()
     for word in (PASSED, IS_FAILED, CUT_OFF):
         page = tmp_path / "{}.html".format(word)
-        page.write_text(to_html(lines, Judgement(word, ["why 1", "why 2"], ["more"])),
+        page.write_text(to_html(lines, ShownVerdict(word, ["why 1", "why 2"], ["more"])),
                         encoding="utf-8")
         report.get("file://{}".format(page))
         head = report.find_element("css selector", "#verdict h2")

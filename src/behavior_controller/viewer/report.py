@@ -8,7 +8,8 @@ import re
 import sys
 from time import localtime, strftime
 from types import SimpleNamespace
-from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import (
+    Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union)
 
 from msgspec.structs import replace
 from tornado.template import Template
@@ -57,7 +58,7 @@ PASSED, FAILED, CUT_OFF = "PASSED", "FAILED", "CUT OFF"
 VERDICT_ICONS = {PASSED: "✔", FAILED: "✘", CUT_OFF: "■"}
 
 
-class Judgement(NamedTuple):
+class ShownVerdict(NamedTuple):
     """The verdict on a test: a word of ``VERDICT_ICONS``, why, and further lines."""
 
     word: str
@@ -162,7 +163,7 @@ class Drawn:
         return self
 
 
-def to_html(lines: Iterable[events.Line], verdict: Optional[Judgement] = None,
+def to_html(lines: Iterable[events.Line], verdict: Optional[ShownVerdict] = None,
             generator: str = COMMAND) -> str:
     """Return the page of a record (its last mission, if the mission was changed while it ran).
 

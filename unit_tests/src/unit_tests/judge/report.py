@@ -12,7 +12,7 @@ from behavior_controller.config.config_file import to_text, values_of
 from behavior_controller.run.events import (
     LeafFinished, Line, Noticed, PassFinished, Recovered)
 from behavior_controller.run.state import LEFT_OUT, State
-from behavior_controller.viewer.report import Judgement, to_html
+from behavior_controller.viewer.report import ShownVerdict, to_html
 from behavior_controller.run.story import sentences, why
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean, count
@@ -185,7 +185,7 @@ class Report:
         if execution.difference:
             what = "Here the run differs. " + clean(execution.difference)
             lines.append(Line(execution.differs_at, Noticed("error", what)))
-        judged = Judgement(self.verdict.word, self.verdict.sentences, shown)
+        judged = ShownVerdict(self.verdict.word, self.verdict.sentences, shown)
         return to_html(sorted(lines, key=lambda line: line.time), judged, COMMAND)
 
 
