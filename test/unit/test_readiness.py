@@ -1,4 +1,6 @@
 """The list that is read before a demonstration: it says no more than what is known."""
+import dataclasses
+
 import pytest
 
 from behavior_controller import folders
@@ -121,6 +123,36 @@ def test_configuration_mission_and_phrases_are_in_the_list(language, state):
     assert found["mission"].text.startswith("222 nodes, changed on 20")
     assert (found["language"].name, found["phrases"].state) == (language, state)
     assert ("draft" in found["phrases"].text) == (state == DOUBTFUL)
+
+
+def texts_of(**changed):
+    """Return what the list says of the texts of the exhibits."""
+    chosen = settings.load(folders.config(settings.FILE_NAME), {}, changed)
+    plan = load.load(chosen)
+    return plan, [(check.state, check.text) for check in checks(plan, "c.ini")
+                  if check.kind == "exhibits"]
+
+
+def test_the_list_says_which_texts_of_exhibits_may_be_in_another_language():
+    _, found = texts_of()
+    assert found == [(READY, "the knowledge base has the texts")]
+    _, ((state, text),) = texts_of(language="Kinyarwanda")
+    assert state == DOUBTFUL and "Kinyarwanda" in text
+    plan, found = texts_of(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour")
+    assert found == [(READY, "all texts are in English")]
+    first, *others = plan.knowledge.tour
+    tour = (first._replace(name="Loom", description2=""), *others)
+    mute = dataclasses.replace(plan, knowledge=dataclasses.replace(plan.knowledge, tour=tour))
+    assert [(check.state, check.text) for check in checks(mute, "c.ini")
+            if check.kind == "exhibits"] == [(DOUBTFUL, "texts in English are missing for Loom")]
+
+
+def test_a_draft_of_another_package_is_a_draft_too():
+    plan, _ = texts_of()
+    both = Source("p.ini", plan.phrases.source.text + "\n# Draft: nobody has read it\nX  x\n")
+    drafted = dataclasses.replace(plan, phrases=dataclasses.replace(plan.phrases, source=both))
+    assert [check.state for check in checks(drafted, "c.ini") if check.kind == "phrases"] == [
+        DOUBTFUL]
 
 
 def test_the_command_prints_the_list_under_a_headline():

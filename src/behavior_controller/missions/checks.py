@@ -1,13 +1,17 @@
 """Checks configuration, mission and texts of a run, for the list that is read before it."""
 import os
+import re
 import time
 from typing import Iterator
 
+from behavior_controller.config.settings import defaults
 from behavior_controller.missions.load import Mission
+from behavior_controller.robot.declarations import Service
+from behavior_controller.robot.requests import QueryKnowledge
 from behavior_controller.run.events import DOUBTFUL, READY, Checked
 
-DRAFT = "draft"
-"""The word in the first line of a file whose texts nobody has reviewed."""
+_DRAFT = re.compile(r"^#.*\bdraft\b", re.IGNORECASE | re.MULTILINE)
+"""The comment in a file whose texts nobody has reviewed; packages add their own files."""
 
 
 def checks(plan: Mission, configuration: str) -> Iterator[Checked]:
@@ -22,11 +26,30 @@ def checks(plan: Mission, configuration: str) -> Iterator[Checked]:
     yield Checked("robot", chosen.robot_interface, READY, "the interface that is set")
     yield Checked("language", plan.language, READY, "what the robot says")
     source = plan.phrases.source
-    is_draft = DRAFT in source.text.partition("\n")[0].lower()
+    is_draft = _DRAFT.search(source.text) is not None
     yield Checked("phrases", source.file, DOUBTFUL if is_draft else READY,
                   "a draft: have a native speaker review it" if is_draft else _changed(source.file))
+    yield from _exhibits(plan)
     heard = "speech" if chosen.asr_enabled else "the tablet"
     yield Checked("answers", heard, READY, "how visitors answer")
+
+
+def _exhibits(plan: Mission) -> Iterator[Checked]:
+    """Yield which texts of the exhibits may be in another language than the robot speaks."""
+    known, language = plan.knowledge, plan.language
+    if known is not None:
+        silent = [place.name for place in known.tour
+                  if not (place.description1 and place.description2)]
+        text = f"all texts are in {language}"
+        if silent:
+            text = f"texts in {language} are missing for {', '.join(dict.fromkeys(silent))}"
+        yield Checked("exhibits", "texts", DOUBTFUL if silent else READY, text)
+    elif any(offer.request is QueryKnowledge for offer in plan.offers
+             if isinstance(offer, Service)):
+        is_usual = language == defaults().language
+        yield Checked("exhibits", "texts", READY if is_usual else DOUBTFUL,
+                      "the knowledge base has the texts" if is_usual else
+                      f"the knowledge base has the texts: hear whether they are in {language}")
 
 
 def _changed(path: str) -> str:
