@@ -111,13 +111,15 @@ class TestMonitor(unittest.TestCase):
 
     def test_a_slow_service(self):
         robot = self.robot({SAY: "hang"})
-        controller = self.start("<WelcomeSpeech/><Sleep msec=\"600000\"/>",
-                                textToSpeechDeadline="3")
+        controller = self.start("<FollowMeSpeech/><Sleep msec=\"600000\"/>",
+                                textToSpeechDeadline="20")
         asked = robot.wait_for_request(SAY, 5)["time"]
         # on a busy machine the request itself may arrive late
-        self.wait_for(controller, asked, SAY, "slow")
+        waited = self.wait_for(controller, asked, SAY, "slow", limit=8)
         robot.set_mode(SAY, "done")
-        self.assert_told_once(controller, SAY, "slow", " 1.5 s", " 3 s")
+        # “Please follow me.”: 17 letters, 14 a second
+        self.assertAlmostEqual(waited, 2 * 17 / 14 + 3, delta=2)
+        self.assert_told_once(controller, SAY, "slow", " 5.43 s", " 20 s")
 
     def test_calls_that_fail_in_a_row(self):
         self.robot({SAY: "refuse"})

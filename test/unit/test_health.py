@@ -1,9 +1,11 @@
 """What is known of the robot's nodes: each change is handed on once, by the tick thread."""
+import pytest
 from msgspec.structs import replace
 
 from behavior_controller.run.events import Events, HealthChanged
+from behavior_controller.robot.requests import Say, SayGoal, SetAttention
 from behavior_controller.run.health import (
-    GONE, Health, SLOW, available_again, gone)
+    GONE, Health, SLOW, available_again, gone, slow_after)
 
 DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer",
                      "the robot cannot speak", GONE)
@@ -101,6 +103,26 @@ def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline(
         ("slow: no answer for 4 s", "a call is given up after 8 s")]
     health.ended("/say", 3.9, 8.0, False)
     assert statuses(health) == [(True, "answers in time again")]
+
+
+@pytest.mark.parametrize("letters, deadline, after", [
+    (14, 60.0, 5.0), (56, 60.0, 11.0), (0, 60.0, 30.0), (140, 60.0, 23.0), (1400, 60.0, 60.0),
+    (56, 8.0, 8.0)])
+def test_a_speech_is_slow_when_it_is_late_for_its_words(letters, deadline, after):
+    usual = Say("a" * letters).usual_seconds
+    assert slow_after(usual, deadline) == pytest.approx(after)
+    health = Health()
+    health.slow("/say", deadline, usual=usual)
+    published(health)
+    health.ended("/say", after, deadline, False, usual=usual)
+    assert published(health) == []
+    health.ended("/say", after - 0.1, deadline, False, usual=usual)
+    assert statuses(health) == [(True, "answers in time again")]
+
+
+def test_other_requests_have_no_usual_time():
+    assert SetAttention("social").usual_seconds == SayGoal("").usual_seconds == 0.0
+    assert SayGoal("a" * 28).usual_seconds == 2.0
 
 
 def test_when_a_topic_was_heard_last_is_known_and_wakes_nothing():

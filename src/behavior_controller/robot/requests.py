@@ -61,6 +61,10 @@ MOTION, SOUND, NO_EFFECT = EFFECTS = "motion", "sound", ""
 """The effects of a request which the robot may go on with while nothing awaits its answer."""
 
 
+LETTERS_A_SECOND = 14.0
+"""The speed of a robot's speech, in characters a second."""
+
+
 class Request(Struct, frozen=True, tag=True, tag_field="_type"):
     """A request to a service of the robot.
 
@@ -76,6 +80,11 @@ class Request(Struct, frozen=True, tag=True, tag_field="_type"):
     def words(self) -> Optional[Words]:
         """Phrases for the operator; None: the name of the node is used."""
         return None
+
+    @property
+    def usual_seconds(self) -> float:
+        """How long a robot usually takes for it; 0: that is not known."""
+        return 0.0
 
 
 class SetAnimation(Request, frozen=True):
@@ -180,6 +189,11 @@ class Say(Request, frozen=True):
     def words(self) -> Words:
         """Phrases with the text."""
         return Words("saying", "said", f"“{self.text}”", "said")
+
+    @property
+    def usual_seconds(self) -> float:
+        """The time that its words take."""
+        return len(self.text) / LETTERS_A_SECOND
 
 
 # -------------------------------------------------------------------------- requests of release 1.0

@@ -22,7 +22,7 @@ import rospy
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.robot.gateway import (
     Call, Cause, Failure, Gateway, NO_SUBSCRIBER, UNSENT, result_of, waited)
-from behavior_controller.run.health import Health, SLOW_SHARE
+from behavior_controller.run.health import Health, slow_after
 from behavior_controller.robot.declarations import (Action, Interface, Offer, Publication, Service)
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.action_client import GoalThread
@@ -253,8 +253,8 @@ class RosGateway(Gateway):
             text = f"no thread to ask with ({error})"
             call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
             return
-        timer = self._clock.call_after(
-            deadline * SLOW_SHARE, lambda: self._on_slow(call, deadline), is_foreign=True)
+        timer = self._clock.call_after(slow_after(request.usual_seconds, deadline),
+                                       lambda: self._on_slow(call, deadline), is_foreign=True)
         self._under_way[call] = _UnderWay(
             thread, timer, self._clock.source(), self._clock.process.source())
         thread.carry(
@@ -318,7 +318,8 @@ class RosGateway(Gateway):
             self._tell_once(own, in_place_of(own, thread.service))
         if not thread.is_short:  # its server was not asked
             self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
-                               cause is not None, thread.service.kind)
+                               cause is not None, thread.service.kind,
+                               call.request.usual_seconds)
         call.finish(result)
 
     def _has_substituted(self, call: Call, service: Service,
@@ -345,9 +346,11 @@ class RosGateway(Gateway):
 
     def _on_slow(self, call: Call, deadline: float) -> None:
         """Report that ``call`` is slow, and wait for its deadline."""
-        held = self._under_way[call]
-        self._health.slow(held.thread.name, deadline, held.thread.service.kind)
-        left = held.timer.due + deadline * (1 - SLOW_SHARE) - self._clock.source()
+        held, usual = self._under_way[call], call.request.usual_seconds
+        after = slow_after(usual, deadline)
+        if after < deadline:
+            self._health.slow(held.thread.name, deadline, held.thread.service.kind, usual)
+        left = held.timer.due + deadline - after - self._clock.source()
         held.timer = self._clock.call_after(left, lambda: self._expire(call), is_foreign=True)
 
     def _expire(self, call: Call) -> None:

@@ -22,11 +22,23 @@ SIMULATED_TIME = "simulated time"
 SLOW_SHARE = 0.5
 """A service is slow when a call has taken this share of its deadline."""
 
+LATE_FACTOR, LATE_RESERVE = 2.0, 3.0
+"""A call whose usual time is known, such as that of a speech by its words, is slow after this many
+times that time and these seconds."""
+
 RATE_SHARE = 0.3
 """The share by which the rate of a topic has to change before that is noted."""
 
 FAILURES_IN_A_ROW = 3
 """A service is failing after this number of failed calls in a row."""
+
+
+def slow_after(usual: float, deadline: float) -> float:
+    """Return after how many seconds a call is slow that usually takes ``usual`` seconds (0: that is
+    not known)."""
+    if not usual:
+        return deadline * SLOW_SHARE
+    return min(LATE_FACTOR * usual + LATE_RESERVE, deadline)
 
 
 def gone(kind: str, name: str, node: str, reason: str, impact: str) -> HealthChanged:
@@ -77,27 +89,30 @@ class Health:
         self.said[topic] = TopicSaid(topic, words, rate)
 
     @tick_thread_only
-    def slow(self, service: str, deadline: float, kind: str = "service") -> None:
-        """Note that a call has taken ``SLOW_SHARE`` of its deadline (seconds) without an answer."""
-        self._note(HealthChanged(
-            kind, service, "", False, f"slow: no answer for {deadline * SLOW_SHARE:g} s",
-            f"a call is given up after {deadline:g} s", SLOW))
+    def slow(self, service: str, deadline: float, kind: str = "service",
+             usual: float = 0.0) -> None:
+        """Note that a call has no answer after the time of ``slow_after``."""
+        status = f"slow: no answer for {slow_after(usual, deadline):.3g} s"
+        if usual:
+            status += f", where about {max(1.0, usual):.0f} s are usual"
+        self._note(HealthChanged(kind, service, "", False, status,
+                                 f"a call is given up after {deadline:g} s", SLOW))
         self._wake()
 
     @tick_thread_only
     def ended(self, service: str, seconds: float, deadline: float, has_failed: bool,
-              kind: str = "service") -> None:
-        """Count a call that ended after ``seconds``; its ``deadline`` decides whether that was
-        slow."""
+              kind: str = "service", usual: float = 0.0) -> None:
+        """Count a call that ended after ``seconds``; ``slow_after`` decides whether that was slow.
+        """
         # of a node that is gone something stronger is known, which ends when it is started again
         is_counted = has_failed and self._counts and not self.is_gone(service)
         row = self._failures[service] = self._failures.get(service, 0) + 1 if is_counted else 0
         if row >= FAILURES_IN_A_ROW:
             self._note(HealthChanged(kind, service, "", False, f"failing: {row} calls in a row",
-                                     "the recovery policy says what is left out", FAILING))
+                                     "what needs it is tried again, left out or given up", FAILING))
         elif not has_failed:
             self._note(HealthChanged(kind, service, "", True, "works again", "", FAILING))
-            if seconds < deadline * SLOW_SHARE:
+            if seconds < slow_after(usual, deadline):
                 self._note(
                     HealthChanged(kind, service, "", True, "answers in time again", "", SLOW))
 

@@ -11,8 +11,8 @@ from behavior_controller.robot import d543
 from behavior_controller.robot.declarations import (
     Action, Interface, Plain, Publication, Sense, Service, Success, Topic)
 from behavior_controller.robot.requests import (
-    Answer, AttentionStatus, Exhibit, Faces, GoTo, GoToGoal, Location, PerformGesture,
-    PerformGestureGoal, Point, Prompt, QueryKnowledge, Say, SayGoal, SetAnimation, SetAttention,
+    LETTERS_A_SECOND, Answer, AttentionStatus, Exhibit, Faces, GoTo, GoToGoal, Location,
+    PerformGesture, PerformGestureGoal, Point, Prompt, QueryKnowledge, Say, SayGoal, SetAnimation, SetAttention,
     SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.robot.interfaces import INTERFACES
 
@@ -90,10 +90,6 @@ def _press(request: Fields, world: World) -> Optional[Answer]:
         return Answer(response=pressed)
     wanted = options[:1] if world.settings.tablet_success_is == YES else options
     return Answer() if pressed in wanted else None
-
-
-LETTERS_A_SECOND = 14.0
-"""The speed of a robot's speech, in characters a second."""
 
 
 SYNTHESIZED = 0.2

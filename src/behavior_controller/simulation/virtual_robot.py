@@ -15,7 +15,7 @@ from msgspec.structs import asdict
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller import extensions, folders
 from behavior_controller.run.events import Event, Message
-from behavior_controller.run.health import GONE, Health, SLOW_SHARE, available_again, gone
+from behavior_controller.run.health import GONE, Health, available_again, gone, slow_after
 from behavior_controller.missions.load import Mission
 from behavior_controller.robot.declarations import (
     Action, Publication, Service, Topic, Unsendable, Unusable)
@@ -251,8 +251,9 @@ class _VirtualCall:
         self._timers = [
             robot.after(WAY, self._arrive),
             robot.after(self._deadline, lambda: self._finish(late)),
-            robot.after(self._deadline * SLOW_SHARE,
-                        lambda: robot.health.slow(service.name, self._deadline, service.kind))
+            robot.after(slow_after(request.usual_seconds, self._deadline),
+                        lambda: robot.health.slow(service.name, self._deadline, service.kind,
+                                                  request.usual_seconds))
         ]
 
     def _cancel(self) -> None:
@@ -263,7 +264,8 @@ class _VirtualCall:
         self._cancel()
         seconds = self._robot.clock.now() - self._began
         self._robot.health.ended(self._service.name, seconds, self._deadline,
-                                 isinstance(result, Failure), self._service.kind)
+                                 isinstance(result, Failure), self._service.kind,
+                                 self._request.usual_seconds)
         self.call.finish(result)
 
     def _failure(self, cause: Cause, message: str) -> Failure:

@@ -9,7 +9,8 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import knowledge_files, settings
 from behavior_controller.run.events import (
     Asked, Answered, EntriesWritten, FeedbackReceived, LeafFinished)
-from behavior_controller.simulation.behaviour import DRIVE, LETTERS_A_SECOND
+from behavior_controller.robot.requests import LETTERS_A_SECOND
+from behavior_controller.simulation.behaviour import DRIVE
 from behavior_controller.simulation.faults import KINDS
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 from behavior_controller.simulation.visitor import BEHAVIOURS
