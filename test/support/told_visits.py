@@ -136,19 +136,19 @@ RUNS = {
         "visit warning 1 SUCCESS 17.0 1 1 2"
     ]),
     "given up": (visitor_who("yes"), unanswered_drive, True, 1, [
-        "failure warning Navigate 180 /robotNavigation/set_goal", "recovery info Navigate 1 1",
+        "failure warning Navigate 180 /robotNavigation/set_goal", "recovery info Navigate 2 2",
         "stop error Navigate 1 2 1 2 /robotNavigation/set_goal",
         "recovery error Navigate 2 /robotNavigation/set_goal",
         "visit warning 1 FAILURE 3.0 1 2 1 2 /robotNavigation/set_goal"
     ]),
     "visitor left": (walks_off, None, True, 1, [
-        "moved info Navigate 1", "stop warning IsVisitorDiscovered 1 2 1", "moved info Navigate",
-        "visit warning 1 FAILURE 16.0 1 2 1"
+        "moved info Navigate 1", "stop info IsVisitorDiscovered 1 2 1", "moved info Navigate",
+        "visit info 1 16.0 1 2 1"
     ]),
     "node died": (loses_the_voice, unreachable_speech, True, 1, [
         "health warning /textToSpeech/say_text /textToSpeech",
         "failure warning MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech /textToSpeech/say_text",
-        "recovery info MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech 1 1",
+        "recovery info MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech 2 2",
         "recovery warning MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech 2 /textToSpeech/say_text",
         "visit warning 1 SUCCESS 1.5 MaybeAnotherTimeSpeech"
     ]),
@@ -172,7 +172,7 @@ RUNS = {
     "declined": (visitor_who("no"), None, True, 1,
                  ["heard info IsYesNoUttered “no”", "visit info 1 SUCCESS 1.0"]),
     "no gaze": (visitor_who(gazes=False), None, True, 1,
-                ["visit info IsVisitorDiscovered 1", "visit warning 1 FAILURE 15.0"]),
+                ["visit info IsVisitorDiscovered 1", "visit info 1 15.0"]),
     "unclear": (visitor_who("perhaps"), None, True, 1, [
         "heard info IsYesNoUttered “perhaps”",
         "asked info SayYesNoSpeech “I am sorry, I can only understand yes or no. Please say yes "

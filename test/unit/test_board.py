@@ -40,7 +40,7 @@ from behavior_controller.viewer.timeline import Bar
 from mission_rig import RUN, LiveBoard, Rig, board_of, one_leaf, refusal, service_of, visitor_who
 from recorded_tours import recorded_day
 
-ENDED = "all passes are done; last pass: SUCCESS; attention and lifelike movement are off"
+ENDED = "all passes are done; pass {} was a SUCCESS; attention and lifelike movement are off"
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone",
                           "it cannot drive")
 
@@ -267,8 +267,8 @@ def test_story_visits_health_trouble_and_blackboard():
     board = board_of(rig)
     rig.mission.health.report(GONE, GONE_AWAY)
     rig.run(visitor_who(says="yes"))
-    incomplete = ENDED.replace("SUCCESS", "SUCCESS, complete without 2 steps (WelcomeGesture and "
-                               "GoodbyeGesture)")
+    incomplete = ENDED.format(1).replace("SUCCESS", "SUCCESS, complete without 2 steps "
+                                           "(WelcomeGesture and GoodbyeGesture)")
     assert (board.part("now")["count"], board.part("now")["ended"]) == (1, incomplete)
     newest, = board.part("visits")["newest"]
     assert newest["degree"] in newest["ending"] and newest["degree"] in incomplete
@@ -542,7 +542,7 @@ def test_statuses_of_a_visitor_end_with_the_pass():
     assert letters(board)[declined - 1] == "s"  # the last visitor's, when no pass follows
     assert [
         re.findall(r"\d+", seen[number][1]["card"]["where"])[0] for number in (0, 1)] == ["1", "2"]
-    assert board.part("now")["ended"] == ENDED
+    assert board.part("now")["ended"] == ENDED.format(2)
 
 
 def test_statuses_of_the_visit_before_are_gone_when_the_next_begins():

@@ -34,7 +34,7 @@ def test_as_many_passes_as_asked_for():
     assert rig.run(advance, runs=3) == 0
     assert [(event.number, event.outcome) for event in rig.of(PassFinished)] == [
         (1, "SUCCESS"), (2, "SUCCESS"), (3, "SUCCESS")]
-    assert rig.of(RunFinished) == [RunFinished("all passes are done; last pass: SUCCESS", 0)]
+    assert rig.of(RunFinished) == [RunFinished("all passes are done; pass 3 was a SUCCESS", 0)]
 
 
 def test_the_last_pass_decides_the_exit_code():
@@ -164,7 +164,7 @@ def test_stopping_halts_the_mission_and_leaves_the_robot_calm_once():
     assert rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped)) == 0
     assert rig.requests[1:] == SAFE
     assert rig.of(PassFinished) == []
-    assert [event.outcome for event in rig.of(RunFinished)] == ["stopped; last pass: none"]
+    assert [event.outcome for event in rig.of(RunFinished)] == ["stopped; no pass is over"]
     assert rig.tree.is_idle
 
 

@@ -203,7 +203,7 @@ def budget_spent():
     played.play(visitor_who("yes"), lambda: played.card.kind == "paused", runs=9)
     now = played.card
     assert now.until > now.since and "recoveries" in now.what
-    assert played.robot.instruction.startswith("Repair what fails: ")
+    assert played.robot.instruction.startswith("Check ")
     return played, ["nothing runs", "between two"]
 
 
@@ -211,7 +211,7 @@ def stopped():
     played = Situation(Rig(answer=lambda request: None if (
         isinstance(request, GoTo)) else NotImplemented))
     played.rig.run(visitor_who("yes"), is_stopped=lambda: isinstance(played.asked, GoTo))
-    assert played.card.kind == "ended" and "last pass" in played.card.trouble
+    assert played.card.kind == "ended" and "no pass is over" in played.card.trouble
     robot, visit = played.robot, played.run.visits[-1]
     assert robot.safe == f"{OFF}; may still be driving to exhibit 1" and robot.is_well
     assert (robot.attention, robot.movement) == ("off", "off")
@@ -764,7 +764,7 @@ def test_what_a_person_has_to_do(state, expected):
 
 
 @pytest.mark.parametrize("awaited, respect, expected", [
-    ("", None, "Repair what fails: "), ("/nav", None, ""), ("/nav", GONE, "Restart /nav"),
+    ("", None, "Check /nav/go: not reachable"), ("/nav", None, ""), ("/nav", GONE, "Restart /nav"),
     ("", GONE, "Restart /nav"), ("", SLOW, "")])
 def test_what_fails_in_a_pause_is_to_be_repaired_unless_more_is_known(awaited, respect, expected):
     pause = Paused(gone_for("/nav/go"), awaited)

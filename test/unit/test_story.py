@@ -48,7 +48,7 @@ def test_each_kind_of_visit_is_told_with_its_causes_and_the_record_tells_the_sam
     assert teller.recorded() == teller.lines
     assert {sentence.kind for sentence in teller.sentences} <= set(KINDS)
     nowhere = [sentence for sentence in teller.sentences if sentence.kind in ("notice", "health") or
-               re.search("SUCCESS|FAILURE", sentence.text)]
+               re.search("^pass |^ends: ", sentence.text)]
     assert {(sentence.uid, sentence.path) for sentence in nowhere} == {(0, "")}
     assert all(sentence.uid and sentence.path for sentence in teller.sentences
                if sentence not in nowhere)
@@ -135,10 +135,10 @@ def test_a_retry_is_told_as_it_goes_on_and_when_it_is_done():
     teller = Teller(rig).run(visitor_who("yes"),
                              is_stopped=lambda: drives(rig) == 3 and rig.clock.now() > 1010.0)
     gists = list(map(gist, teller.sentences))
-    at = gists.index("recovery info Navigate 1 2")
+    at = gists.index("recovery info Navigate 2 3")
     assert gists[at - 1:at + 2] == [
-        "failure warning Navigate /robotNavigation/set_goal", "recovery info Navigate 1 2",
-        "recovery info Navigate 2 2 /robotNavigation/set_goal"]
+        "failure warning Navigate /robotNavigation/set_goal", "recovery info Navigate 2 3",
+        "recovery info Navigate 3 3 /robotNavigation/set_goal"]
     data = list(map(DATA.findall, teller.now))
     # visitor, exhibit, where it drives, attempt, seconds, service
     assert ["1", "1", "2", "1", "1", "3", "3", "0", "180", service_of(GoTo)] in data
@@ -534,11 +534,12 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
     ([START], Paused(BUSY, "/go_node"), "warning",
      "waiting for /go_node to return: restart it; the mission goes on by itself", ()),
     ([START], Paused(BUSY, "", "the budget is spent", 20.0), "warning",
-     "waiting 20 s: the budget is spent; failed last: refused, busy (/go): repair it; the mission "
-     "goes on by itself",
+     "waiting 20 s: the budget is spent; the last failure: refused, busy (/go); check /go; the "
+     "mission goes on by itself",
      ()),
     ([START], Paused(BUSY, "", "", 20.0), "warning",
-     "waiting 20 s: failed last: refused, busy (/go): repair it; the mission goes on by itself",
+     "waiting 20 s: the last failure: refused, busy (/go); check /go; the mission goes on by "
+     "itself",
      ()),
     ([], SafeStateReported((HEAD, BODY), 0.1), "info", "attention and lifelike movement are off",
      ()),
@@ -574,11 +575,13 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
     ([START, exhibit("begun"), failed()], exhibit("over"), "warning",
      "exhibit 1 of 2, Arm, is broken off: " + NOT_REACHED, (8, "tour/select")),
     ([], failed(), "warning", "Navigate failed: refused, busy (/go)", (1, "tour/go")),
-    ([begins(3)], recovering(), "info", "retrying Navigate, 1 of 3", (3, "tour/go")),
-    ([begins(3)], recovering(2), "info", "retrying Navigate, 2 of 3: refused, busy (/go)",
+    ([begins(3)], recovering(), "info", "trying Navigate again, attempt 2 of 4", (3, "tour/go")),
+    ([begins(3)], recovering(2), "info",
+     "trying Navigate again, attempt 3 of 4: refused, busy (/go)",
      (3, "tour/go")),
     ([begins(3)], recovering(0, "Say"), "info", "doing Say in place of Navigate", (3, "tour/go")),
-    ([begins(3)], recovered("done"), "info", "Navigate is done at the 3rd try", (3, "tour/go")),
+    ([begins(3)], recovered("done"), "info",
+     "Navigate succeeded on the 3rd attempt", (3, "tour/go")),
     ([begins(3)], recovered("skipped"), "warning",
      "went on without Navigate, which failed 3 times: refused (/go)", (3, "tour/go")),
     ([begins(3), recovering(0, "Say")], recovered("substituted"), "warning",
@@ -597,7 +600,8 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
      "gave up: Navigate failed 3 times: refused (/go)", (0, "tour/go")),
     ([begins(3)], recovered("given up", attempts=0), "error", "gave up: " + NOT_REACHED,
      (3, "tour/go")),
-    ([begins(3), RUN], recovered("done", attempts=1), "info", "Navigate is done at the 2nd try",
+    ([begins(3), RUN], recovered("done", attempts=1), "info",
+     "Navigate succeeded on the 2nd attempt",
      (0, "tour/go")),
     ([START, exhibit("begun"), begins(3), exhibit("omitted")], recovered("skipped"), "warning",
      "exhibit 1 of 2, Arm, is left out: " + THREE_TIMES, (3, "tour/go")),
@@ -642,7 +646,7 @@ def test_what_is_no_news_has_no_sentence(before, event):
     ([START, ARRIVED, PassFinished(1, "SUCCESS", 1.0)], ""), ([begins(), START], ""),
     ([begins(), RUN], ""),
     ([START, PassFinished(1, "FAILURE", 1.0), Paused(BUSY, "/go_node")],
-     "waiting for /go_node to return, 58 s; failed last: refused, busy (/go) · "
+     "waiting for /go_node to return, 58 s; the last failure: refused (/go) · "
      "next: the next visit"),
     ([START, PassFinished(1, "FAILURE", 1.0), Paused(BUSY, "/go_node"), PassStarted(2, 1.0)], ""),
     ([begins(), RunFinished("stopped", 0)], ""),
@@ -659,11 +663,11 @@ def test_what_is_no_news_has_no_sentence(before, event):
     ([begins(), begins(2, "speaking"), leaf(uid=2)], "driving, 60 s"),
     ([begins(), begins(2, "speaking"), begins()], "driving, 58 s; also speaking"),
     ([begins(), begins(2, "waiting", is_wait=True), leaf(uid=2)], "driving, 60 s"),
-    ([recovering()], "retrying Navigate, 1 of 3, 60 s"),
+    ([recovering()], "trying Navigate again, attempt 2 of 4, 60 s"),
     ([recovering(), begins(5)], "driving (attempt 2 of 4), 59 s"),
     ([recovering(), recovered("done"), begins()], "driving, 58 s"),
     ([recovering(), START, begins()], "driving, 58 s"),
-    ([recovering(), begins(2), leaf(uid=2)], "retrying Navigate, 1 of 3, 60 s"),
+    ([recovering(), begins(2), leaf(uid=2)], "trying Navigate again, attempt 2 of 4, 60 s"),
     ([begins(), Retried("Navigate", "tour/go", 1, BUSY)], ""),
     ([begins(), Retried("Say", "say", 1, BUSY)], "driving, 60 s"),
     ([begins(), recovered("done")], ""), ([begins(path="a"), recovered("done")], "driving, 60 s")])
@@ -983,6 +987,27 @@ def test_the_degree_of_a_visit(skipped, outcome, of_visit):
     assert degree(visit) == of_visit and degree(replace(visit, ended=None)) == ""
     if outcome == "SUCCESS":
         assert how_it_ended(visit) == of_visit
+
+
+BLIND = HealthChanged("topic", "/faces", "", False, "silent", "", SILENT)
+
+
+@pytest.mark.parametrize("why, of_visit", [
+    (HAS_GONE, "left"), (replace(HAS_GONE, blind=BLIND), "broken off"),
+    (Reason(STOPPED), "broken off"), (Reason(GAVE_UP), "broken off")])
+def test_a_visitor_who_leaves_is_no_failure(why, of_visit):
+    visit = Visit(1, 0.0, outcome="FAILURE", ended=9.0, why=why)
+    assert degree(visit) == of_visit
+
+
+def test_nothing_about_a_visitor_who_leaves_is_told_as_a_failure():
+    sentences = Teller(rig_of("visitor left")).run(walks_off).sentences
+    *told, end = sentences
+    assert [one.text for one in told if one.severity != "info" or "FAIL" in one.text] == []
+    assert end.text.endswith("(exit code 3)")
+    ending = next(one.text for one in sentences if one.text.startswith("pass 1: "))
+    assert ending == ("pass 1: over after 16.0 s: ended at exhibit 1 of 2, exhibit 1: the visitor "
+                      "left")
 
 
 def test_a_mute_tour_is_no_complete_visit():

@@ -145,8 +145,10 @@ class Runner:
         if code is None:
             code = exit_codes.SUCCESS if self._outcome in (None, "SUCCESS") else exit_codes.FAILURE
         ended = "stopped" if self.is_stopped() else "all passes are done"
-        outcome = f"{ended}; last pass: {self._outcome or 'none'}"
-        self.mission.events.emit(RunFinished(outcome, code))
+        last = "no pass is over"
+        if self._outcome is not None:
+            last = f"pass {self._number} was a {self._outcome}"
+        self.mission.events.emit(RunFinished(f"{ended}; {last}", code))
         return code
 
     def _is_over(self) -> bool:

@@ -139,7 +139,8 @@ class Console:
             parts = [event.status, event.resource, f"{event.seconds:.3f} s",
                      reason(event.failure), event.summary.text if event.summary is not None else ""]
         elif isinstance(event, Retried):
-            parts = [f"retry {event.attempt} failed", event.failure.resource, reason(event.failure)]
+            attempt = f"attempt {event.attempt + 1}" if event.attempt else "its substitute"
+            parts = [attempt + " failed", event.failure.resource, reason(event.failure)]
         else:
             return
         what = ", ".join(filter(None, parts))

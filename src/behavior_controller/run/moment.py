@@ -6,13 +6,15 @@ the model of the run and from nothing else.
 from typing import Iterator, List, Literal, Optional, Tuple
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from behavior_controller.run.events import HealthChanged, Paused
 from behavior_controller.run.health import FAILING, GONE, NEW, SHORT, SILENT
 from behavior_controller.run.state import HOME, Robot, State, Step
 from behavior_controller.run.story import (
     STOP_BUTTON, cause, condition, conditions, end_headline, few, listed, may_be_under_way,
-    may_move, run_end, safe_parts, stop_name, step_words, switched_off, under_way_warning)
+    may_move, run_end, safe_parts, stop_name, step_words, switched_off, to_check,
+    under_way_warning)
 from behavior_controller.robot.requests import SetAnimation, SetAttention
 from behavior_controller.text import clean
 
@@ -122,7 +124,7 @@ def _of_step(state: State, step: Step, where: str) -> Card:
     why = condition(trouble) if trouble is not None else ""
     if isinstance(step.cause, Paused):
         kind, where, following = "paused", "", "the next visit"
-        why = why or "failed last: " + cause(step.cause.failure)
+        why = why or "the last failure: " + cause(step.cause.failure, is_short=True)
     also = [step_words(other) for other in state.steps
             if other is not step and other.cause is None]
     return Card(kind, step_words(step), where, step.began, step.until, step.attempt, step.attempts,
@@ -267,7 +269,8 @@ def _repairs(state: State) -> Iterator[str]:
     pause = state.step.cause if state.step is not None else None
     if isinstance(pause, Paused) and not pause.awaited:
         if state.robot.trouble(pause.failure.resource) is None:
-            yield "repair what fails: " + cause(pause.failure)
+            failed = replace(pause.failure, resource="")
+            yield f"{to_check(pause.failure)}: {cause(failed, is_short=True)}"
     if state.held:
         yield "release the breakpoint in Groot2, or disconnect Groot2"
     left_on = safe_parts(state, is_off=False)

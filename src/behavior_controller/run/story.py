@@ -14,7 +14,7 @@ from behavior_controller.run.events import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.run.fold import fold, why_recovered
 from behavior_controller.run.health import NEW, SIMULATED_TIME
 from behavior_controller.run.state import (
-    BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, RESULTS, SILENT_VISITOR,
+    BROKEN_OFF, CHOSEN, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, RESULTS, SILENT_VISITOR,
     STOPPED, UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
@@ -214,12 +214,14 @@ def without(skipped: Dict[str, int]) -> str:
 
 
 def degree(visit: Visit) -> str:
-    """Return how much of a visit was done: ``complete``, ``complete without …`` or ``broken off``;
-    empty while it is under way.
+    """Return how much of a visit was done: ``complete``, ``complete without …`` or ``broken off``,
+    or what a visitor chose who left; empty while it is under way.
     """
     if visit.ended is None:
         return ""
-    return "complete" + without(visit.skipped) if visit.outcome == "SUCCESS" else BROKEN_OFF
+    if visit.outcome == "SUCCESS":
+        return "complete" + without(visit.skipped)
+    return visit.result if visit.result in CHOSEN else BROKEN_OFF
 
 
 def how_it_ended(visit: Visit) -> str:
@@ -283,7 +285,13 @@ def recovering(event: events.Recovering) -> str:
     """Return what a recovery does."""
     if event.substitute:
         return clean(f"doing {event.substitute} in place of {event.node}")
-    return clean(f"retrying {event.node}, {event.attempt} of {event.of}")
+    # the first attempt has failed
+    return clean(f"trying {event.node} again, attempt {event.attempt + 1} of {event.of + 1}")
+
+
+def to_check(failure: Failure) -> str:
+    """Return where a person has to look for the cause of a failure that persists."""
+    return clean("check " + (failure.resource or "the mission"))
 
 
 def waiting(event: events.Paused) -> str:
@@ -391,10 +399,12 @@ def _run_finished(before: State, event: events.RunFinished, after: State) -> Ite
 def _pass_finished(before: State, event: events.PassFinished, after: State) -> Iterator[_Said]:
     visit = after.visit
     if visit is not None:
-        text = f"pass {event.number}: {event.outcome} after {visit.seconds:.1f} s"
+        is_chosen = visit.outcome != "SUCCESS" and visit.result in CHOSEN
+        outcome = "over" if is_chosen else event.outcome
         is_complete = visit.outcome == "SUCCESS" and not visit.skipped
-        severity = "info" if is_complete else "warning"
-        yield "visit", severity, f"{text}: {how_it_ended(visit)}", 0.0
+        severity = "info" if is_complete or is_chosen else "warning"
+        text = f"pass {event.number}: {outcome} after {visit.seconds:.1f} s: {how_it_ended(visit)}"
+        yield "visit", severity, text, 0.0
 
 
 def _leaf_finished(before: State, event: events.LeafFinished, after: State) -> Iterator[_Said]:
@@ -425,9 +435,19 @@ def _stop_changed(before: State, event: events.StopChanged, after: State) -> Ite
             severity = "warning" if stop.skipped else "info"
             yield "stop", severity, f"{stop_name(stop)}, is completed{without(stop.skipped)}", 0.0
         else:
-            yield "stop", "warning", f"{stop_name(stop)}, is broken off: {why(stop.why)}", 0.0
+            yield "stop", _severity(stop), _broken_off(stop), 0.0
     if event.state == events.BEGUN and after.stop is not None:
         yield "stop", "info", stop_name(after.stop), 0.0
+
+
+def _severity(stop: Stop) -> str:
+    """Return that of a stop that is broken off: it is no failure that a visitor leaves."""
+    has_left = stop.why is not None and stop.why.kind == LEFT and stop.why.blind is None
+    return "info" if has_left else "warning"
+
+
+def _broken_off(stop: Stop) -> str:
+    return f"{stop_name(stop)}, is broken off: {why(stop.why)}"
 
 
 def _recovering(before: State, event: events.Recovering, after: State) -> Iterator[_Said]:
@@ -447,11 +467,11 @@ def _recovered(before: State, event: events.Recovered, after: State) -> Iterator
     elif stop is None and event.outcome != GIVEN_UP:
         yield ("recovery", *_done(before, event, text), incident)
     elif not before.has_given_up(event):
-        severity = "warning" if event.failure.cause is Cause.CONDITION_FALSE else "error"
+        is_false = event.failure.cause is Cause.CONDITION_FALSE
         if stop is None:
-            yield "recovery", severity, "gave up: " + text, incident
+            yield "recovery", "warning" if is_false else "error", "gave up: " + text, incident
         else:
-            yield "stop", severity, f"{stop_name(stop)}, is broken off: {text}", incident
+            yield "stop", _severity(stop) if is_false else "error", _broken_off(stop), incident
 
 
 def _done(before: State, event: events.Recovered, needed: str) -> Tuple[str, str]:
@@ -463,13 +483,14 @@ def _done(before: State, event: events.Recovered, needed: str) -> Tuple[str, str
                        if recovery.path == event.path), None)
     if event.outcome == SUBSTITUTED and substitute is not None:
         return "warning", f"did {substitute} in place of {event.node}: {cause(event.failure)}"
-    return "info", f"{event.node} is done at the {ordinal(event.attempts + 1)} try"
+    return "info", f"{event.node} succeeded on the {ordinal(event.attempts + 1)} attempt"
 
 
 def _paused(before: State, event: events.Paused, after: State) -> Iterator[_Said]:
     to_do = ": restart it"
     if not event.awaited:
-        to_do = f"{';' if event.reason else ':'} failed last: {cause(event.failure)}: repair it"
+        last = f"{';' if event.reason else ':'} the last failure: {cause(event.failure)}"
+        to_do = f"{last}; {to_check(event.failure)}"
     text = waiting(event) + to_do + "; the mission goes on by itself"
     yield "recovery", "warning", text, _incident(after, event.failure, "")
 
