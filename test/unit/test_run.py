@@ -153,7 +153,7 @@ def test_a_run_is_held_from_one_word_of_the_operator_to_the_next():
     assert run.at(104.0).suspended == ("paused", 104.0)
     assert (card(run.at(104.0)).kind, card(run.at(104.0)).what) == ("paused", "paused")
     assert run.state.suspended[0] == "" and card(run.state).kind == "step"
-    assert card(run.state).next == "help (HandleFallBack)"
+    assert card(run.state).next == "help"
 
 
 def test_a_wait_is_over_when_something_else_begins_and_two_steps_may_be_under_way():

@@ -29,6 +29,7 @@ from behavior_controller.viewer import view
 from behavior_controller.run.from_viewer import (
     BEFORE, BREAKPOINT, SET, Hook, HookChange)
 from behavior_controller.missions.breakpoints import Breakpoints
+from behavior_controller.missions.load import describe
 from behavior_controller.run.moment import card, next_node, robot_line
 from behavior_controller.run.moment import Card, RobotLine, card_line
 from behavior_controller.run.record.feed import Entries, traversed, written
@@ -54,7 +55,7 @@ class Situation:
 
     def __init__(self, rig):
         self.rig = rig
-        self.run = Run([Line(rig.clock.now(), tree_shown(rig.tree))])
+        self.run = Run([Line(rig.clock.now(), describe(rig.tree, 1))])
         rig.mission.events.subscribe(self._take)
         self.entries = Entries(rig.tree)
         rig.tree.follow(self._follow)
@@ -114,7 +115,7 @@ def engages():
     now, robot = played.card, played.robot
     assert (now.kind, now.until - now.since) == ("step", 60.0)
     assert "second text 1" in now.what and "exhibit 1 of 2" in now.where
-    assert service_of(Say) in now.waits_for and now.next == "IsListWithExhibit"
+    assert service_of(Say) in now.waits_for and now.next == "is an exhibit left to visit"
     assert robot.is_well and (robot.place, robot.movement) == ("at exhibit 1", "off")
     return played, ["nothing runs", "gone"]
 
@@ -194,7 +195,8 @@ def sleep():
     rig.tick()
     rig.clock.advance(7.0)
     now = played.card
-    assert (now.kind, now.since, now.until, now.next) == ("asleep", 1000.0, 1030.0, "WelcomeSpeech")
+    assert (now.kind, now.since, now.until, now.next) == (
+        "asleep", 1000.0, 1030.0, "welcomes the visitor")
     return played, ["nothing runs"]
 
 
@@ -347,9 +349,11 @@ def test_a_wait_says_what_is_wrong_with_its_topic():
 
 
 @pytest.mark.parametrize("following, expected", [
-    ("<Sequence><SayGoodByeSpeech/></Sequence>", "SayGoodByeSpeech"),
-    ("<DescribeExhibitSpeech name='1'/>", "1 (DescribeExhibitSpeech)"),
-    ("<Script code='x := 2'/><SayGoodByeSpeech/>", "SayGoodByeSpeech"),
+    ("<Sequence><SayGoodByeSpeech/></Sequence>", "says goodbye"),
+    ("<DescribeExhibitSpeech name='1'/>", "describes the current exhibit"),
+    ("<Script code='x := 2'/><SayGoodByeSpeech/>", "says goodbye"),
+    ("<SayGoodBye/>", "says goodbye"), ("<IsASREnabled/>", "is speech recognised"),
+    ("<Sleep msec='9000'/>", "a pause"), ("<Navigate name='go there'/>", "go there"),
     ("<Sequence _skipIf='false'><SayGoodByeSpeech/></Sequence>", ""),
     ("<Sequence><SayGoodByeSpeech _while='true'/></Sequence>", ""),
     ("<Switch2 variable='{x}' case_1='1' case_2='2'><WelcomeGesture/><AlwaysSuccess/>"
@@ -470,9 +474,10 @@ TYPES = bt.Registry(bt.builtin_specs() + [
 
 def rows(body):
     """Return a tree as the record has it."""
-    return tree_shown(bt.load_text(
+    return replace(tree_shown(bt.load_text(
         "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>" + body +
-        "</BehaviorTree><BehaviorTree ID='S'><A/></BehaviorTree></root>", TYPES))
+        "</BehaviorTree><BehaviorTree ID='S'><A/></BehaviorTree></root>", TYPES)),
+                   summaries={name: name for name in "ABCD"})
 
 
 def around(kind, body="<A/>"):
@@ -541,7 +546,7 @@ CASES, PAIR = "<A/><B/><C/>", "<Sequence><A/><B/></Sequence>"
 def test_what_follows_a_node_that_succeeds(body, leaf, expected):
     tree = rows(body)
     uid = next(uid for uid, node in enumerate(tree.nodes, 1) if node.type == leaf)
-    assert next_node(State(tree=tree), uid) == expected
+    assert next_node(State(tree=tree), uid) == expected.lower()
 
 
 def test_no_node_follows_one_that_the_tree_lacks():
@@ -550,7 +555,7 @@ def test_no_node_follows_one_that_the_tree_lacks():
 
 def test_what_follows_in_loops_within_loops_is_found_quickly():
     deep = 20 * "<Repeat num_cycles='2'><Fallback>" + "<A/>" + 20 * "</Fallback></Repeat>"
-    assert next_node(State(tree=rows("<Sequence>" + deep + "<B/></Sequence>")), 42) == "A or B"
+    assert next_node(State(tree=rows("<Sequence>" + deep + "<B/></Sequence>")), 42) == "a or b"
 
 
 def test_a_way_to_the_next_leaf_that_is_too_long_is_left_open():
@@ -789,13 +794,13 @@ DELAY = TreeShown("", rows("<Delay delay_msec='4500'><A/></Delay>").nodes[:1])
     (State(exchanges=(ASKED, replace(ASKED, service="/other"))),
      Card("step", "saying “hello”", "", 120.0, waits_for="the answer of /say")),
     (State(tree=rows(PAIR), letters="RR-", running={2: 120.0}),
-     Card("busy", "runs A", "", 120.0, next="B", uid=2)),
+     Card("busy", "runs A", "", 120.0, next="b", uid=2)),
     (State(tree=rows(PAIR), letters="RS-"),
      Card("busy", "runs Sequence", next="the end of the visit", uid=1)),
     (State(tree=rows("<Sleep msec='{ms}'/>"), letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, next="the end of the visit", uid=1)),
     (State(tree=rows("<Sequence><Sleep msec='{ms}'/><A/></Sequence>"), letters="RR-"),
-     Card("asleep", "asleep", next="A", uid=2)),
+     Card("asleep", "asleep", next="a", uid=2)),
     (State(tree=DELAY, letters="R", running={1: 120.0}),
      Card("asleep", "asleep", "", 120.0, 124.5, next="the end of the visit", uid=1)),
     (State(tree=DELAY, letters="R"),
@@ -813,8 +818,10 @@ DELAY = TreeShown("", rows("<Delay delay_msec='4500'><A/></Delay>").nodes[:1])
      Card("held", "held by a breakpoint of Groot2 at node 1", "", 120.0,
           waits_for="its release in Groot2", uid=1)),
     (State(suspended=("waits for start", 120.0), visits=(VISIT,)),
-     Card("paused", "waits for start", "visitor 3", 120.0,
-          waits_for="the operator: rosservice call /behaviorController/start")),
+     Card("paused", "waits for start", "visitor 3", 120.0, waits_for="the operator")),
+    (State(suspended=("waits for start", 120.0), resume="/lab/tour/start"),
+     Card("paused", "waits for start", "", 120.0,
+          waits_for="the operator: rosservice call /lab/tour/start")),
     (State(at=130.0, finished=STOPPED, held={1: 120.0}), Card("ended", "stopped", "", 130.0))])
 def test_the_card_of_a_model(state, expected):
     assert card(state) == expected
@@ -822,11 +829,11 @@ def test_the_card_of_a_model(state, expected):
 
 @pytest.mark.parametrize("step, expected", [
     (Step("driving", 100.0, 180.0, 2, False, call=7),
-     Card("step", "driving", "", 100.0, 280.0, 1, 1, "the answer of /say", "", "B", 2)),
+     Card("step", "driving", "", 100.0, 280.0, 1, 1, "the answer of /say", "", "b", 2)),
     (Step("driving", 100.0, 0.0, 3, False, attempt=2, attempts=3, call=8),
      Card("step", "driving", "", 100.0, None, 2, 3, "", "", "the end of the visit", 3)),
     (Step("waiting", 100.0, 0.0, 2, True),
-     Card("wait", "waiting", "", 100.0, next="B", uid=2))])
+     Card("wait", "waiting", "", 100.0, next="b", uid=2))])
 def test_the_card_of_a_step(step, expected):
     state = State(tree=rows(PAIR), steps=(step,), exchanges=(ASKED,))
     assert card(state) == expected

@@ -559,6 +559,9 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
     ([], Suspended("paused"), "info", "paused", ()),
     ([], Suspended("paused", is_due=True), "info",
      "paused as soon as the robot has done what it does now", ()),
+    ([], Suspended("paused", True, "/r/node/start"), "info",
+     "paused as soon as the robot has done what it does now: to go on, rosservice call "
+     "/r/node/start", ()),
     ([Suspended("paused")], Suspended(""), "info", "goes on, started by the operator", ()),
     ([], HELD, "warning", "held by a breakpoint of Groot2 at Say", (3, "tour/Say::3")),
     ([HELD], replace(HELD, is_held=False), "info",

@@ -146,8 +146,8 @@ MODES: Tuple[Tuple[str, str, str, Tuple[Port, ...]], ...] = (
     ("SocialOvertAttentionMode", "social", "Looks at people.", ()),
     ("ScanningOvertAttentionMode", "scanning", "Looks around.", ()),
     ("SeekOvertAttentionMode", SEEKING, "Seeks mutual gaze (extension).", ()),
-    ("SeekingOvertAttentionMode", SEEKING, "Another name of SeekOvertAttentionMode (extension).",
-     ()),
+    ("SeekingOvertAttentionMode", SEEKING,
+     "Seeks mutual gaze; another name of SeekOvertAttentionMode (extension).", ()),
     ("LocationOvertAttentionMode", "location", "Looks at the gesture target (extension).",
      (GESTURE_TARGET.read("target"),)),
 )

@@ -136,7 +136,7 @@ def specs(speeches: Iterable[Speech]) -> Tuple[MissionSpec, ...]:
 
 
 SPECS = specs(SPEECHES) + (
-    leaf_spec("SayGoodBye", FixedSpeech, "Another name of SayGoodByeSpeech.",
+    leaf_spec("SayGoodBye", FixedSpeech, "Says goodbye; another name of SayGoodByeSpeech.",
               arguments={"phrase": "SayGoodByeSpeech"}, is_farewell=True),
     leaf_spec("DescribeExhibitSpeech", DescribeExhibitSpeech,
               "Describes the current exhibit: name 1 or 2 chooses the part, any other says both.",

@@ -87,19 +87,20 @@ class Runner:
     def __init__(self, running: Running, is_stopped: Callable[[], bool],
                  successor: Callable[[], Optional[Running]] = lambda: None,
                  stop_code: Callable[[], Optional[int]] = lambda: None,
-                 held: Callable[[], str] = lambda: ""):
+                 held: Callable[[], str] = lambda: "", resume: str = ""):
         """``successor`` returns what runs from the next pass on (with the same clock and wake-up),
         or None.
 
         ``stop_code`` returns the exit code of a run that was stopped; None: the last pass decides.
-        While ``held`` returns what an operator holds the run for, nothing new is begun.
+        While ``held`` returns what an operator holds the run for, nothing new is begun; ``resume``
+        is the service that ends that.
         """
         self._use(running)
         self.clock = self.tree.clock
         self.is_stopped = is_stopped
         self._successor = successor
         self._stop_code = stop_code
-        self._held = held
+        self._held, self._resume = held, resume
         self._suspended = Suspended("")
         self._number = 0
         self._outcome: Optional[str] = None  # of the last pass
@@ -235,7 +236,8 @@ class Runner:
         words = self._held()
         if words == self._suspended.words == "":  # as at almost every tick
             return False
-        now = Suspended(words, bool(words) and self.mission.gateway.is_busy)
+        is_due = bool(words) and self.mission.gateway.is_busy
+        now = Suspended(words, is_due, self._resume if words else "")
         if now != self._suspended:
             self._suspended = now
             self.mission.events.emit(now)

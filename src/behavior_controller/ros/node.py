@@ -385,7 +385,8 @@ class _Run:
                                 lambda: self._plan.settings.asr_enabled,
                                 lambda: self._plan.settings.gaze_value)
         self.runner = Runner(self._running(plan), signals.stop_requested.is_set, self._successor,
-                             lambda: signals.stop_code, lambda: self._held)
+                             lambda: signals.stop_code, lambda: self._held,
+                             rospy.resolve_name("~start"))
         self._blocked_tick = BlockedTickMonitor(self.runner, console.tell)
 
     def carry_out(self) -> int:

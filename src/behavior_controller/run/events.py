@@ -275,10 +275,12 @@ class HookEnded(BaseEvent, frozen=True):
 class Suspended(BaseEvent, frozen=True):
     """The operator holds the run: nothing is begun until another of these comes with no ``words``,
     which say what the run waits for. ``is_due``: as soon as the robot has done what it does now.
+    ``resume`` is the resolved name of the service that lets it go on.
     """
 
     words: str
     is_due: bool = False
+    resume: str = ""
 
 
 class Noticed(BaseEvent, frozen=True, omit_defaults=True):

@@ -428,7 +428,7 @@ def _suspended(state: State, event: Suspended) -> State:
     words = clean(event.words)
     if event.is_due:
         return replace(state, due=words)
-    return replace(state, suspended=(words, state.at), due="")
+    return replace(state, suspended=(words, state.at), resume=event.resume, due="")
 
 
 # ------------------------------------------------------------------------------- requests and robot

@@ -3,6 +3,7 @@
 Page, ``missionStatus`` and report show the same fields, the terminal the line. They are made from
 the model of the run and from nothing else.
 """
+import re
 from typing import Iterator, List, Literal, Optional, Tuple
 
 from msgspec import Struct
@@ -13,7 +14,7 @@ from behavior_controller.run.health import FAILING, GONE, NEW, SHORT, SILENT
 from behavior_controller.run.state import HOME, Robot, State, Step
 from behavior_controller.run.story import (
     STOP_BUTTON, cause, condition, conditions, end_headline, few, listed, may_be_under_way,
-    may_move, run_end, safe_parts, stop_name, step_words, switched_off, to_check,
+    may_move, resume, run_end, safe_parts, stop_name, step_words, switched_off, to_check,
     under_way_warning)
 from behavior_controller.robot.requests import SetAnimation, SetAttention
 from behavior_controller.text import clean
@@ -95,9 +96,8 @@ def card(state: State) -> Card:
                     since, waits_for="its release in Groot2", uid=uid)
     words, since = state.suspended
     if words:
-        robot = state.started.settings.get("robot", "") if state.started is not None else ""
-        call = f"rosservice call {robot and '/'}{robot}/behaviorController/start"
-        return Card("paused", words, where, since, waits_for=f"the operator: {call}")
+        call = state.resume and f": {resume(state.resume)}"
+        return Card("paused", words, where, since, waits_for=f"the operator{call}")
     if state.step is not None:
         return _of_step(state, state.step, where)
     return _of_tree(state, where)
@@ -163,12 +163,24 @@ def _name(state: State, uid: int) -> str:
 
 
 def next_node(state: State, uid: int) -> str:
-    """Return the name of the leaf that follows when node ``uid`` succeeds, or of the two that may,
-    or that the visit ends; empty if the tree leaves that open.
+    """Return in words which leaf follows when node ``uid`` succeeds, or which two may, or that the
+    visit ends; empty if the tree leaves that open, or has no words for it.
     """
     following = state.nodes[uid - 1].next if 0 < uid <= len(state.nodes) else ()
-    return " or ".join(_name(state, other) if other else "the end of the visit"
-                       for other in following)
+    words = [_purpose(state, other) if other else "the end of the visit" for other in following]
+    return " or ".join(words) if all(words) else ""
+
+
+def _purpose(state: State, uid: int) -> str:
+    """Return the name of a leaf if that is a phrase, or else what it is for: never its type."""
+    node = state.nodes[uid - 1] if 0 < uid <= len(state.nodes) else None
+    if node is None:
+        return ""
+    summary = "a pause" if node.pause else state.tree.summaries.get(node.type, "")
+    # what follows the first clause is about the node type
+    words = re.split(r"[.;:,]( |$)| \(", summary)[0].rstrip("?")
+    is_phrase = " " in node.name or not words and node.name != node.type
+    return clean(node.name if is_phrase else words[:1].lower() + words[1:])
 
 
 # ---------------------------------------------------------------------------------------- the robot

@@ -349,6 +349,7 @@ class State(Struct, frozen=True):
     recoveries: Tuple[RecoveryRound, ...] = ()  # under way
     letters: str = ""  # the status of each node, see ``NOT_TICKED``
     suspended: Tuple[str, float] = ("", 0.0)  # what the operator holds the run for; since when
+    resume: str = ""  # the service with which the operator lets it go on
     due: str = ""  # what for as soon as the robot has done what it does now
     running: Dict[int, float] = {}  # since when each node is running, by uid
     held: Dict[int, float] = {}  # since when a breakpoint of Groot2 holds each node, by uid

@@ -526,9 +526,18 @@ def _lost(before: State, event: events.Lost, after: State) -> Iterator[_Said]:
     yield "notice", "warning", str(event), 0.0
 
 
+def resume(service: str) -> str:
+    """Return the command with which an operator lets the run go on."""
+    return clean("rosservice call " + service)
+
+
 def _suspended(before: State, event: events.Suspended, after: State) -> Iterator[_Said]:
-    due = " as soon as the robot has done what it does now" if event.is_due else ""
-    yield "notice", "info", event.words + due or "goes on, started by the operator", 0.0
+    text = event.words or "goes on, started by the operator"
+    if event.is_due:
+        text += " as soon as the robot has done what it does now"
+    if event.words and event.resume:
+        text += ": to go on, " + resume(event.resume)
+    yield "notice", "info", text, 0.0
 
 
 def _breakpoint_changed(before: State, event: events.BreakpointChanged,

@@ -242,8 +242,8 @@ class View(story.Story):
 PARTS: Dict[str, Tuple[str, ...]] = {
     "mission": ("started", "tree"),
     "statuses": ("letters", "recoveries"),
-    "now": ("starting", "started", "finished", "held", "suspended", "due", "steps", "exchanges",
-            "robot", "visits", "safe_state", "tree", "failures"),
+    "now": ("starting", "started", "finished", "held", "suspended", "resume", "due", "steps",
+            "exchanges", "robot", "visits", "safe_state", "tree", "failures"),
     "story": ("visits",),
     "ready": ("checks", "said", "starting", "started", "finished", "robot"),
     "visits": ("visit_results", "finished"),
