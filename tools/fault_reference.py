@@ -19,29 +19,26 @@ _EXAMPLES = os.path.join(
 _MARK = "▸"
 _STANDS_FOR = {"␤": "\n", "␀": "\0", "␁": "\x01", "⟨long⟩": "a" * 100_001, "⟨many⟩": " ".join(
     f'_a{number}=""' for number in range(500))}
-_LONGEST = 600  # characters of an example
-_HEAD = """# What validateMission tells
+_LONGEST = 100  # characters of an example's line
+_HEAD = """# Mistakes by code
 
-Every kind of mistake has a code that stays the same. `error`: the file is not run. `warning`: it
-is run, but hardly does what its author means; `validateMission --ignore CODE` leaves out the
-warnings with a code. What is an error may be a warning in a tree that the mission does not use.
-This page is written by `make derived`; a test checks each example.
+`validateMission` prints these. A file with an error is not run. A file with a warning is run, but
+hardly does what its author means; `validateMission --ignore CODE` leaves out such warnings. An
+error in a tree that the mission does not use may be a warning. Each entry has a line with the
+mistake, and the message.
 
 ## The JSON of an editor
 
 `validateMission --json FILE…` prints an array with an object for each mistake, ordered by file,
-place, code and text:
+place, code and text. With `--watch` an array follows at each change.
 
-| member | type | meaning |
-|---|---|---|
-| `file` | string | the path, as it was given or included |
-| `range` | object or null | `start` and `end`, with `line` and `column` from 1; null: unknown |
-| `severity` | string | `error` or `warning` |
-| `code` | string | one of the codes below; empty for a file that is not a mission |
-| `text` | string | what is wrong, on one line |
-| `hint` | string | what to do, or what is allowed; may be empty |
-
-`end` is after the last character. With `--watch` an array follows at each change.
+| member | content |
+|---|---|
+| `file` | the path, as it was given or included |
+| `range` | `start` and `end` (after the last character), each with `line` and `column` from 1, or null |
+| `severity` | `error` or `warning` |
+| `code` | one of the codes below; empty for a file that is not a mission |
+| `text`, `hint` | the message, and the part in brackets, which may be empty |
 
 ## The codes
 """
@@ -92,15 +89,12 @@ def _example_of(text: str, is_bad: bool, is_file: bool, beside: str) -> Example:
 
 def page() -> str:
     """Return the page as Markdown."""
-    lines = [_HEAD, "| code | severity | meaning |", "|---|---|---|"]
-    lines += [f"| [{rule.code}](#{rule.code}) | {_severity(rule)} | {_escaped(rule.meaning)} |"
-              for rule in RULES.values()]
-    shown = examples()
+    lines, shown = [_HEAD], examples()
     for rule in RULES.values():
-        lines += ["", f"### {rule.code}", "", f"{_severity(rule)}: {_escaped(rule.meaning)}"]
+        lines += [f"### {rule.code}", "", f"{_severity(rule)}: {_escaped(rule.meaning)}", ""]
         for example in shown.get(rule.code, [])[:1]:
-            lines += list(_example(example))
-    return "\n".join(lines) + "\n"
+            lines += [" ".join(_example(example)), ""]
+    return "\n".join(lines)
 
 
 def _severity(rule: LintRule) -> str:
@@ -112,10 +106,13 @@ def _escaped(text: str) -> str:
 
 
 def _example(example: Example) -> Iterator[str]:
-    place = (example.line, example.column)
-    found = [str(fault) for fault in told(example.text) if (fault.line, fault.column) == place]
-    yield from ("", "```xml", _shown(example.text), "```", "")
-    yield from (f"`{_cut(words)}`" for words in found)
+    line = _shown(example.text.split("\n")[example.line - 1].strip())
+    if line:
+        yield f"`{line}`:"
+    for fault in told(example.text):
+        if (fault.line, fault.column) == (example.line, example.column):
+            _, _, message = str(fault._replace(is_warning=False)).partition(": ")
+            yield f"`{message}`"
 
 
 def told(text: str) -> List[Fault]:
@@ -127,10 +124,7 @@ def told(text: str) -> List[Fault]:
     return tree.warnings + on_robot(tree, settings.defaults())
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= _LONGEST else text[:_LONGEST // 2] + "…" + text[-40:]
-
-
-def _shown(text: str) -> str:
-    return "".join(letter if letter.isprintable() or letter == "\n" else ascii(letter)[1:-1]
-                   for letter in _cut(text))
+def _shown(line: str) -> str:
+    if len(line) > _LONGEST:
+        line = line[:_LONGEST // 2] + "…" + line[-20:]
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in line)

@@ -613,4 +613,6 @@ def test_the_reference_lists_the_codes_and_has_a_section_for_each():
 
 def test_the_reference_explains_a_code_with_what_is_told():
     fault, = told(examples()[rules.UNKNOWN_NODE.code][0].text)
-    assert "`{}`\n".format(fault) in sections(page())[rules.UNKNOWN_NODE.code]
+    line = '`<Sequense><Sleep msec="5"/></Sequense>`: '
+    section = sections(page())[rules.UNKNOWN_NODE.code]
+    assert line + "`{} ({})`\n".format(fault.text, fault.hint) in section
