@@ -32,7 +32,7 @@ registry.register_condition("IsCharged", is_charged, [bt.Port("at_least", "int",
 
 try:
     tree = bt.load(sys.argv[1], registry)
-except bt.MissionError as error:  # every fault of the file, a line each
+except bt.MissionError as error:  # every mistake of the file, a line each
     sys.exit(str(error))
 tree.blackboard["home"] = robot["at"]
 print(tree.tick_while_running().name, robot, tree.blackboard["battery"])

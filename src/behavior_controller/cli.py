@@ -53,13 +53,13 @@ def validate(argv: Optional[List[str]] = None) -> int:
 def _validation_arguments() -> argparse.ArgumentParser:
     parser = CommandParser(
         "validateMission", "Check robot missions without running them.",
-        "0 if no file has a fault, 2 if one has, 1 if a Python package is missing or too old")
+        "0 if no file has an error, 2 if one has, 1 if a Python package is missing or too old")
     parser.add_argument(
         "files", nargs="+", metavar="FILE",
         help="a mission or a project (.btproj), as Groot2 saves it, the name of a mission of a "
         "data folder, a folder of such files, or a knowledge file of release 1.0")
     parser.add_argument("--json", action="store_true",
-                        help="print the faults as a JSON array, for editors")
+                        help="print the mistakes as a JSON array, for editors")
     parser.add_argument("--main", metavar="TREE", help="the main tree, whatever the file says")
     parser.add_argument("--palette", metavar="FILE", action="append", default=[],
                         help="a file with a TreeNodesModel: its node types are taken as stubs")

@@ -89,9 +89,9 @@ def test_a_faulty_configuration_is_told(file, tmp_path, monkeypatch, capsys):
                         lambda name: path if name == settings.FILE_NAME else delivered(name))
     assert cli.validate([LAB_TOUR]) == 2
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "checked for the robot D5.4.3 (by default: the configuration has faults)"
+    assert lines[0] == "checked for the robot D5.4.3 (by default: the configuration has mistakes)"
     assert lines[1].startswith(path + ":2:13: verboseMode cannot be")
-    assert lines[3:] == [path + ": 2 faults", LAB_TOUR + ": can be run, 222 nodes, 0 warnings"]
+    assert lines[3:] == [path + ": 2 errors", LAB_TOUR + ": can be run, 222 nodes, 0 warnings"]
 
 
 def test_json_is_in_the_order_of_places(file, capsys):
@@ -115,8 +115,8 @@ def test_every_fault_of_every_file_is_printed_with_its_place(file, capsys):
                                     (good + "x: ", "unreadable-file")]):
         assert line.startswith(place) and line.endswith(" [{}]".format(code))
     assert lines[1] == "{}: can be run, 1 node, 1 warning".format(good)
-    assert lines[4] == "{}: 2 faults".format(bad)
-    assert lines[6:] == ["{}x: 1 fault".format(good)]
+    assert lines[4] == "{}: 2 errors".format(bad)
+    assert lines[6:] == ["{}x: 1 error".format(good)]
 
 
 def test_a_folder_or_fifo_in_place_of_a_mission_is_refused(tmp_path, capsys):

@@ -522,7 +522,7 @@ def test_phrases_of_a_package_are_checked_as_at_the_start(tmp_path, text, words)
     code, said = run("validateMission", "m", packages=tmp_path, paths=[tmp_path / "a/src"])
     lines = [line for line in said.splitlines() if line.startswith(str(tmp_path))]
     assert said.endswith("m.xml: can be run, 222 nodes, 0 warnings\n")
-    assert code == 2 and all(word in lines[0] for word in words) and "1 fault" in lines[1], said
+    assert code == 2 and all(word in lines[0] for word in words) and "1 error" in lines[1], said
 
 
 def test_two_packages_with_a_node_of_the_same_name(tmp_path):

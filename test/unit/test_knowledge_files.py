@@ -465,7 +465,7 @@ def test_validate_mission_takes_them(package, capsys):
         "preGestureMessageKinyarwanda  9 Nta kibazo.\n", ""), ("It is hot.", "")), encoding="utf-8")
     assert cli.validate([places, words]) == 0
     assert capsys.readouterr().out == (
-        "checked for the robot D5.4.3 (by default)\n{}: 0 faults\n{}: 0 faults\n".format(
+        "checked for the robot D5.4.3 (by default)\n{}: 0 errors\n{}: 0 errors\n".format(
             places, words))
     (package / "data" / "words.dat").write_text(changed(CULTURE, ("phrase 2", "")))
     assert cli.validate([words, folders.mission("lab_tour")]) == 2

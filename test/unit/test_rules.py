@@ -468,7 +468,7 @@ SAID += [
     (of_phrase, ("8", ), ["the culture file has no utility phrase 8"]),
     (of_text, (main("a text <Navigate/>"), ), ["this text is dropped: a text"]),
     (of_text, (main("<Sequence>{}</Sequence>".format("<Nope/>" * 1001)), ),
-     ["1 more faults are not shown"]),
+     ["1 more mistakes are not shown"]),
 ]
 
 

@@ -295,7 +295,7 @@ def test_each_tree_of_a_project_that_no_other_calls_is_a_main_tree(file):
     assert said(project) == ["p.btproj: can be run from each of A, B, 3 nodes, 0 warnings"]
     assert said(project, main="A") == ["p.btproj: can be run, 2 nodes, 0 warnings"]
     assert said(file("q.btproj", '<include path="a.xml"/>',
-                     '<include path="c.xml"/>')) == ["q.btproj: 1 fault"]
+                     '<include path="c.xml"/>')) == ["q.btproj: 1 error"]
     file("c.xml", TREE.format("C", LEAF))
     assert said(file("q.btproj", '<include path="a.xml"/>', '<include path="c.xml"/>')) == [
         "q.btproj: can be run, 2 nodes, 0 warnings"]
@@ -331,8 +331,8 @@ def test_a_palette_may_be_in_the_file_of_another_mission(file):
 def test_the_main_tree_may_be_chosen(file):
     path = file("m.xml", TREE.format("A", LEAF),
                 TREE.format("B", "<Sequence>{0}{0}</Sequence>".format(LEAF)))
-    assert said(path) == ["m.xml: 1 fault"]
-    assert said(path, main="C") == ["m.xml: 1 fault"]
+    assert said(path) == ["m.xml: 1 error"]
+    assert said(path, main="C") == ["m.xml: 1 error"]
     assert told(path, main="B") == [("m.xml", 2, "tree-unused")]
     assert told(path, main="C") == [("m.xml", 1, "main-tree-unknown")]
 
@@ -408,7 +408,7 @@ def test_a_warning_may_be_left_out_and_a_fault_not(file, capsys):
 
 def test_faults_and_warnings_are_counted_apart(file):
     path = file("m.xml", TREE.format("Main", '<Sequence><Slep/><Sleep msec="2 min"/></Sequence>'))
-    assert said(path) == ["m.xml: 1 fault, 1 warning"]
+    assert said(path) == ["m.xml: 1 error, 1 warning"]
 
 
 def test_a_code_that_does_not_exist_is_a_wrong_call(capsys):
@@ -444,14 +444,14 @@ def test_a_file_is_checked_again_at_each_save(file, tmp_path):
 
     try:
         assert line().endswith(" [unknown-node]\n")
-        assert line() == "{}: 1 fault\n".format(path)
+        assert line() == "{}: 1 error\n".format(path)
         os.replace(file("saved", TREE.format("A", LEAF)), str(tmp_path / "part.xml"))
         assert line() == "{}: can be run, 2 nodes, 0 warnings\n".format(path)
         os.replace(file("saved", TREE.format("Main", LEAF)), path)
         assert line() == "{}: can be run, 1 node, 0 warnings\n".format(path)
         os.remove(path)
         assert "cannot be read" in line()
-        assert line() == "{}: 1 fault\n".format(path)
+        assert line() == "{}: 1 error\n".format(path)
         os.mkdir(path)
         assert "the folder has no mission" in line()
     finally:

@@ -49,7 +49,7 @@ class Judgement:
             counts.insert(0, f"a palette of {count(self.palette, 'node type', 'node types')}")
         elif self.is_wrong or not self.nodes:
             counts = counts if warnings else []
-            counts.insert(0, count(len(self.faults) - warnings, "fault", "faults"))
+            counts.insert(0, count(len(self.faults) - warnings, "error", "errors"))
         else:
             done = "checked" if self.stubs else "can be run"
             if len(self.mains) > 1:
@@ -84,7 +84,7 @@ class Validation:
         chosen = attempt(lambda: settings.load(file), faults) if os.path.lexists(file) else None
         said_by = file if chosen else "by default"
         if faults:
-            said_by += ": the configuration has faults"
+            said_by += ": the configuration has mistakes"
         self._settings = chosen or settings.defaults()
         if robot:
             self._settings, said_by = replace(self._settings, robot_interface=robot), "--interface"

@@ -65,7 +65,7 @@ class Findings:
         """
         faults = sorted(dict.fromkeys(self.errors + self.warnings), key=by_place)
         if self._unrecorded:
-            text = f"{self._unrecorded} more faults are not shown"
+            text = f"{self._unrecorded} more mistakes are not shown"
             faults.append(Fault(file, 0, 0, text, code=rules.TOO_LARGE.code))
         return faults
 
