@@ -23,9 +23,11 @@ sys.path[:0] = [
 import fault_reference  # noqa: E402
 
 from behavior_controller import leaves  # noqa: E402
-from behavior_controller.config import settings  # noqa: E402
-from behavior_controller.bt.engine.registry import Direction, NodeSpec, Port  # noqa: E402
+from behavior_controller.config import recovery_policy, settings  # noqa: E402
+from behavior_controller.bt.engine.registry import (  # noqa: E402
+    Direction, Kind, NodeSpec, Port)
 from behavior_controller.robot.declarations import Interface  # noqa: E402
+from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES  # noqa: E402
 from behavior_controller.config.config_file import Key, REQUIRED, to_text  # noqa: E402
 from behavior_controller.leaves import data  # noqa: E402
@@ -35,6 +37,10 @@ from behavior_controller.simulation import configuration  # noqa: E402
 from behavior_controller.simulation.rehearsal import findings  # noqa: E402
 from unit_tests.robot import options  # noqa: E402
 from behavior_controller.simulation.behaviour import NODES  # noqa: E402
+
+_OTHER_NAME = re.compile(r"Another (?:name|spelling) of (\w+)")
+_CAUSES = (Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
+           Cause.TYPE_MISMATCH)
 
 Part = Callable[[str], str]
 """Returns a derived part; it is given the part as it is now."""
@@ -161,11 +167,35 @@ def offers() -> str:
                         _table([("topic read", "type", "without it")] + rows[services:])))
 
 
-def nodes() -> str:
-    """Return a table of what a node does, calls, listens to, reads and writes."""
-    return _table([("node", "does", "service or topic", "blackboard")] +
-                  [(spec.id, spec.summary, _resources(spec), _uses(spec.ports))
-                   for spec in leaves.specs()])
+def nodes(kind: Kind) -> str:
+    """Return a table of what the nodes of a kind do, call, listen to, read and write. Another name
+    of a node stands beside its first one."""
+    rows, names = [], {}  # type: List[Sequence[str]], Dict[str, List[str]]
+    for spec in leaves.specs():
+        first = _OTHER_NAME.match(spec.summary)
+        names.setdefault(first[1] if first else spec.id, []).append(spec.id)
+        if spec.kind is kind and not first:
+            rows.append((spec.id, spec.summary, _resources(spec), _uses(spec.ports)))
+    return _table([(kind.value.lower(), "does", "service or topic", "blackboard")] + [
+        (", ".join(names[row[0]]), *row[1:]) for row in rows])
+
+
+def recovery() -> str:
+    """Return a table of what the delivered policy does about the failures of each node."""
+    specs = leaves.mission_specs()
+    policy = recovery_policy.load(os.path.join(ROOT, "config", "recoveryPolicy.ini"), specs)
+    rows: Dict[Tuple[str, ...], List[str]] = {}  # cells -> nodes
+    for spec in specs:
+        if spec.calls and spec.kind is Kind.ACTION or spec.is_indispensable:
+            cells = tuple(_rule(policy.rule(spec, cause)) for cause in _CAUSES)
+            rows.setdefault(cells, []).append(spec.id)
+    return _table([("node", *(cause.value for cause in _CAUSES))] + [
+        (", ".join(names), *cells) for cells, names in rows.items()])
+
+
+def _rule(rule: recovery_policy.Rule) -> str:
+    then = rule.substitute.id if rule.substitute else rule.then.replace("giveUp", "give up")
+    return (f"{rule.retries}×, " if rule.retries else "") + then
 
 
 def entries() -> str:
@@ -191,7 +221,7 @@ def _resources(spec: NodeSpec) -> str:
     names = [_robot(request).resource(request)
              for request in spec.calls] + [topic.name for topic in DEFAULT.used((), spec.listens)
                                            ] if isinstance(spec, MissionSpec) else []
-    return ", ".join(names) or "–"
+    return ", ".join(names)
 
 
 def _robot(request: type) -> Interface:
@@ -204,7 +234,7 @@ def _uses(ports: Iterable[Port]) -> str:
     read = [_shown(port) for port in ports if port.direction is not Direction.OUT]
     written = [_shown(port) for port in ports if port.direction is not Direction.IN]
     return "; ".join(f"{verb} {', '.join(names)}"
-                     for verb, names in (("reads", read), ("writes", written)) if names) or "–"
+                     for verb, names in (("reads", read), ("writes", written)) if names)
 
 
 def _shown(port: Port) -> str:
@@ -303,7 +333,9 @@ PARTS: Dict[str, Dict[str, Part]] = {
     "env-hooks/60.cssr_system.bash": {"words": _fixed(completion)},
     "docs/reference.md": {
         "keys": _fixed(lambda: keys_table("key", settings.KEYS)),
-        "services and topics": _fixed(offers), "nodes": _fixed(nodes), "entries": _fixed(entries),
+        "services and topics": _fixed(offers), "entries": _fixed(entries),
+        "actions": _fixed(lambda: nodes(Kind.ACTION)),
+        "conditions": _fixed(lambda: nodes(Kind.CONDITION)), "recovery": _fixed(recovery),
         "findings": _fixed(rehearsal_findings),
         "keys of a test": _fixed(lambda: keys_table("key", configuration.KEYS))},
     "config/" + settings.FILE_NAME: {"keys": key_lines(settings.KEYS)},

@@ -47,26 +47,25 @@ class Settings:
     robot_interface: str = key(
         one_of(*INTERFACES), DEFAULT.name,
         "the interface of the robot's nodes: " + " or ".join(map("`{}`".format, INTERFACES)))
-    robot: str = key(namespace, "", "`robot1`: the names of the robot's services, topics and "
-                                    "actions, and that of the controller, are below `/robot1`; "
-                                    "empty: as in the document")
+    robot: str = key(namespace, "", "`robot1`: all names, also the controller's, are below "
+                                    "`/robot1`; empty: as in the document")
     tablet_success_is: str = key(
         one_of("done", YES), "done", "release-1.0, release-1.1: `yes` counts any press on the "
         "tablet as yes, `done` as no answer")
     wait_for_speech: str = key(one_of(DESCRIPTIONS, "all", "none"), DESCRIPTIONS,
-                               "release-1.0, in English: which speeches last as long as their "
-                               "words do, before the mission goes on")
+                               "release-1.0, in English: the speeches that last as long as "
+                               "their words")
     speech_pace: float = key(
         number(0.1, 100.0, of="words per second"), 3.0,
-        "release-1.0, in English: how fast the robot speaks, in words per second")
+        "release-1.0, in English: the words that the robot speaks per second")
     language: str = key(language_name, "English",
                         "the robot's phrases: `data/phrases_<language>.ini`")
     mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0: no limit")
     startup_timeout: float = key(seconds(), 0.0,
                                  "seconds to wait for missing robot nodes at the start")
     startup_check: str = key(one_of("mission", "all"), "mission",
-                             "services and topics to check at the start and to monitor: "
-                             "those of the `mission`, or `all` of the robot")
+                             "checked at the start and monitored: the services and topics "
+                             "of the `mission`, or `all` of the robot")
     topic_max_age: float = key(seconds(0.001), 2.0,
                                "seconds after which a face or gaze message counts as absent")
     condition_wait: float = key(
@@ -90,14 +89,13 @@ class Settings:
     monitor_address: str = key(bind_address, "127.0.0.1",
                                "bind address for the page, as `groot2Address`")
     ros_interface: bool = key(
-        boolean, False, "`true`: publishes `/diagnostics` and `~state`, and offers the services "
-        "`~start`, `~pause`, `~stop` and `~reload`")
+        boolean, False, "`true`: publishes `/diagnostics` and `~state`, offers `~start`, `~pause`, "
+        "`~stop` and `~reload`")
     start_by: str = key(
-        one_of("robot", OPERATOR), "robot", "`operator`: the mission waits for a call of `~start` "
-        "before the first visitor (with `rosInterface true`)")
-    record_directory: str = key(folder, "", "folder for the records, each run's in a folder of "
-                                            "its own; empty: one among ROS' logs; `none`: no "
-                                            "record")
+        one_of("robot", OPERATOR), "robot", "`operator`: the first visitor waits for a call of "
+        "`~start` (with `rosInterface true`)")
+    record_directory: str = key(folder, "", "folder for the records; empty: one among ROS' "
+                                            "logs; `none`: no record")
 
     def deadline(self, service: Service) -> float:
         """Return the seconds that a call of ``service`` may take."""
@@ -132,7 +130,7 @@ def _deadlines() -> Iterator[Key]:
             by_key.setdefault(service.deadline_key, []).append(service)
     for name, services in by_key.items():
         names = " or ".join(dict.fromkeys(f"`{service.name}`" for service in services))
-        yield Key(name, seconds(0.001), services[0].deadline, f"seconds that {names} may take")
+        yield Key(name, seconds(0.001), services[0].deadline, f"seconds for {names}")
 
 
 _DEADLINES = tuple(_deadlines())

@@ -64,14 +64,14 @@ class Configuration:
                              "`true`: a line for every request and every new message")
     visitor_behaviour: str = key(
         Reader(_BEHAVIOURS.allowed, lambda text: ALIASES.get(text) or _BEHAVIOURS(text)), ENGAGES,
-        f"what the visitor does: {_quoted(BEHAVIOURS)}, or `{RANDOM}`: one of them at random")
+        f"the visitor: {_quoted(BEHAVIOURS)}, or `{RANDOM}`")
     mission_runs: int = key(integer(1, 10 ** 6), 1, "visitors until the test ends")
     random_seed: Optional[int] = key(
         Reader(_SEED.allowed + ", or nothing", lambda text: _SEED(text) if text else None), None,
         "the same seed, the same faults and gaps between messages; empty: random, and printed")
     fault_kinds: Tuple[str, ...] = key(
         dataclasses.replace(_some_of(KINDS), is_allowed=re.compile(r"[^,\s]").search), (REFUSED,),
-        f"in which ways calls go wrong: {_quoted(KINDS)}, with commas between them")
+        f"how calls go wrong: {_quoted(KINDS)}, with commas between them")
     planned_faults: Tuple[PlannedFault, ...] = key(
         _several(
             "node:call or node:call:kind, with commas between them, where node is one of {}, "
@@ -80,20 +80,17 @@ class Configuration:
         "calls that go wrong in any case, such as `robotNavigation:3, textToSpeech:1:crash`")
     recognise_by: str = key(
         one_of(TOPIC, ACTION, IDLE_ACTION), TOPIC,
-        "how a robot of release 1.0 or 1.1 reports what it hears: `topic` is "
-        "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`, `idleAction` is "
-        "the same and never handles a goal")
+        "how a robot of release 1.0 or 1.1 reports speech: by `topic`, by `action`, "
+        "or by an action that never handles a goal (`idleAction`)")
     absent_services: Tuple[str, ...] = key(
         _some_of(OPTIONAL), (),
-        f"services that a robot of release 1.0 or 1.1 does not offer: {_quoted(OPTIONAL)}, with "
-        "commas between them")
+        "services that a robot of release 1.0 or 1.1 lacks, with commas between them")
     absent_actions: Tuple[str, ...] = key(
         _some_of(ACTIONS), (),
-        f"actions that a robot of release 1.1 does not offer: {_quoted(ACTIONS)}, with commas "
-        "between them")
+        "actions that a robot of release 1.1 lacks, with commas between them")
     quick_nodes: Tuple[str, ...] = key(
         _some_of(SERVERS), (),
-        "nodes whose calls take no time, so that of two steps at once the other one ends last")
+        "nodes whose calls take no time, with commas between them")
     call_times: str = key(
         one_of(AUTO, REAL, NONE), AUTO,
         "how long simulated calls take: `real` as on a robot, `none` no time at all, `auto` as "

@@ -51,7 +51,7 @@ def test_a_port_is_shown_with_its_default(derive, monkeypatch):
                               ("literal", "45"), ("needed", None)))
     monkeypatch.setattr(derive.leaves, "specs",
                         lambda: [MissionSpec("Bow", Kind.ACTION, None, ports, "Bows.")])
-    assert derive.nodes().splitlines()[2:] == ["| Bow | Bows. | – | reads `entry`, `other` "
+    assert derive.nodes(Kind.ACTION).splitlines()[2:] == ["| Bow | Bows. |  | reads `entry`, `other` "
                                                "(`{@entry}`), `local` (`{there}`), `literal` "
                                                "(`45`), `needed` |"]
 
@@ -60,4 +60,4 @@ def test_a_request_that_no_robot_has_a_service_for_is_named(derive, monkeypatch)
     monkeypatch.setattr(derive.leaves, "specs",
                         lambda: [MissionSpec("Ask", Kind.ACTION, None, calls=(Request, ))])
     with pytest.raises(LookupError, match="no service is declared for the request Request"):
-        derive.nodes()
+        derive.nodes(Kind.ACTION)
