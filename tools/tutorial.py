@@ -74,7 +74,7 @@ def said(step: Step) -> str:
         write_mission(step, folder)
         shown = []
         for command in re.findall(r"^\$ (.*)$", step.console, re.M):
-            text = _output(command, folder)
+            text = run(command, folder)
             text = text.replace(folder + os.sep, "").replace(ROOT + os.sep, "")
             text = re.sub(r"(simulated runs?) in [\d.]+ s", r"\1", text)
             text = re.sub(r"(lab_tour\.xml):\d+:\d+", r"\1", text)
@@ -82,8 +82,8 @@ def said(step: Step) -> str:
     return "\n".join(shown[:-1]) + "\n"
 
 
-def _output(command: str, folder: str) -> str:
-    """Return what a command says; rosrun is not needed for it."""
+def run(command: str, folder: str) -> str:
+    """Run a command in a folder, and return what it says; rosrun is not needed for it."""
     _, package, name, *options = command.split()
     program = os.path.join(ROOT, EXECUTABLES[package], name)
     done = subprocess.run([sys.executable, program, *options], cwd=folder, stdout=subprocess.PIPE,

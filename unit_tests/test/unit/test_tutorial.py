@@ -2,6 +2,7 @@
 import importlib.util
 import os
 import re
+import shutil
 from xml.etree import ElementTree
 
 import pytest
@@ -47,6 +48,18 @@ def test_each_step_says_what_the_commands_say(step):
     names = [line.split()[3] for line in commands_of(step)]
     assert names == ["validateMission", "rehearseMission"]
     assert step.console == tutorial.said(step)
+
+
+def test_the_first_commands_make_the_project(tmp_path):
+    with open(tutorial.DOCUMENT, encoding="utf-8") as file:
+        make, copy, export = re.search(r"^```\n(.*?)^```", file.read(), re.M | re.S)[1].splitlines()
+    assert make == "mkdir ~/reception && cd ~/reception"
+    assert copy == 'cp "$(rospack find cssr_system)/data/lab_tour.xml" .'
+    shutil.copy(folders.mission("lab_tour"), str(tmp_path))
+    tutorial.run(export, str(tmp_path))
+    with open(str(tmp_path / export.split()[-1]), encoding="utf-8") as file:
+        project = file.read()
+    assert '"lab_tour.xml"' in project and '"START_OF_TREE"' in project
 
 
 def test_the_last_commands_copy_what_belongs_to_the_name():
