@@ -1,7 +1,10 @@
 """What controller, simulated robot and judge share may be wrong in all of them: a test is FAILED
 then, if a visitor or the robot would notice."""
+import os
+
 import pytest
 
+from behavior_controller import folders
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import settings
 from behavior_controller.missions import load as missions
@@ -50,3 +53,10 @@ def test_a_fault_in_shared_code_is_failed_unless_nobody_notices(what):
 
 def test_the_family_has_every_kind():
     assert len(FAULTS) >= 60 and set(UNNOTICED) <= set(FAULTS)
+
+
+def test_the_explanation_has_these_figures():
+    with open(os.path.join(folders.share(), "docs", "verdict.md"), encoding="utf-8") as file:
+        text = " ".join(file.read().split())
+    assert "makes {} faults in shared code".format(len(FAULTS)) in text
+    assert "{} are FAILED".format(len(FAULTS) - len(UNNOTICED)) in text

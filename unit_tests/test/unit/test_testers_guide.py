@@ -7,7 +7,7 @@ import pytest
 from behavior_controller.simulation import behaviour, configuration
 from behavior_controller.simulation.rehearsal import arrival_waits
 from behavior_controller.simulation.visitor import BEHAVIOURS, LONG_WAIT
-from unit_tests.judge import execution, facts
+from unit_tests.judge import execution, facts, outcome
 from unit_tests.robot import options
 from unit_tests.run import test_node as node
 
@@ -44,6 +44,7 @@ def test_the_explanation_has_the_same_limits():
     assert "a step may be {:g} s late, and a request may be on record {:g} s early".format(
         facts.LATE_TOLERANCE, facts.EARLY_TOLERANCE) in text
     assert "no sign came for more than {:g} s".format(LONG_WAIT) in text
+    assert "`arrivalRate` is below {:g}".format(outcome.PROMPT_RATE) in text
 
 
 def test_the_guide_has_each_visitor():
