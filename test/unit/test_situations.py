@@ -1053,6 +1053,7 @@ def test_any_moment_can_be_shown_again_and_now_comes_back(browser, monkeypatch):
         lost = moments[5]
         open_page(browser, shown)
         wait_until(lambda: "ended" in browser.execute_script("return document.body.className"))
+        assert browser.execute_script("return document.getElementById('ready').hidden")
         times = sorted({line.time for line in played.run.lines})
         assert len(times) > 8
         for at in times[1:-1:3]:

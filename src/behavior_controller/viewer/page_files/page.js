@@ -215,7 +215,8 @@ const READY_SIGNS = {ready: "✔", untried: "○", awaited: "…", doubtful: "!"
 function showReady(ready) {
   const counts = {}, box = byId("ready").querySelector("details");
   for (const row of ready.rows) counts[row.state] = (counts[row.state] || 0) + 1;
-  byId("ready").hidden = !ready.rows.length;
+  const isOver = visit !== null && parts.now && parts.now.ended;
+  byId("ready").hidden = isOver || !ready.rows.length;
   put(byId("ready-title"), ready.is_ready ? "Ready" : "Not ready");
   put(byId("ready-summary"), Object.entries(counts).map(([state, count]) => count + " " + state).join(", "));
   byId("ready").classList.toggle("not", !ready.is_ready);
