@@ -49,8 +49,10 @@ OF_THE_PRODUCT = ("bt", "run", "errors", "exit_codes", "text", "folders", "exten
 that a run is made of, and the test that was run. docs/testers_guide.md says what proves it."""
 
 ONLY = {"foreign.py": ("config.phrases",), "journal_check.py": ("robot.declarations",),
-        "report.py": ("config.config_file", "simulation.behaviour", "viewer.report")}
-"""What one module uses beside that: declarations of other packages and of services; the report."""
+        "report.py": ("config.config_file", "simulation.behaviour", "viewer.report"),
+        "verdict.py": ("viewer.report",)}
+"""What one module uses beside that: declarations of other packages and of services; the report, and
+its words."""
 
 
 @pytest.mark.parametrize("name", JUDGES)

@@ -17,7 +17,8 @@ from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
-    Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say, SetAttention)
+    Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say, SetAttention,
+    SetRecognition)
 from behavior_controller.text import clean, count, docstring
 
 from behavior_controller.simulation.rehearsal.play import (
@@ -169,9 +170,12 @@ class Play:
                 or self.spec(result.uid).needs(data.VISITOR_RESPONSE.name)}
 
     def has_same_answer(self, other: "Play") -> bool:
-        """Return whether the visitor has given the same answer."""
+        """Return whether the visitor has given the same answer, and none by a tablet that fails:
+        its refusal may stand for a no."""
         visit, usual = self.run.state.visit, other.run.state.visit
-        return visit is not None and usual is not None and visit.answer == usual.answer
+        tablets = {each.service for each in self.exchanges if isinstance(each.request, Prompt)}
+        return visit is not None and usual is not None and visit.answer == usual.answer \
+            and tablets.isdisjoint(self.faulty())
 
     def is_question(self, request: Request) -> bool:
         """Return whether the robot asks the visitor."""
@@ -456,7 +460,8 @@ def _left_out_step(play: Play) -> Iterator[Place]:
     for exchange in calm.exchanges:
         # how often the visitor is asked depends on what the visitor says
         may_be_missing = exchange.service in faulty and play.faults > 1 \
-            or play.is_question(exchange.request) or isinstance(exchange.request, Prompt)
+            or play.is_question(exchange.request) \
+            or isinstance(exchange.request, (Prompt, SetRecognition))
         if made[exchange.uid] < usual[exchange.uid] and not may_be_missing \
                 and exchange.uid not in failed:
             nearest = max(failed, key=lambda uid: (uid < exchange.uid, uid))

@@ -249,7 +249,8 @@ class PlayRunner(VirtualTimeRunner):
         if isinstance(event, PassFinished):
             self._ended = at
             self._left_behind = self._situations.left_behind()
-        elif isinstance(event, PassStarted) and event.number > self._robot.test.mission_runs:
+        elif (isinstance(event, PassStarted) and self._then
+              and event.number > self._robot.test.mission_runs):
             self._robot.world.visitor.succeed(self._then.pop(0))
             self._robot.topics.forget()
 

@@ -21,7 +21,6 @@ from behavior_controller.config.config_file import (
 from behavior_controller.config.settings import split_arguments, unread
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
 from behavior_controller.robot.declarations import Action, Interface, Service
-from behavior_controller.ros.names import words_of
 from behavior_controller.ros_arguments import ASSIGNMENT
 from behavior_controller.simulation.behaviour import NODES
 from behavior_controller.simulation.configuration import (
@@ -155,6 +154,7 @@ class Options:
     @property
     def words(self) -> List[str]:
         """The command line for rospy. Raises ConfigurationError as ``words_of``."""
+        from behavior_controller.ros.names import words_of  # who only reads options has no ROS
         return words_of(self.world.settings.robot, self.arguments.words)
 
 
