@@ -3,7 +3,7 @@ writes it."""
 import os
 import re
 import textwrap
-from typing import Dict, Iterator, List, NamedTuple
+from typing import Dict, List, NamedTuple
 
 from behavior_controller.config import settings
 from behavior_controller.bt.loader.document import parse, with_includes
@@ -24,8 +24,8 @@ _HEAD = """# Mistakes by code
 
 `validateMission` prints these. A file with an error is not run. A file with a warning is run, but
 hardly does what its author means; `validateMission --ignore CODE` leaves out such warnings. An
-error in a tree that the mission does not use may be a warning. Each entry has a line with the
-mistake, and the message.
+error in a tree that the mission does not use may be a warning. Each entry has its meaning, a line
+with the mistake, and the message, with the remedy in brackets.
 
 ## The JSON of an editor
 
@@ -91,10 +91,17 @@ def page() -> str:
     """Return the page as Markdown."""
     lines, shown = [_HEAD], examples()
     for rule in RULES.values():
-        lines += [f"### {rule.code}", "", f"{_severity(rule)}: {_escaped(rule.meaning)}", ""]
-        for example in shown.get(rule.code, [])[:1]:
-            lines += [" ".join(_example(example)), ""]
+        example = "".join(map(_example, shown.get(rule.code, [])[:1]))
+        meaning = "" if _says(example, rule.meaning) else f" {_escaped(rule.meaning)}"
+        lines += [f"### {rule.code}", "", f"{_severity(rule)}:{meaning}{example}", ""]
     return "\n".join(lines)
+
+
+def _says(example: str, meaning: str) -> bool:
+    """Return whether an example has most words of a meaning, which then need not be repeated."""
+    wanted, said = ({word[:5] for word in re.findall(r"\w{4,}", text.lower())}
+                    for text in (meaning, example))
+    return len(wanted & said) >= 0.6 * len(wanted)
 
 
 def _severity(rule: LintRule) -> str:
@@ -105,14 +112,12 @@ def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("_", "\\_")
 
 
-def _example(example: Example) -> Iterator[str]:
+def _example(example: Example) -> str:
     line = _shown(example.text.split("\n")[example.line - 1].strip())
-    if line:
-        yield f"`{line}`:"
-    for fault in told(example.text):
-        if (fault.line, fault.column) == (example.line, example.column):
-            _, _, message = str(fault._replace(is_warning=False)).partition(": ")
-            yield f"`{message}`"
+    messages = [str(fault._replace(is_warning=False)).partition(": ")[2]
+                for fault in told(example.text)
+                if (fault.line, fault.column) == (example.line, example.column)]
+    return f" `{line}`" * bool(line) + "".join(f"\n\n`{text}`" for text in messages)
 
 
 def told(text: str) -> List[Fault]:
