@@ -51,9 +51,18 @@ def test_a_port_is_shown_with_its_default(derive, monkeypatch):
                               ("literal", "45"), ("needed", None)))
     monkeypatch.setattr(derive.leaves, "specs",
                         lambda: [MissionSpec("Bow", Kind.ACTION, None, ports, "Bows.")])
-    assert derive.nodes(Kind.ACTION).splitlines()[2:] == ["| Bow | Bows. |  | reads `entry`, `other` "
-                                               "(`{@entry}`), `local` (`{there}`), `literal` "
-                                               "(`45`), `needed` |"]
+    assert derive.nodes(Kind.ACTION).splitlines()[2:] == [
+        "| Bow | Bows. |  | reads `entry`, `other` (`{@entry}`), `local` (`{there}`), `literal` "
+        "(`45`), `needed` |"]
+
+
+def test_another_name_of_a_node_stands_beside_it_and_conditions_apart(derive, monkeypatch):
+    monkeypatch.setattr(derive.leaves, "specs", lambda: [
+        MissionSpec("Bow", Kind.ACTION, None, (), "Bows."), MissionSpec(
+            "Bend", Kind.ACTION, None, (), "Another name of Bow."), MissionSpec(
+                "IsBowed", Kind.CONDITION, None, (), "Is it bowed?")])
+    assert derive.nodes(Kind.ACTION).splitlines()[2:] == ["| Bow, Bend | Bows. |  |  |"]
+    assert derive.nodes(Kind.CONDITION).splitlines()[2:] == ["| IsBowed | Is it bowed? |  |  |"]
 
 
 def test_a_request_that_no_robot_has_a_service_for_is_named(derive, monkeypatch):
