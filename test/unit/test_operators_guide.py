@@ -3,6 +3,8 @@ import ast
 import glob
 import os
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -160,9 +162,28 @@ def test_the_budget_and_the_pauses_are_those_of_the_policy(document):
     assert "up to {} s".format(longest) in text
 
 
+def exit_codes():
+    """Return command -> exit codes of the reference."""
+    table = text_of("reference.md").partition("\n## Exit codes\n")[2].partition("\n## ")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")]
+            for line in table.splitlines() if line.startswith("| `")]
+    return {row[0].strip("`"): [str(code) for code, cell in enumerate(row[1:]) if cell]
+            for row in rows}
+
+
+@pytest.mark.parametrize("command", exit_codes())
+def test_the_help_of_a_command_has_the_exit_codes_of_the_reference(command):
+    folder = "../unit_tests/nodes" if command == "runTest" else "../src/behavior_controller"
+    text = subprocess.check_output([sys.executable, os.path.join(DOCUMENTS, folder, command),
+                                    "--help"], universal_newlines=True)
+    said = " ".join(text.split()).rpartition("exit code")[2][:450]
+    assert [code for code in exit_codes()[command] if not re.search(rf"\b{code}\b", said)] == []
+
+
 @pytest.mark.parametrize("document, claim", [
     ("operators_guide.md", "no drive under way"), ("operators_guide.md", "ten thousand events"),
     ("reference.md", "ten thousand events"), ("../README.md", "leaves the robot safe"),
-    ("tutorial.md", "both commands warn")])
+    ("tutorial.md", "both commands warn"), ("release_1_0.md", "unreached"),
+    ("architecture.md", "version 8"), ("authors_guide.md", "32 kinds")])
 def test_no_wrong_claim_is_back(document, claim):
     assert claim not in " ".join(text_of(document).split())
