@@ -1,15 +1,21 @@
 """The tester's guide and the reference have the visitors, and the limits of a test."""
 import os
 import re
+from math import inf
 
 import pytest
 
 from behavior_controller.simulation import behaviour, configuration
 from behavior_controller.simulation.rehearsal import arrival_waits
-from behavior_controller.simulation.visitor import BEHAVIOURS, LONG_WAIT
+from behavior_controller.simulation.rehearsal.play import leaves_reached
+from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES, LONG_WAIT
 from unit_tests.judge import execution, facts, outcome
 from unit_tests.robot import options
+from unit_tests.judge.report import Report, summary_lines
+from unit_tests.judge.verdict import Verdict
 from unit_tests.run import test_node as node
+
+import plays
 
 DOCS = os.path.join(os.path.dirname(os.path.abspath(__file__)), *[os.pardir] * 3, "docs")
 
@@ -52,3 +58,20 @@ def test_the_guide_has_each_visitor():
     rows = re.findall(r"(?m)^\| `(\w+)` \|", guide.partition("## The visitor")[2])[1:]
     assert sorted(rows) == sorted(BEHAVIOURS)
     assert "`startupTimeout` is {:g} if".format(options.STARTUP_TIMEOUT) in guide
+
+
+def in_a_simulated_run(line):
+    """Return a line without what differs from run to run: times, and conditions while it waits."""
+    return re.sub(r"[\d.]+ s\b|\d+ (?=conditions? false)|^ +[\d.]+(?=  )", "…", line)
+
+
+def test_the_guide_quotes_what_a_test_prints():
+    of_test = plays.facts(failure_rate=0.1, random_seed=1, arrival_rate=inf)._replace(
+        expected=leaves_reached(plays.stage(), ENGAGES))
+    told = [str(Verdict(of_test)), *Report(of_test, "title").visitors,
+            *summary_lines(of_test)]
+    quoted = text_of("testers_guide.md").partition("## What a test prints")[2].partition("```")[2]
+    wanted = [line for line in quoted.partition("```")[0].splitlines()
+              if re.match(r"PASSED|pass 1|coverage| +\d+ (of|branches)", line)]
+    assert len(wanted) == 5
+    assert {in_a_simulated_run(line) for line in wanted} <= set(map(in_a_simulated_run, told))
