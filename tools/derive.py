@@ -170,7 +170,8 @@ def offers() -> str:
 def nodes(kind: Kind) -> str:
     """Return a table of what the nodes of a kind do, call, listen to, read and write. Another name
     of a node stands beside its first one."""
-    rows, names = [], {}  # type: List[Sequence[str]], Dict[str, List[str]]
+    rows: List[Tuple[str, ...]] = []
+    names: Dict[str, List[str]] = {}
     for spec in leaves.specs():
         first = _OTHER_NAME.match(spec.summary)
         names.setdefault(first[1] if first else spec.id, []).append(spec.id)
