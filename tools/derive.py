@@ -206,9 +206,10 @@ def entries() -> str:
 
 
 def rehearsal_findings() -> str:
-    """Return a table of the findings of a rehearsal."""
+    """Return a table of the findings of a rehearsal, with the first sentence of each meaning."""
     return _table([("finding", "meaning")] + [
-        (f"`{kind.name}`", kind.means) for kind in findings.KIND_BY_NAME.values()])
+        (f"`{kind.name}`", re.split(r"(?<=\.) ", kind.means)[0])
+        for kind in findings.KIND_BY_NAME.values()])
 
 
 def _table(rows: Sequence[Tuple[str, ...]]) -> str:

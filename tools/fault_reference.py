@@ -7,7 +7,7 @@ from typing import Dict, List, NamedTuple
 
 from behavior_controller.config import settings
 from behavior_controller.bt.loader.document import parse, with_includes
-from behavior_controller.bt.loader.rules import RULES, LintRule
+from behavior_controller.bt.loader.rules import RULES
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.missions.load import build_tree, on_robot
 
@@ -23,9 +23,9 @@ _LONGEST = 100  # characters of an example's line
 _HEAD = """# Mistakes by code
 
 `validateMission` prints these. A file with an error is not run. A file with a warning is run, but
-hardly does what its author means; `validateMission --ignore CODE` leaves out such warnings. An
-error in a tree that the mission does not use may be a warning. Each entry has its meaning, a line
-with the mistake, and the message, with the remedy in brackets.
+hardly does what its author means; `validateMission --ignore CODE` leaves out such warnings. Each
+entry has its meaning, a line with the mistake, and the message, with the remedy in brackets. The
+entries that are not marked as warnings are errors. An error in an unused tree may be a warning.
 
 ## The JSON of an editor
 
@@ -93,7 +93,8 @@ def page() -> str:
     for rule in RULES.values():
         example = "".join(map(_example, shown.get(rule.code, [])[:1]))
         meaning = "" if _says(example, rule.meaning) else f" {_escaped(rule.meaning)}"
-        lines += [f"### {rule.code}", "", f"{_severity(rule)}:{meaning}{example}", ""]
+        severity = "warning:" if rule.is_warning else ""
+        lines += [f"### {rule.code}", "", f"{severity}{meaning}{example}".lstrip(), ""]
     return "\n".join(lines)
 
 
@@ -102,10 +103,6 @@ def _says(example: str, meaning: str) -> bool:
     wanted, said = ({word[:5] for word in re.findall(r"\w{4,}", text.lower())}
                     for text in (meaning, example))
     return len(wanted & said) >= 0.6 * len(wanted)
-
-
-def _severity(rule: LintRule) -> str:
-    return "warning" if rule.is_warning else "error"
 
 
 def _escaped(text: str) -> str:

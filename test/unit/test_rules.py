@@ -613,7 +613,7 @@ def test_the_reference_lists_the_codes_and_has_a_section_for_each():
 
 def test_the_reference_explains_a_code_with_what_is_told():
     fault, = told(examples()[rules.UNKNOWN_NODE.code][0].text)
-    line = 'error: No node type has this name. `<Sequense><Sleep msec="5"/></Sequense>`\n\n'
+    line = '\nNo node type has this name. `<Sequense><Sleep msec="5"/></Sequense>`\n\n'
     section = sections(page())[rules.UNKNOWN_NODE.code]
     assert line + "`{} ({})`\n".format(fault.text, fault.hint) in section
     repeated = sections(page())[rules.ATTRIBUTE_VALUE.code]  # its message has the meaning
