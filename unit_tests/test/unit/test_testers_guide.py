@@ -5,6 +5,8 @@ from math import inf
 
 import pytest
 
+pytest.importorskip("rospkg", reason="needs ROS, which this interpreter does not have")
+
 from behavior_controller.simulation import behaviour, configuration
 from behavior_controller.simulation.rehearsal import arrival_waits
 from behavior_controller.simulation.rehearsal.play import leaves_reached
