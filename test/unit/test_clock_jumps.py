@@ -12,6 +12,7 @@ from behavior_controller.run import events
 from behavior_controller.run.events import (
     Answered, Asked, HealthChanged, Noticed, PassStarted, StepStarted)
 from behavior_controller.run.health import GONE
+from behavior_controller.run.record.recorder import Record
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as console_module
@@ -78,7 +79,7 @@ def test_what_a_person_has_to_do_is_said_whenever_the_clock_jumps(robot_lines, j
     (-HOUR, "jumped back by 1:00:00"), (90061, "jumped forward by 1 day, 1:01:01")])
 def test_a_jump_is_told_once(robot_lines, jump, by, words):
     clock, told = ManualClock(), []
-    robot_lines[0].start_heartbeat(clock, told.append)
+    robot_lines[0].start_heartbeat(clock, told.append, Record())
     clock.advance(10.0)
     assert not told
     jump(by)

@@ -7,19 +7,23 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.run import events
 from behavior_controller.run.events import (
-    HealthChanged, LeafFinished, LeafSummary, Noticed, PassFinished, PassStarted, Paused, Recovered,
-    Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources, StopChanged)
+    Asked, BreakpointChanged, HealthChanged, LeafFinished, LeafSummary, Noticed, PassFinished,
+    PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted, SafePart,
+    SafeStateReported, Sources, StepStarted, StopChanged, Suspended, Tick, TreeNode, TreeShown)
 from behavior_controller.run.events import Line
 from behavior_controller.run.health import GONE
 from behavior_controller.run.history import Run
 from behavior_controller.run.moment import robot_line
+from behavior_controller.run.record.recorder import Record
 from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as module
 from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.console import FILE_ONLY, ROSOUT_LOGGER, Console
 from behavior_controller.ros.sinks import Sink
-from behavior_controller.text import Source
+from behavior_controller.text import Source, clean
 from told_visits import RUNS, Teller, rig_of
 
 ODD = "\x1b[2J\n[INFO] behaviorController: pass 1: SUCCESS\r\t\x9b\u202e\ud800"
@@ -143,9 +147,57 @@ def test_nodes_that_go_together_are_said_once_more_and_not_one_by_one(told_at):
 def test_a_heartbeat_brings_what_was_held_back(told_at, told, console):
     clock = ManualClock()
     told_at((0.0, gone("a")), (0.1, gone("b")))
-    console.start_heartbeat(clock, console)
+    console.start_heartbeat(clock, console, Record())
     clock.advance(10.0)
     assert "Restart /a and /b" in told_at((10.0, Noticed("info", "so")))[-1]
+
+
+DRIVES = (
+    PassStarted(1, 0.0), StepStarted(2, "Navigate", "a", "driving", "to Robot arm", 180.0, False),
+    Asked(1, "/go", GoTo(Location(1.0, 2.0, 0.0))))
+
+
+@pytest.mark.parametrize("happened, line", [
+    (DRIVES, "driving to Robot arm, 40 s of at most 180 s · waits for the answer of /go"),
+    ((*DRIVES, HealthChanged("service", "/go", "", False, "slow", "", "slow")),
+     "driving to Robot arm, 40 s of at most 180 s; /go is slow · waits for the answer of /go"),
+    ((PassStarted(1, 0.0), StepStarted(1, "Navigate", "a", "driving", "home", 0.0, False)),
+     "driving home, 40 s"),
+    ((PassStarted(1, 0.0), StepStarted(1, "Seen", "a", "waiting for a visitor", "", 0.0, True)),
+     "waiting for a visitor, 40 s"),
+    ((Tick(0.0, True, [(1, "R")]),), "asleep, 40 s of at most 90 s"),
+    ((BreakpointChanged(1, "a", True),),
+     "held by a breakpoint of Groot2 at Sleep, 40 s · waits for its release in Groot2"),
+    ((Suspended("waiting for the operator's start", resume="/lab/tour/start"),),
+     "waiting for the operator's start, 40 s · waits for the operator: rosservice call "
+     "/lab/tour/start"),
+    ((Paused(FAILURE, "/nav"),), "waiting for /nav to return, 40 s; the last failure: exception in "
+     "the server (" + clean(ODD) + ") · next: the next visit")])
+def test_a_heartbeat_is_the_line_of_the_card(told, console, monkeypatch, happened, line):
+    clock, record = ManualClock(), Record()
+    console.start_heartbeat(clock, console, record)
+    monkeypatch.setattr(events, "unix_now", lambda: 1000.0)
+    for event in (TreeShown("M", [TreeNode("a", "Sleep", "Sleep", 0, 90.0)]), *happened):
+        record(event)
+    record.hand_over()
+    monkeypatch.setattr(module, "unix_now", lambda: 1040.0)
+    clock.advance(10.0)
+    console.drain(5)
+    assert told[-1] == "behaviorController: running. " + line
+
+
+@pytest.mark.parametrize("seconds, lines", [
+    (3.9, []), (4.5, ["the controller stood still for 4 s"]),
+    (61.0, ["the controller stood still for 60 s"])])
+def test_a_controller_that_stood_still_says_so_when_it_goes_on(told, console, seconds, lines):
+    clock, emitted = ManualClock(100.0), []
+    console.start_heartbeat(clock, emitted.append, Record())
+    clock.advance(5.0)
+    clock.set_to(105.0 + seconds)
+    clock.run_due()
+    clock.advance(5.0)
+    console.drain(5)
+    assert [event.text for event in emitted] == lines
 
 
 def test_the_robot_is_told_once_at_the_end(told_at):

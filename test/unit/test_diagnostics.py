@@ -85,7 +85,8 @@ def test_a_recovery_is_a_warning_and_what_is_given_up_an_error():
 
 
 def test_a_recovery_says_what_it_does_and_then_that_it_is_not_over():
-    assert after(DRIVES, FAILED, RETRIED)[1]["recovery"].message == "trying Navigate again, attempt 2 of 3"
+    message = after(DRIVES, FAILED, RETRIED)[1]["recovery"].message
+    assert message == "trying Navigate again, attempt 2 of 3"
     # the retry is a step of its own; when it has failed there is none
     for event in (DRIVES, Retried("Navigate", "go", 1, BUSY)):
         found = after(DRIVES, FAILED, RETRIED, event)[1]["recovery"]

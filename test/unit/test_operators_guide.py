@@ -18,7 +18,7 @@ from behavior_controller.robot import rhythm
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.interfaces import DEFAULT
 from behavior_controller.ros import action_client, console, handshakes, ros_interface, sinks
-from behavior_controller.run import health, history, safe_state
+from behavior_controller.run import events, health, history, safe_state
 from behavior_controller.run.record import files, recorder, tail
 from behavior_controller.simulation.rehearsal import cli
 from behavior_controller.viewer import groot2, process, view, web_page, zmtp
@@ -84,12 +84,12 @@ def test_the_policy_for_conditions_is_that_of_the_reference():
     f"the last {files.RUN_BYTES / 1e6:.0f} MB are kept",
     f"room for {web_page.MOST_CONNECTIONS} connections",
     f"each of Groot2's two for {zmtp.MOST_CLIENTS}",
-    f"silent for {view.HANGS:.0f} s",
+    f"silent for {events.HANGS:.0f} s",
     f"wait {RETURN_LIMIT:.0f} s at most",
     f"most {text.MOST_BYTES / 1e6:.0f} MB, a mission {document.LARGEST / 1e6:.0f} MB, a file of a "
     f"record {tail.LARGEST_FILE / 1e6:.0f} MB",
     f"at {files.FILE_BYTES / 2e6:.0f} MB, or at {files.FILE_BYTES / 1e6:.0f} MB",
-    f"`running.` every {console.HEARTBEAT_INTERVAL:.0f} s",
+    f"`running. …` every {console.HEARTBEAT_INTERVAL:.0f} s",
     f"{health.FAILURES_IN_A_ROW} calls in a row",
     f"no sign of life for {process.NO_SIGN_LIMIT:.0f} s",
     f"not acknowledged within {action_client.ACK_LIMIT:.0f} s",

@@ -296,11 +296,12 @@ def test_a_path_that_is_longer_than_the_terminal_is_whole(streams):
 def test_a_terminal_gets_no_name_of_the_node_but_with_the_heartbeat(streams):
     operator, terminal = pty.openpty()
     sink = take_over(terminal, terminal)
-    for text in ("drove home", "running."):
+    for text in ("drove home", "running. asleep, 3 s"):
         print("[INFO] [12:00:00]: behaviorController: " + text)
     sink.drain(5)
     assert all_shown(operator, terminal).split("\r\n") == [
-        "[INFO] [12:00:00]: drove home", "[INFO] [12:00:00]: behaviorController: running.", ""]
+        "[INFO] [12:00:00]: drove home",
+        "[INFO] [12:00:00]: behaviorController: running. asleep, 3 s", ""]
 
 
 @pytest.mark.parametrize("value, has_colours", [(None, True), ("", True), ("1", False)])

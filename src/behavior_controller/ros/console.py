@@ -21,10 +21,11 @@ from rosgraph.roslogging import configure_logging, makedirs_with_parent_perms
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.command import no_resources
 from behavior_controller.run.events import (
-    Event, LeafFinished, Noticed, Retried, RunFinished, SafeStateReported, clock_shift,
-    computer_now)
+    HANGS, PULSE, Event, LeafFinished, Noticed, Retried, RunFinished, SafeStateReported,
+    clock_shift, computer_now, unix_now)
 from behavior_controller.run.state import State
-from behavior_controller.run.moment import instruction, robot_line
+from behavior_controller.run.moment import card, card_line, instruction, robot_line
+from behavior_controller.run.record.recorder import LineQueue, Record
 from behavior_controller.ros.sinks import (
     Detached, LineHandler, Sink, drain, take_over_streams, use_line_handler)
 from behavior_controller.run.story import Story
@@ -188,18 +189,26 @@ class Console:
             self._shortage_reported_at = time.monotonic()
             self.tell("error", no_resources(error))
 
-    def start_heartbeat(self, clock: Clock, emit: Callable[[Event], None]) -> None:
-        """Show every ten seconds that the tick thread still runs its timers, and ``emit`` an event
-        if the computer's clock has jumped."""
+    def start_heartbeat(self, clock: Clock, emit: Callable[[Event], None], record: Record) -> None:
+        """Show every ten seconds that the tick thread still runs its timers, and what the run does,
+        by the lines of ``record``; ``emit`` an event if the computer's clock has jumped."""
+        run, story = LineQueue(), Story()
+        record.add(run)
+
+        def write(at: float) -> None:
+            self._log_robot(at)
+            story.extend(run.take())
+            self._log(at, "info", f"running. {card_line(card(story.state), unix_now())}")
+
         def beat() -> None:
             jump, self._clock_shift = clock_shift() - self._clock_shift, clock_shift()
             if jump:
                 emit(Noticed("warning", jumped(jump)))
-            self._lines.put(partial(self._log_robot, computer_now()))
-            self.tell("info", "running.")
+            self._lines.put(partial(write, computer_now()))
             clock.call_after(HEARTBEAT_INTERVAL, beat)
 
         clock.call_after(HEARTBEAT_INTERVAL, beat)
+        _watch_pulse(clock, emit)
 
 
 def _make_safe(record: logging.LogRecord) -> bool:
@@ -212,6 +221,20 @@ def _make_safe(record: logging.LogRecord) -> bool:
         details = " (details in the log file)"
     record.msg, record.args = clean(head) + details, ()
     return True
+
+
+def _watch_pulse(clock: Clock, emit: Callable[[Event], None]) -> None:
+    """Have an event emitted after each time in which the tick thread has stood still."""
+    last = clock.source()
+
+    def look() -> None:
+        nonlocal last
+        still, last = clock.source() - last - PULSE, clock.source()
+        if still >= HANGS:
+            emit(Noticed("warning", f"the controller stood still for {still:.0f} s"))
+        clock.call_after(PULSE, look)
+
+    clock.call_after(PULSE, look)
 
 
 def jumped(seconds: int) -> str:

@@ -387,11 +387,13 @@ class _Run:
         self.runner = Runner(self._running(plan), signals.stop_requested.is_set, self._successor,
                              lambda: signals.stop_code, lambda: self._held,
                              rospy.resolve_name("~start"))
-        self._blocked_tick = BlockedTickMonitor(self.runner, console.tell)
+        self._blocked_tick = BlockedTickMonitor(
+            self.runner, lambda level, text: events.emit(Noticed(level, text)))
 
     def carry_out(self) -> int:
         """Run the mission, whose leaves are set up, and return the exit code."""
-        self._console.start_heartbeat(self._clock.process, self._events.emit)
+        self._console.start_heartbeat(self._clock.process, self._events.emit,
+                                      self._outputs.record)
         try:
             self._monitor.start()
             self._blocked_tick.start()

@@ -167,8 +167,8 @@ class LineStream(io.TextIOBase):
 NAMED = "]: behaviorController: "
 """What a terminal, which shows one program, does without; other readers get the node's name."""
 
-HEARTBEAT_END = ": running."
-"""The end of the only line that keeps it (D3.2)."""
+HEARTBEAT = NAMED + "running."
+"""The only line that keeps it (D3.2)."""
 
 
 def take_over_streams() -> Sink:
@@ -188,7 +188,7 @@ def _stream_sink(stream: Any) -> Sink:
         text, end = line.text, RESET if line.colours else ""
         with contextlib.suppress(OSError):  # the terminal is gone
             if stream.isatty():
-                if not text.endswith(HEARTBEAT_END):
+                if HEARTBEAT not in text:
                     text = text.replace(NAMED, "]: ", 1)
                 text = fitted(text, os.get_terminal_size(stream.fileno()).columns)
             data = f"{line.colours}{text}{end}\n".encode(stream.encoding, "backslashreplace")

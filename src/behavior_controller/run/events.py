@@ -481,6 +481,9 @@ EVENTS: Tuple[Any, ...] = get_args(Event)
 PULSE = 1.0
 """Seconds between two signs of life of the tick thread."""
 
+HANGS = 3.0
+"""Seconds without one after which it hangs."""
+
 _unix_at_zero = _computer_at_zero = time.time() - time.monotonic()
 _now: Callable[[], float] = time.monotonic  # of the mission's clock
 _ros_now: Optional[Callable[[], Optional[float]]] = None  # where the mission's time is simulated

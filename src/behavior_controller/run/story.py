@@ -14,8 +14,8 @@ from behavior_controller.run.events import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.run.fold import fold, why_recovered
 from behavior_controller.run.health import NEW, SIMULATED_TIME
 from behavior_controller.run.state import (
-    BROKEN_OFF, CHOSEN, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, RESULTS, SILENT_VISITOR,
-    STOPPED, UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
+    BROKEN_OFF, CHOSEN, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, RESULTS,
+    SILENT_VISITOR, STOPPED, UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
 from behavior_controller.robot.requests import MOTION

@@ -12,8 +12,8 @@ from behavior_controller.robot.declarations import (
     Action, Interface, Plain, Publication, Sense, Service, Success, Topic)
 from behavior_controller.robot.requests import (
     LETTERS_A_SECOND, Answer, AttentionStatus, Exhibit, Faces, GoTo, GoToGoal, Location,
-    PerformGesture, PerformGestureGoal, Point, Prompt, QueryKnowledge, Say, SayGoal, SetAnimation, SetAttention,
-    SetPose, SetRecognition, SetRecognitionLanguage)
+    PerformGesture, PerformGestureGoal, Point, Prompt, QueryKnowledge, Say, SayGoal, SetAnimation,
+    SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.robot.interfaces import INTERFACES
 
 from behavior_controller.simulation.faults import REFUSED, WRONG

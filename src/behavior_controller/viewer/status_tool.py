@@ -25,7 +25,7 @@ from behavior_controller import exit_codes, folders, ros_arguments
 from behavior_controller.errors import MissionError
 from behavior_controller.folders import mission_name
 from behavior_controller.run.events import (
-    AWAITED, DOUBTFUL, MISSING, READY, unix_now, use_clock_of)
+    AWAITED, DOUBTFUL, HANGS, MISSING, READY, unix_now, use_clock_of)
 from behavior_controller.run.readiness import UNTRIED
 from behavior_controller.run.moment import card_line
 from behavior_controller.run.record import files
@@ -35,7 +35,7 @@ from behavior_controller.run.state import State
 from behavior_controller.viewer import parts
 from behavior_controller.viewer.addresses import is_loopback
 from behavior_controller.viewer.backlog import Batch
-from behavior_controller.viewer.view import CONTROLLER_STOPPED, HANGS, View
+from behavior_controller.viewer.view import CONTROLLER_STOPPED, View
 from behavior_controller.text import clean
 
 DONE_AGAIN = "again"

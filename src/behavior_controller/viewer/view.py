@@ -9,7 +9,7 @@ from msgspec.structs import asdict, replace
 
 from behavior_controller.folders import mission_name
 from behavior_controller.run.events import (
-    Event, HealthChanged, PassStarted, PortText, TreeNode, TreeShown, clock_shift, unix_now)
+    HANGS, Event, HealthChanged, PassStarted, PortText, TreeNode, TreeShown, clock_shift, unix_now)
 from behavior_controller.run.state import (
     Exchange, LeafFailure, NodeResult, State, Step, Visit, rank, step_over)
 from behavior_controller.viewer import parts
@@ -31,9 +31,6 @@ RESULTS = 5
 
 LONGEST_PORT = 120
 """The most characters of a port's text."""
-
-HANGS = 3.0
-"""Seconds without a sign of the tick thread after which it hangs."""
 
 CONTROLLER_STOPPED = "the controller has stopped"
 """How a run ended that does not say so itself."""
