@@ -77,6 +77,9 @@ COMMANDS = {
     "src/behavior_controller/replayMission": (
         "Run a recorded mission again, or write a report of it.",
         "behavior_controller.replay_cli"),
+    "src/behavior_controller/tryRobot": (
+        "Send the robot one request, and say what it answers.",
+        "behavior_controller.ros.try_robot"),
     "src/behavior_controller/validateMission": (
         "Check robot missions without running them.", "behavior_controller.cli", "validate"),
     "src/behavior_controller/rehearseMission": (

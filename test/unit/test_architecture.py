@@ -25,7 +25,7 @@ PRODUCT = "behavior_controller"
 # decides.
 LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "missionViewer", "py-trees-render",
-     "rehearseMission", "replayMission", "validateMission"],
+     "rehearseMission", "replayMission", "tryRobot", "validateMission"],
     ["ros", "cli", "command", "replay_cli"],
     ["simulation"],
     ["missions.blocked_tick", "viewer"],

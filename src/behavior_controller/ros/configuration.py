@@ -43,6 +43,11 @@ def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> load.Mission:
     return plan
 
 
+def read_settings() -> settings.Settings:
+    """Read the configuration alone. Raises FaultsFound or NodesMissing."""
+    return settings.load(folders.config(settings.FILE_NAME), _private_parameters(), _given())
+
+
 def valid_values() -> Dict[str, Any]:
     """Return the value of each key, whatever is wrong with the others, and without its parameter if
     the master does not answer. Raises ConfigurationError if the file cannot be read."""

@@ -1,0 +1,235 @@
+"""``tryRobot``: sends the robot one request, and says what it answers; refused while a mission uses
+the robot."""
+import contextlib
+import math
+import signal
+import sys
+import time
+from typing import Any, Callable, FrozenSet, List, Optional, Sequence, Tuple, Union
+
+import rospy
+
+from behavior_controller import exit_codes
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.config import knowledge_files, settings
+from behavior_controller.errors import BehaviorControllerError, ConfigurationError, FaultsFound
+from behavior_controller.leaves.attention import MODES
+from behavior_controller.leaves.release_1_0 import GESTURES
+from behavior_controller.robot.declarations import Service
+from behavior_controller.robot.gateway import UNCERTAIN, UNSENT, Call, Cause, Failure
+from behavior_controller.robot.requests import (
+    MOTION, SOUND, Answer, PerformGesture, Point, Request, Say, SetAttention, Words)
+from behavior_controller.ros.configuration import chosen_robot, read_settings
+from behavior_controller.ros.in_use import check_unused
+from behavior_controller.ros.master import IN_USE, adopt, join, set_names
+from behavior_controller.ros.names import words_of
+from behavior_controller.ros.service_client import RosGateway
+from behavior_controller.ros.timeouts import Late, run_apart
+from behavior_controller.ros.types import resolved
+from behavior_controller.ros_arguments import ASSIGNMENT, CommandParser
+from behavior_controller.run.story import STOP_BUTTON
+from behavior_controller.text import clean, did_you_mean
+
+NAME = "tryRobot"
+
+STEP_LIMIT = 15.0
+"""Seconds that each step may take that asks the master."""
+
+PARTING = 0.5
+"""Seconds in which a goal that is given up is cancelled, before the process ends."""
+
+EXIT_CODES = """0: the robot did it; 1: the master or the robot's node is missing or of another
+type, or a mission uses the robot; 2: wrong arguments or configuration, or the robot does not offer
+this; 3: the robot refused it, failed, or gave no answer in time"""
+
+MODE_NAMES = tuple(dict.fromkeys(state for _, state, _, _ in MODES))
+LOCATION = "location"
+"""The mode of attention that has a target."""
+
+Result = Union[Answer, Failure]
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    """Return the exit code, see ``EXIT_CODES``."""
+    keys = {key.name for key in settings.KEYS}
+    # a key is also understood as roslaunch gives it, without its underscore
+    sys.argv[1:] = ["_" * (word.partition(ASSIGNMENT)[0] in keys) + word
+                    for word in (sys.argv[1:] if arguments is None else arguments)]
+    given = settings.split_arguments(sys.argv)[0]
+    kind, words = read_words(rospy.myargv(given)[1:])
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        ConfigurationError.raise_any(settings.unread(given[1:]))
+        names = _apart(lambda: _set_names(given))
+        chosen = _apart(read_settings)
+        return _try(chosen, request_of(kind, words, chosen), names)
+    except FaultsFound as error:
+        return _tell(exit_codes.WRONG_INPUT, str(error))
+    except Late:
+        return _tell(exit_codes.UNAVAILABLE, f"the ROS master: no answer within {STEP_LIMIT:g} s")
+    except BehaviorControllerError as error:
+        return _tell(exit_codes.UNAVAILABLE, str(error))
+    except KeyboardInterrupt:
+        return _tell(exit_codes.UNAVAILABLE, "stopped; the robot was asked nothing")
+
+
+# ------------------------------------------------------------------------------------ the arguments
+
+
+def read_words(arguments: Sequence[str]) -> Tuple[str, List[str]]:
+    """Return what to try, and the words for it. Ends with an error if they mean nothing."""
+    parser = CommandParser(
+        NAME, "Sends the robot one request, and says what it answers: say TEXT, gesture "
+        f"{'|'.join(GESTURES)}, attention {'|'.join(MODE_NAMES)}. After {LOCATION}: X Y Z, metres "
+        "in the map frame.", EXIT_CODES)
+    parser.add_argument("kind", choices=("say", "gesture", "attention"))
+    parser.add_argument("words", nargs="+")
+    chosen = parser.parse_args(arguments)
+    kind, (word, *more) = chosen.kind, chosen.words
+    wrong = ""
+    if kind == "say":
+        wrong = "" if "".join(chosen.words).strip() else "there is no text to say"
+    elif kind == "gesture":
+        wrong = _unknown("gesture", word, list(GESTURES)) or _surplus(word, more)
+    elif word == LOCATION:
+        wrong = "" if len(_numbers(more)) == 3 else f"{LOCATION} needs three numbers: X Y Z"
+    else:
+        wrong = _unknown("mode of attention", word, MODE_NAMES) or _surplus(word, more)
+    if wrong:
+        parser.error(wrong)
+    return kind, chosen.words
+
+
+def _unknown(what: str, word: str, allowed: Sequence[str]) -> str:
+    if word in allowed:
+        return ""
+    hint = did_you_mean(word, allowed)
+    return f"no {what} {word!r}; allowed: {', '.join(allowed)}" + (f" ({hint})" if hint else "")
+
+
+def _surplus(word: str, more: List[str]) -> str:
+    return f"nothing follows {word}, not {more[0]!r}" if more else ""
+
+
+def _numbers(words: List[str]) -> Tuple[float, ...]:
+    """Return the words as numbers; none if one is not finite."""
+    try:
+        numbers = tuple(map(float, words))
+    except ValueError:
+        return ()
+    return numbers if all(map(math.isfinite, numbers)) else ()
+
+
+def request_of(kind: str, words: List[str], chosen: settings.Settings) -> Request:
+    """Return the request that these words mean. Raises FaultsFound if the robot's language cannot
+    be read."""
+    if kind == "say":
+        language, robot = chosen.language, chosen.interface
+        if robot.has_knowledge_files:
+            known = knowledge_files.load(chosen.scenario_specification, robot.takes_arm)
+            language = known.language
+        return Say(" ".join(words), language)
+    if kind == "gesture":
+        number = getattr(chosen, GESTURES[words[0]]["setting"])
+        return PerformGesture("iconic", number, chosen.gesture_duration)
+    if words[0] == LOCATION:
+        return SetAttention(LOCATION, Point(*_numbers(words[1:])))
+    return SetAttention(words[0])
+
+
+# ------------------------------------------------------------------------------------------ the try
+
+
+def _try(chosen: settings.Settings, request: Request, names: List[str]) -> int:
+    """Ask the robot, unless another node uses it, and return the exit code."""
+    robot = chosen.interface
+    if type(request) in robot.never_asked or not robot.serves(type(request)):
+        return _tell(exit_codes.WRONG_INPUT, f"the robot {robot.name} does not offer this")
+    service = robot.service(type(request))
+    services = frozenset(resolved(offer) for offer in robot.services)
+    _apart(lambda: check_unused(services))
+    _apart(lambda: _join(names, services))
+    limit, words = chosen.deadline(service), request.words or Words("asking")
+    doing = " ".join(filter(None, (words.doing, words.what)))
+    _tell(exit_codes.SUCCESS, f"asks the {service.kind} {resolved(service)}: {doing}; waits up to "
+                              f"{limit:g} s")
+    clock, wake, began = Clock(), WakeUp(), time.monotonic()
+    gateway = RosGateway(robot, chosen.deadline, clock, wake.emit,
+                         tell=lambda text: print(f"{NAME}: {clean(text)}", flush=True))
+    call = gateway.start(request)
+    try:
+        _await(call, clock, wake)
+    except KeyboardInterrupt:
+        call.finish(Failure(Cause.CONNECTION_LOST, "stopped by Ctrl-C", resolved(service)))
+    code = _report(request, service, call.result, time.monotonic() - began)
+    gateway.close()
+    if isinstance(call.result, Failure):
+        time.sleep(PARTING)
+    with contextlib.suppress(Late):
+        run_apart(lambda: rospy.signal_shutdown("done"), WakeUp(), lambda: False, PARTING)
+    return code
+
+
+def _await(call: Call, clock: Clock, wake: WakeUp) -> None:
+    while call.result is None:
+        wake.wait(clock.time_left())
+        wake.test_and_clear()
+        clock.run_due()
+
+
+def _report(request: Request, service: Service, result: Optional[Result], seconds: float) -> int:
+    """Say what the robot answered, and how that leaves it; return the exit code."""
+    name, failure = resolved(service), result if isinstance(result, Failure) else None
+    code, outcome = exit_codes.SUCCESS, f"done, after {seconds:.1f} s"
+    if failure is not None:
+        code = exit_codes.UNAVAILABLE if failure.cause in UNSENT else exit_codes.FAILURE
+        outcome = f"{_cause(failure)}: {failure.message}"
+    _tell(code, f"{name}: {outcome}")
+    is_open = failure is not None and failure.cause in UNCERTAIN
+    if isinstance(request, SetAttention) and request.state != "disabled" and (
+            failure is None or is_open):
+        _tell(code, f"attention {'may stay' if is_open else 'stays'} on; switch it off with: "
+                    f"rosrun cssr_system {NAME} attention disabled")
+    elif is_open and request.effect in (MOTION, SOUND) and request.words is not None:
+        advice = f": {STOP_BUTTON}" * (request.effect == MOTION)
+        _tell(code, f"the robot may still be {request.words.doing}{advice}")
+    return code
+
+
+def _cause(failure: Failure) -> str:
+    if failure.cause in (Cause.NOT_ADVERTISED, Cause.NOT_REACHABLE):
+        return "not there"
+    if failure.cause is Cause.TYPE_MISMATCH:
+        return "of another type"
+    return failure.cause.text
+
+
+# ---------------------------------------------------------------------------------------------- ROS
+
+
+def _set_names(given: List[str]) -> List[str]:
+    """Have rospy resolve names as for the chosen robot; return the words that make it do so."""
+    adopt(NAME, given)
+    words = words_of(chosen_robot(), given)
+    set_names(NAME, words)
+    return words
+
+
+def _join(names: List[str], services: FrozenSet[str]) -> None:
+    """Register this node, so that no controller starts meanwhile, unless one has."""
+    IN_USE.services = services
+    join(NAME, names)
+    check_unused(services, is_registered=True)
+    IN_USE.is_running = True
+
+
+def _apart(step: Callable[[], Any]) -> Any:
+    return run_apart(step, WakeUp(), lambda: False, STEP_LIMIT)
+
+
+def _tell(code: int, text: str) -> int:
+    """Print each line of a text, one that reports no success to standard error; return ``code``."""
+    for line in text.split("\n"):
+        print(f"{NAME}: {clean(line)}", file=sys.stderr if code else sys.stdout, flush=True)
+    return code
