@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import socket
+import subprocess
 import sys
 import tempfile
 import time
@@ -22,6 +23,7 @@ from robot import (  # noqa: E402
 
 NAME = "/behaviorController"
 SAY = "/textToSpeech/say_text"
+GESTURE, MODE = "/gestureExecution/perform_gesture", "/overtAttention/set_mode"
 SERVICES = (SAY, "/animateBehaviour/set_activation", "/overtAttention/set_mode")
 MISSION = """<root BTCPP_format="4"><BehaviorTree ID="M"><Repeat num_cycles="-1"><Sequence>
 <WelcomeSpeech/><ForceSuccess><IsVisitorDiscovered/></ForceSuccess><Sleep msec="200"/></Sequence></Repeat></BehaviorTree></root>"""
@@ -238,6 +240,78 @@ class TestOneNode(unittest.TestCase):
         running.process.send_signal(signal.SIGHUP)
         running.lines.wait_for(lambda line: "refused, the running mission stays" in line
                                and "robot robot1 cannot follow" in line, START_LIMIT)
+        self.assert_speaks(running)
+
+    # ------------------------------------------------------------------------------------- tryRobot
+
+    def tries(self, *words):
+        """Run tryRobot, and return its exit code and its lines."""
+        paths = [self.package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
+        done = subprocess.run(
+            [sys.executable, self.package.path("src/behavior_controller/tryRobot"), *words],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+            timeout=60, env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths)))
+        return done.returncode, done.stdout
+
+    @on_one_python
+    def test_one_request_is_sent_and_its_answer_is_told(self):
+        for words, service, code, said in (
+                (["say", "Good", "morning"], SAY, 0, "saying “Good morning”"),
+                (["gesture", "goodbye"], GESTURE, 0, "making iconic gesture 3"),
+                (["attention", "scanning"], MODE, 0, "tryRobot attention disabled"),
+                (["attention", "disabled"], MODE, 0, "switching attention off")):
+            before = len(self.robot.requests())
+            found, text = self.tries(*words)
+            self.assertEqual(found, code, text)
+            self.assertIn("tryRobot: asks the service {}: ".format(service), text)
+            self.assertIn(said, text)
+            self.assertIn("{}: done, after ".format(service), text)
+            asked = self.robot.requests()[before:]
+            self.assertEqual([each["service"] for each in asked], [service])
+        self.assertEqual(self.robot.requests(SAY)[-1]["fields"]["message"], "Good morning")
+
+    @on_one_python
+    def test_what_a_robot_does_not_do_is_told_with_its_reason(self):
+        for mode, code, said in (
+                ("refuse", 3, "refused: answered gesture_success = 0"),
+                ("raise", 3, "exception in the server: "),
+                ("hang", 3, "no answer in time: waited 2 s"),
+                ("exit", 3, "connection lost: ")):
+            self.robot.set_mode(GESTURE, mode)
+            found, text = self.tries("gesture", "welcome", "_gestureExecutionDeadline:=2")
+            self.assertEqual(found, code, text)
+            self.assertIn("{}: {}".format(GESTURE, said), text)
+            self.assertEqual("keep the stop button at hand" in text, mode != "refuse")
+        found, text = self.tries("gesture", "welcome")  # the robot's process has died
+        self.assertEqual((found, "not there: the master lists it, but" in text), (1, True), text)
+        forget_dead_entries()
+        found, text = self.tries("say", "Hello")
+        self.assertEqual((found, "not there: no node offers this service" in text), (1, True), text)
+        self.addCleanup(Robot({SAY: "wrong"}).stop)
+        found, text = self.tries("say", "Hello")
+        self.assertEqual((found, "of another type: " in text), (1, True), text)
+
+    @on_one_python
+    def test_names_are_those_of_the_robot_and_of_remappings(self):
+        for words, name in ((["_robot:=lab"], "/lab" + SAY), (["robot:=lab"], "/lab" + SAY),
+                            ([SAY + ":=/voice/say"], "/voice/say"),
+                            (["robot:=lab", SAY + ":=/voice/say"], "/voice/say")):
+            found, text = self.tries("say", "Hello", *words)
+            self.assertEqual(found, 1, text)
+            self.assertIn("tryRobot: asks the service {}: ".format(name), text)
+            self.assertIn("{}: not there".format(name), text)
+        found, text = self.tries("say", "Hello", "_missionRuns:=many")
+        self.assertEqual((found, "missionRuns" in text), (2, True), text)
+
+    @on_one_python
+    def test_while_a_mission_uses_the_robot_nothing_is_tried(self):
+        running = self.running()
+        for words in (["say", "Hello"], ["gesture", "welcome"], ["attention", "social"]):
+            found, text = self.tries(*words)
+            self.assertEqual(found, 1, text)
+            self.assertIn("node {} already controls this robot".format(NAME), text)
+            self.assertNotIn("asks the service", text)
+        self.assertEqual(self.robot.requests(GESTURE), [])
         self.assert_speaks(running)
 
     # ------------------------------------------------------------------------- the master's request

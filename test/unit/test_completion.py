@@ -21,7 +21,7 @@ def offered(*words):
 @pytest.mark.parametrize("words, expected", [
     (("cssr_system", ""),
      "behaviorController exportNodeModel missionStatus missionViewer rehearseMission replayMission "
-     "validateMission"),
+     "tryRobot validateMission"),
     (("unit_tests", "r"), "robotLocalization robotNavigation runTest"),
     (("cssr_system", "validateMission", "--w"), "--watch"),
     (("cssr_system", "behaviorController", "_asr"), "_asrEnabled:="),

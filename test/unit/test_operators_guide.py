@@ -21,7 +21,7 @@ from behavior_controller.ros import action_client, console, handshakes, ros_inte
 from behavior_controller.run import events, health, history, safe_state
 from behavior_controller.run.record import files, recorder, tail
 from behavior_controller.simulation.rehearsal import cli
-from behavior_controller.viewer import groot2, process, view, web_page, zmtp
+from behavior_controller.viewer import groot2, process, web_page, zmtp
 from table_4 import TABLE_4
 
 SOURCES = os.path.dirname(leaves.__path__[0])

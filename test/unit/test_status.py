@@ -26,6 +26,7 @@ from behavior_controller.run.events import (
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, Say
 from behavior_controller.config.settings import KEYS
+from behavior_controller.run.readiness import ReadyRow
 from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode, header
 from behavior_controller.run.record.reader import read_record
@@ -192,7 +193,9 @@ FAILS, HELPS = (1, "failure", "warning", 5.0), (1, "recovery", "info", 5.0)
 @pytest.mark.parametrize("sentences, lines", [
     ([], []), ([HELPS], []), ([FAILS], ["1"]), ([FAILS, HELPS], ["1; 2"]),
     ([HELPS, FAILS, HELPS, HELPS], ["2; 4"]),
-    ([FAILS, (2, *FAILS[1:]), HELPS], ["1; 3", "2"]),
+    ([FAILS, (2, *FAILS[1:]), HELPS], ["1", "2", "3"]),
+    ([HELPS, FAILS, (1, "notice", "warning", 0.0), (1, "notice", "info", 0.0), HELPS, FAILS],
+     ["2", "3", "5; 6"]),
     ([(1, "notice", "error", 0.0), (1, "notice", "info", 0.0), (1, "notice", "error", 0.0)],
      ["1", "3"]),
     # how the robot is has lines of its own; that it is well again belongs to the incident
@@ -202,6 +205,48 @@ FAILS, HELPS = (1, "failure", "warning", 5.0), (1, "recovery", "info", 5.0)
     ([(1, "notice", "error", float(number)) for number in range(1, 8)], list("34567"))])
 def test_what_went_wrong_is_a_line_for_each_incident(sentences, lines):
     assert told(*sentences) == lines
+
+
+def test_the_card_is_last_where_a_long_tree_would_hide_it():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    board = board_of(rig)
+    rig.tick()
+    rig.mission.events.emit(Noticed("error", "it is so"))
+    state = read(state_of(board))
+    card, robot, wrong, *tree = status_tool.lines(state, False)
+    assert "WelcomeSpeech" in tree[-1] and "saying" in card
+    assert status_tool.lines(state, False, True) == [*tree, wrong, robot, card]
+
+
+def test_a_second_face_is_in_the_head():
+    state = good()
+    rows = [ReadyRow("topic", "/faces", "ready", "2 faces, 1 looking at the robot"),
+            ReadyRow("topic", "/mode", "untried", "nothing was heard yet"),
+            ReadyRow("service", "/say", "ready", "there, and was asked")]
+    ready = {"rows": [msgspec.to_builtins(row) for row in rows], "is_ready": True}
+    heard = "hears: /faces: 2 faces, 1 looking at the robot"
+    assert status_tool.lines(read(state, ready=ready), False)[2] == heard
+    state["now"]["ended"] = "stopped"
+    assert heard not in status_tool.lines(read(state, ready=ready), False)
+
+
+def test_a_controller_that_was_killed_is_not_shown_as_under_way():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    board = board_of(rig)
+    rig.tick()
+    state = state_of(board)
+    assert state["now"]["card"]["kind"] == "step"
+    state["now"]["ended"] = "the controller has stopped"
+    head = status_tool.lines(read(state), False)[0]
+    assert ": the controller has stopped; last: saying “" in head and " of at most " not in head
+
+
+def test_a_standstill_is_in_the_head():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    board = board_of(rig)
+    rig.tick()
+    rig.mission.events.emit(Noticed("warning", "the controller stood still for 9 s"))
+    assert status_tool.lines(read(state_of(board)), False)[2].endswith("stood still for 9 s")
 
 
 def test_how_the_run_ended_is_in_the_first_line():

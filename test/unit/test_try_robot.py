@@ -32,7 +32,8 @@ def test_a_robot_of_a_release_speaks_the_language_of_its_culture_file():
 @pytest.mark.parametrize("words, said", [
     ([], "required: kind, words"), (["say"], "required: words"), (["say", " "], "no text to say"),
     (["sing", "a song"], "choose from"),
-    (["gesture", "goodby"], "no gesture 'goodby'; allowed: welcome, goodbye (did you mean goodbye?"),
+    (["gesture", "goodby"],
+     "no gesture 'goodby'; allowed: welcome, goodbye (did you mean goodbye?"),
     (["gesture", "welcome", "2"], "nothing follows welcome, not '2'"),
     (["attention", "sleeping"], "no mode of attention 'sleeping'; allowed: disabled, social, "
                                 "scanning, seeking, location"),
@@ -68,7 +69,8 @@ def failed(cause):
     (WAVE, GESTURE, failed(Cause.TYPE_MISMATCH), 1, ["of another type: so"]),
     (Say("x"), SPEECH, failed(Cause.CONNECTION_LOST), 3,
      ["connection lost: so", "may still be saying"]),
-    (SetAttention("social"), MODE, Answer(), 0, ["done", "attention stays on; switch it off " + OFF]),
+    (SetAttention("social"), MODE, Answer(), 0,
+     ["done", "attention stays on; switch it off " + OFF]),
     (SetAttention("social"), MODE, failed(Cause.NO_ANSWER), 3,
      ["no answer in time", "attention may stay on; switch it off " + OFF]),
     (SetAttention("social"), MODE, failed(Cause.REFUSED), 3, ["refused"]),

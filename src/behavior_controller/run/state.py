@@ -30,10 +30,7 @@ DECLINED, DONE_ALL, UNCLEAR, SILENT_VISITOR = "declined", "done", "unclear", "si
 COMPLETE, IN_PART = "complete", "complete without steps"
 VISITOR_DECLINED, VISITOR_LEFT, NO_REACTION = "declined", "left", "no reaction"
 RESULTS = (COMPLETE, IN_PART, BROKEN_OFF, VISITOR_DECLINED, VISITOR_LEFT, NO_REACTION, STOPPED)
-"""How a visit can end."""
-
-CHOSEN = (VISITOR_DECLINED, VISITOR_LEFT, NO_REACTION)
-"""Those that the visitor chose, which are no failure."""
+"""How a visit can end. The visitor chose ``declined``, ``left`` and ``no reaction``."""
 
 _RESULT_OF = {DECLINED: VISITOR_DECLINED, LEFT: VISITOR_LEFT, SILENT_VISITOR: NO_REACTION,
               UNCLEAR: NO_REACTION, STOPPED: STOPPED}

@@ -14,8 +14,8 @@ from behavior_controller.run.events import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.run.fold import fold, why_recovered
 from behavior_controller.run.health import NEW, SIMULATED_TIME
 from behavior_controller.run.state import (
-    BROKEN_OFF, CHOSEN, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, RESULTS,
-    SILENT_VISITOR, STOPPED, UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
+    BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, RESULTS, SILENT_VISITOR,
+    STOPPED, UNCLEAR, VISITOR_LEFT, LeafFailure, Reason, State, Step, Stop, Visit, rank)
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
 from behavior_controller.robot.requests import MOTION
@@ -214,14 +214,14 @@ def without(skipped: Dict[str, int]) -> str:
 
 
 def degree(visit: Visit) -> str:
-    """Return how much of a visit was done: ``complete``, ``complete without …`` or ``broken off``,
-    or what a visitor chose who left; empty while it is under way.
+    """Return how much of a visit was done: ``complete``, ``complete without …``, ``broken off``, or
+    ``left`` by the visitor; empty while it is under way.
     """
     if visit.ended is None:
         return ""
     if visit.outcome == "SUCCESS":
         return "complete" + without(visit.skipped)
-    return visit.result if visit.result in CHOSEN else BROKEN_OFF
+    return VISITOR_LEFT if visit.result == VISITOR_LEFT else BROKEN_OFF
 
 
 def how_it_ended(visit: Visit) -> str:
@@ -399,10 +399,10 @@ def _run_finished(before: State, event: events.RunFinished, after: State) -> Ite
 def _pass_finished(before: State, event: events.PassFinished, after: State) -> Iterator[_Said]:
     visit = after.visit
     if visit is not None:
-        is_chosen = visit.outcome != "SUCCESS" and visit.result in CHOSEN
-        outcome = "over" if is_chosen else event.outcome
         is_complete = visit.outcome == "SUCCESS" and not visit.skipped
-        severity = "info" if is_complete or is_chosen else "warning"
+        has_left = visit.result == VISITOR_LEFT  # which is no failure
+        outcome = "over" if has_left else event.outcome
+        severity = "info" if is_complete or has_left else "warning"
         text = f"pass {event.number}: {outcome} after {visit.seconds:.1f} s: {how_it_ended(visit)}"
         yield "visit", severity, text, 0.0
 

@@ -15,7 +15,7 @@ import sys
 import textwrap
 import threading
 import time
-from typing import Any, Callable, Dict, Iterator, List, Optional, Union
+from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple, Union
 
 import msgspec
 from msgspec import Struct
@@ -70,6 +70,9 @@ alone; else the one before it is read too: the viewer has at least 5000 lines fo
 MAX_INDENT = 30
 """Levels of the tree that are indented."""
 
+MOST_ENTRIES = 5
+"""The most entries about what went wrong: the newest."""
+
 MOST_STATES_WAITING = 100
 """The most messages that wait for a blocked terminal."""
 
@@ -102,7 +105,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Return the exit code, see ``EXIT_CODES``."""
     chosen = _read_arguments(arguments)
     place = f"http://{chosen.address}:{chosen.port}"
-    is_window = chosen.watch and sys.stdout.isatty()
+    is_terminal = sys.stdout.isatty()
+    is_window = chosen.watch and is_terminal
     shown: List[str] = []
     code = exit_codes.UNAVAILABLE
     wanted = chosen.robot and f" of {chosen.robot}"
@@ -110,10 +114,12 @@ def main(arguments: Optional[List[str]] = None) -> int:
                "this monitorPort?")
     try:
         for state in _states(chosen, chosen.watch):
-            text = ready_lines(state.ready) if chosen.ready else lines(state, chosen.all)
+            text = lines(state, chosen.all, is_terminal and not is_window)
             code = exit_codes.SUCCESS
-            if chosen.ready and not state.ready.is_ready:
-                code = exit_codes.UNAVAILABLE
+            if chosen.ready:
+                text = ready_lines(state.ready)
+                if not state.ready.is_ready:
+                    code = exit_codes.UNAVAILABLE
             if is_window:
                 size = os.get_terminal_size(sys.stdout.fileno())
                 text = fitted(text, size.columns or 80, size.lines or 24)
@@ -293,22 +299,36 @@ def _line(answer: http.client.HTTPResponse) -> bytes:
 # ----------------------------------------------------------------------------------------- the text
 
 
-def lines(state: ShownState, is_all: bool) -> List[str]:
+def lines(state: ShownState, is_all: bool, is_card_last: bool = False) -> List[str]:
     """Return the board as text: the card, what a person has to do, the robot, what is wrong, the
-    tree with a symbol for each node.
+    tree with a symbol for each node. In a terminal that scrolls the card is last: a long tree would
+    hide it.
     """
+    head, troubles = list(map(clean, _head(state))), list(map(clean, _troubles(state)))
+    tree = _tree(state.mission.nodes, state.statuses, is_all)
+    if is_card_last:
+        return [*tree, *troubles, *reversed(head)]
+    return [*head, *troubles, *tree]
+
+
+def _head(state: ShownState) -> List[str]:
     now, mission = state.now, state.mission
     doing = card_line(now.card, state.alive.at + state.silent)
+    if now.ended and now.card.kind != "ended":  # the record does not say how
+        doing = f"{now.ended}; last: {now.card.what}"
     of_robot = f" of {mission.robot}" * bool(mission.robot)
     head = [f"mission {mission_name(mission.file)}{of_robot}: {doing}",
             *["to do: " + now.robot.instruction] * bool(now.robot.instruction),
             "robot: " + replace(now.robot, instruction="").text]
+    heard = [f"{row.name}: {row.text}" for row in state.ready.rows
+             if row.kind == "topic" and row.state == READY]
+    if heard and not now.ended:
+        head.append("hears: " + " · ".join(heard))
     if state.silent + state.lag >= LATE:
         head.append(f"no message for {state.silent + state.lag:.0f} s: what is shown may be old")
     elif state.alive.hangs:
         head.append(f"the controller hangs: no sign of its tick thread for {state.alive.age} s")
-    head.extend(_troubles(state))
-    return [*map(clean, head), *_tree(mission.nodes, state.statuses, is_all)]
+    return head
 
 
 def ready_lines(ready: parts.Ready) -> List[str]:
@@ -337,19 +357,32 @@ def _troubles(state: ShownState) -> Iterator[str]:
     for part in state.health.values():
         if not part.well:
             yield f"{part.kind} {part.name}: {part.status}; {part.consequence}"
-    entries: Dict[Any, List[parts.SentenceRow]] = {}  # as on the page: one for each incident
-    for row in state.story.sentences:
-        entries.setdefault((row.visit, row.incident or -row.number), []).append(row)
-    for entry in [rows for rows in entries.values() if any(map(_is_wrong, rows))][-5:]:
-        first = next(filter(_is_wrong, entry))
-        # what is not well has a line of its own
-        *_, last = (row for row in entry if row.kind != "health" or row.severity == "info")
-        came = "; " + last.text if last is not first else ""
+    for first, *rest in list(_entries(state.story.sentences))[-MOST_ENTRIES:]:
+        came = "; " + rest[-1].text if rest else ""
         yield f"{first.time}  {first.text}{came}"
 
 
-def _is_wrong(row: parts.SentenceRow) -> bool:
-    return row.severity != "info" and row.kind != "health"
+def _entries(rows: List[parts.SentenceRow]) -> Iterator[List[parts.SentenceRow]]:
+    """Yield in the order of time what went wrong, and what came of it: the sentences of an incident
+    together as far as none of another one came between them."""
+    incidents: Set[Any] = set()
+    entry: List[parts.SentenceRow] = []
+    for row in rows:
+        is_health = row.kind == "health" and row.severity != "info"  # which has a line of its own
+        if row.severity != "info" and not is_health:
+            incidents.add(_incident(row))
+        if is_health or _incident(row) not in incidents:
+            continue
+        if entry and _incident(entry[0]) != _incident(row):
+            yield entry
+            entry = []
+        entry.append(row)
+    if entry:
+        yield entry
+
+
+def _incident(row: parts.SentenceRow) -> Tuple[int, float]:
+    return row.visit, row.incident or -row.number
 
 
 def _tree(nodes: List[parts.NodeRow], statuses: parts.Statuses, is_all: bool) -> Iterator[str]:
