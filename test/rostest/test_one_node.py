@@ -13,6 +13,7 @@ import time
 import unittest
 import urllib.parse
 import xmlrpc.client
+from unittest import mock
 
 import rosgraph
 import rostest
@@ -244,14 +245,33 @@ class TestOneNode(unittest.TestCase):
 
     # ------------------------------------------------------------------------------------- tryRobot
 
-    def tries(self, *words):
+    def tries(self, *words, during=lambda process: None):
         """Run tryRobot, and return its exit code and its lines."""
         paths = [self.package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
-        done = subprocess.run(
-            [sys.executable, self.package.path("src/behavior_controller/tryRobot"), *words],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
-            timeout=60, env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths)))
-        return done.returncode, done.stdout
+        with subprocess.Popen(
+                [sys.executable, self.package.path("src/behavior_controller/tryRobot"), *words],
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths))) as process:
+            during(process)
+            text = process.communicate(timeout=60)[0]
+        return process.returncode, text
+
+    @on_one_python
+    def test_ctrl_c_ends_a_try_and_a_mission_waits_for_its_end(self):
+        def interrupt(process):
+            self.robot.wait_for_request(GESTURE, START_LIMIT)
+            refused = self.start()
+            self.assertEqual(refused.wait(START_LIMIT), 1, refused.lines.text())
+            self.assertIn("node /tryRobot already controls this robot", refused.lines.text())
+            process.send_signal(signal.SIGINT)
+
+        self.robot.set_mode(GESTURE, "hang")
+        found, text = self.tries("gesture", "welcome", during=interrupt)
+        self.assertEqual(found, 3, text)
+        self.assertIn("stopped by Ctrl-C", text)
+        self.assertIn("may still be making iconic gesture 1: keep the stop button at hand", text)
+        self.assertNotIn("Traceback", text)
+        self.running()
 
     @on_one_python
     def test_one_request_is_sent_and_its_answer_is_told(self):
@@ -290,6 +310,28 @@ class TestOneNode(unittest.TestCase):
         self.addCleanup(Robot({SAY: "wrong"}).stop)
         found, text = self.tries("say", "Hello")
         self.assertEqual((found, "of another type: " in text), (1, True), text)
+
+    @on_one_python
+    def test_a_robot_of_another_release_is_asked_in_its_types(self):
+        self.robot.stop()
+        self.robot = Robot({"interface": "release-1.1"})
+        for words, service in ((["say", "Hello"], SAY), (["gesture", "welcome"], GESTURE),
+                               (["attention", "location", "2", "-1", "1"], MODE)):
+            found, text = self.tries(*words, "_robotInterface:=release-1.1")
+            self.assertEqual(found, 0, text)
+            self.assertEqual(self.robot.requests()[-1]["service"], service)
+        self.assertEqual(self.robot.requests(SAY)[-1]["fields"]["language"], "English")
+
+    @on_one_python
+    def test_without_a_master_one_line_says_so(self):
+        for words, code in ((["say", "Hello"], 1), (["gesture", "wave"], 2), (["--help"], 0)):
+            found, text = self.tries(*words, "__master:=http://localhost:9")
+            self.assertEqual(found, code, text)
+            self.assertNotIn("Traceback", text)
+        with mock.patch.dict(os.environ, ROS_MASTER_URI="http://localhost:9"):
+            found, text = self.tries("say", "Hello")
+        self.assertEqual((found, text.count("\n")), (1, 1), text)
+        self.assertIn("no ROS master at http://localhost:9", text)
 
     @on_one_python
     def test_names_are_those_of_the_robot_and_of_remappings(self):

@@ -19,7 +19,7 @@ from behavior_controller.leaves.release_1_0 import GESTURES
 from behavior_controller.robot.declarations import Service
 from behavior_controller.robot.gateway import UNCERTAIN, UNSENT, Call, Cause, Failure
 from behavior_controller.robot.requests import (
-    MOTION, SOUND, Answer, PerformGesture, Point, Request, Say, SetAttention, Words)
+    MOTION, Answer, PerformGesture, Point, Request, Say, SetAttention, Words)
 from behavior_controller.ros.configuration import chosen_robot, read_settings
 from behavior_controller.ros.in_use import check_unused
 from behavior_controller.ros.master import IN_USE, adopt, join, set_names
@@ -150,10 +150,8 @@ def _try(chosen: settings.Settings, request: Request, names: List[str]) -> int:
     services = frozenset(resolved(offer) for offer in robot.services)
     _apart(lambda: check_unused(services))
     _apart(lambda: _join(names, services))
-    limit, words = chosen.deadline(service), request.words or Words("asking")
-    doing = " ".join(filter(None, (words.doing, words.what)))
-    _tell(exit_codes.SUCCESS, f"asks the {service.kind} {resolved(service)}: {doing}; waits up to "
-                              f"{limit:g} s")
+    _tell(exit_codes.SUCCESS, f"asks the {service.kind} {resolved(service)}: {_doing(request)}; "
+                              f"waits up to {chosen.deadline(service):g} s")
     clock, wake, began = Clock(), WakeUp(), time.monotonic()
     gateway = RosGateway(robot, chosen.deadline, clock, wake.emit,
                          tell=lambda text: print(f"{NAME}: {clean(text)}", flush=True))
@@ -191,10 +189,15 @@ def _report(request: Request, service: Service, result: Optional[Result], second
             failure is None or is_open):
         _tell(code, f"attention {'may stay' if is_open else 'stays'} on; switch it off with: "
                     f"rosrun cssr_system {NAME} attention disabled")
-    elif is_open and request.effect in (MOTION, SOUND) and request.words is not None:
+    elif is_open and request.effect:
         advice = f": {STOP_BUTTON}" * (request.effect == MOTION)
-        _tell(code, f"the robot may still be {request.words.doing}{advice}")
+        _tell(code, f"the robot may still be {_doing(request)}{advice}")
     return code
+
+
+def _doing(request: Request) -> str:
+    words = request.words or Words("doing it")
+    return " ".join(filter(None, (words.doing, words.what)))
 
 
 def _cause(failure: Failure) -> str:
