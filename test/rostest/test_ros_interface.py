@@ -99,7 +99,11 @@ class TestRosInterface(unittest.TestCase):
     def test_the_mission_waits_for_its_start_and_pauses_when_a_drive_is_over(self):
         robot, controller = self.start(TOUR)
         robot.set_mode(DRIVE, "hang")
-        self.assertIn("start", self.wait_for_card(kind="paused")["what"])
+        waiting = self.wait_for_card(kind="paused")
+        self.assertIn("start", waiting["what"])
+        self.assertEqual(waiting["waits_for"], "the operator: rosservice call " + NODE + "/start")
+        controller.lines.wait_for(
+            lambda line: "to go on, rosservice call {}/start".format(NODE) in line, 10)
         self.assertEqual(robot.requests(), [])
         self.assertTrue(self.call("start").success)
         robot.wait_for_request(DRIVE, 10)
