@@ -95,7 +95,7 @@ def frozen_master(trial, seconds):
     trial.within("said after", when(waits, GONE.pattern, began, PATIENCE), TOLD_LIMIT)
     see_tours(trial, tours, 3)
     sleep_until(began + seconds - 5.0)
-    trial.within("between two heartbeats", longest_gap(tours, r"running\.$", began,
+    trial.within("between two heartbeats", longest_gap(tours, r"running\. ", began,
                                                        time.monotonic()), HEARTBEAT + 1.0)
     trial.stop(tours, robot, "while it is frozen")
     sleep_until(began + seconds)
