@@ -569,6 +569,45 @@ def test_axe_finds_nothing_in_any_state(show, browser, screen, state, mode):
     assert findings(browser, source) == []
 
 
+FORCED = [{"name": "forced-colors", "value": "active"}]
+IS_DRAWN = """
+const plain = getComputedStyle(document.body).backgroundColor;
+return [...document.querySelectorAll(arguments[0])].map(one => getComputedStyle(one).backgroundColor !== plain)"""
+
+
+def test_what_is_drawn_by_its_colour_is_seen_in_forced_colours(show, browser):
+    shown = show(Rig())
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": FORCED})
+    try:
+        for chosen in ("#lanes .bar.R", "[aria-pressed=true]", "#stops .under-way",
+                       ".tip > .row"):
+            drawn = browser.execute_script(IS_DRAWN, chosen)
+            assert drawn and all(drawn), chosen
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_what_a_person_has_to_do_can_be_read_on_paper(show, browser):
+    shown = show(Rig())
+    shown.rig.mission.health.report(GONE, DEAD)
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    wait_until(lambda: text(browser, "#instruction") == "Restart /robotNavigation")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        assert browser.execute_script(
+            "return getComputedStyle(byId('instruction')).color") == "rgb(0, 0, 0)"
+        alarm, card = browser.execute_script(
+            "return [byId('alarms').getBoundingClientRect().bottom, "
+            "byId('card').getBoundingClientRect().top]")
+        assert alarm <= card
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+
+
 def test_another_mission_takes_the_place_of_the_first(show, browser):
     shown = show(Rig())
     open_page(browser, shown)
@@ -833,7 +872,9 @@ def test_the_end_of_the_mission_is_told_and_the_next_one_is_shown(show, browser)
     shown.rig.mission.events.emit(RunFinished("all passes are done; last pass: SUCCESS", 0))
     shown.page.close()  # at once, as the node does
     wait_until(lambda: browser.execute_script("return !hasConnection"))
-    assert doubt(browser) == "The mission has ended: all passes are done; last pass: SUCCESS."
+    assert doubt(browser) == "The mission has ended."
+    # how, where a person looks first
+    assert text(browser, "#card").count("all passes are done; last pass: SUCCESS") == 1
     rig = one_leaf("<Sequence><Sleep msec='9000'/><WelcomeSpeech/></Sequence>")
     following = Page("127.0.0.1", shown.port, board_of(rig), pytest.fail)
     try:
@@ -842,6 +883,25 @@ def test_the_end_of_the_mission_is_told_and_the_next_one_is_shown(show, browser)
                 browser), 15.0)
     finally:
         following.close()
+
+
+CARD = """
+return ["step", "ended"].map(kind => {
+  showNow({robot: parts.now.robot, card: Object.assign({}, card, {kind, what: arguments[0], trouble: "x", also: []})});
+  return [byId("card").offsetHeight, byId("now").scrollHeight <= byId("now").clientHeight + 1];
+})"""
+
+
+@pytest.mark.parametrize("width, height", SCREENS + [(320, 640)])
+def test_the_words_of_an_end_are_whole_and_move_nothing(show, browser, screen, width, height):
+    shown = show(one_leaf("<Navigate/>", lambda request: None))
+    screen(width, height)
+    open_page(browser, shown)
+    words = ("ended at exhibit 1 of 5, Robot arm: Navigate failed 3 times: refused "
+             "(/robotNavigation/set_goal); without WelcomeGesture")
+    (before, _), (after, is_whole) = browser.execute_script(CARD, words)
+    assert abs(after - before) <= 1
+    assert is_whole or width == 320
 
 
 def test_health_is_told_when_it_changes(show, browser):

@@ -40,8 +40,13 @@ def test_a_professor_sees_whether_all_is_ready(show, browser, screen, width, hei
         rig.mission.events.emit(event)
     expected = readiness(played.run.state)
     wait_until(lambda: len(browser.execute_script(ROWS)) == len(expected) == 4)
+    expected.sort(key=lambda row: row.state != MISSING)  # what has to be repaired comes first
     for row, (_, name, words) in zip(expected, browser.execute_script(ROWS)):
         assert (name, words) == (f"{row.kind} {row.name}", row.text)
+    assert browser.execute_script("""
+        const box = byId("ready-list").getBoundingClientRect();
+        const first = document.querySelector("#ready-list .missing").getBoundingClientRect();
+        return first.top >= box.top && first.bottom <= Math.min(box.bottom, innerHeight)""")
     assert text(browser, "#ready-title") == "Not ready"  # without a click
     rig.mission.events.emit(Checked("topic", "/x", READY, ""))
     wait_until(lambda: text(browser, "#ready-title") == "Ready")

@@ -305,4 +305,5 @@ def _visit(visit: Visit) -> Dict[str, Any]:
     stops = [dict(asdict(stop), why=story.why(stop.why)) for stop in visit.stops]
     return {"number": visit.number, "time": clock(visit.arrived or visit.began),
             "began": visit.began, "arrived": visit.arrived, "outcome": visit.outcome,
-            "stops": stops, "degree": story.degree(visit), "ending": story.how_it_ended(visit)}
+            "stops": stops, "result": visit.result if visit.ended is not None else "",
+            "degree": story.degree(visit), "ending": story.how_it_ended(visit)}

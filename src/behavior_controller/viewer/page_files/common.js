@@ -13,6 +13,18 @@ function element(tag, className, text) {
 // text only where it has changed: what is read aloud is read once
 function put(where, text) { if (where.textContent !== text) where.textContent = text; }
 
+// the result of a visit: a visitor's choice is no failure
+const KINDS = {"complete": "S", "complete without steps": "w", "broken off": "F", "declined": "d", "left": "d", "no reaction": "d", "stopped": "h"};
+const ICONS = {S: "✔", w: "✔", F: "✘", d: "○", h: "■"};
+
+function sign(result) { return element("b", "sign " + KINDS[result], ICONS[KINDS[result]]); }
+
+// a path may be broken after each slash
+function breakable(where, text) {
+  where.append(...text.split(/(?<=\/)/).flatMap(part => [part, element("wbr")]));
+  return where;
+}
+
 // what is chosen in a list that is one tab stop is walked by the arrow keys
 function walkByArrows(box, chosen) {
   box.addEventListener("keydown", event => {

@@ -162,8 +162,10 @@ function showStops(stops) {
   byId("stops").replaceChildren(...stops.map(each => {
     const made = element("li", each.state.replace(" ", "-"));
     made.append(element("span", "sign", STOP_SIGNS[each.state]), " " + each.number + " " + each.name);
-    if (each.state === "left out" || each.state === "broken off")
-      made.append(": " + each.state + (each.why ? ", " + each.why : ""));
+    if (each.state === "left out" || each.state === "broken off") {
+      made.append(": " + each.state);
+      made.title = each.why;  // the story tells it
+    }
     return made;
   }));
   showNewest(byId("stops"));

@@ -1,7 +1,6 @@
 "use strict";
 // Shows what /events tells: first all parts of the board, then those that have changed.
 
-const OUTCOME_SIGNS = {SUCCESS: "✔", FAILURE: "✘"};
 const NODE = "node-";  // what an id of a node begins with
 const LATE = 2;      // seconds without a message after which what is shown may be old; the node sends one every second
 const KEPT = 60;     // seconds for which the header keeps the height that an instruction took
@@ -23,9 +22,8 @@ let ages = [];            // elements that show the age of a topic's last messag
 function showVisits(visits) {
   put(byId("outcomes"), visits.counted);
   byId("visits-list").replaceChildren(...visits.newest.slice().reverse().map(each => {
-    const made = element("li", each.outcome);
-    const head = element("span");
-    head.append(element("span", "sign", OUTCOME_SIGNS[each.outcome] || "■"), " " + each.ending);
+    const made = element("li"), head = element("span");
+    head.append(sign(each.result), " " + each.ending);
     made.append(element("time", "", each.time), head);
     for (const one of each.stops)
       if (one.state === "left out")
@@ -209,13 +207,14 @@ function keepHeight() {
 }
 
 // in this order: what is shown first is there for what follows
-const READY_SIGNS = {ready: "✔", untried: "○", awaited: "…", doubtful: "!", missing: "✘"};
+const READY_SIGNS = {missing: "✘", awaited: "…", doubtful: "!", untried: "○", ready: "✔"};  // in the order of their urgency
+const URGENT = ["missing", "awaited", "doubtful"];
 
 // open until the mission begins; then what is not ready alone opens it
 function showReady(ready) {
   const counts = {}, box = byId("ready").querySelector("details");
   for (const row of ready.rows) counts[row.state] = (counts[row.state] || 0) + 1;
-  const isOver = visit !== null && parts.now && parts.now.ended;
+  const isOver = parts.now.ended !== "" && (visit !== null || ready.rows.every(row => row.kind === "run"));  // the card says it
   byId("ready").hidden = isOver || !ready.rows.length;
   put(byId("ready-title"), ready.is_ready ? "Ready" : "Not ready");
   put(byId("ready-summary"), Object.entries(counts).map(([state, count]) => count + " " + state).join(", "));
@@ -224,9 +223,12 @@ function showReady(ready) {
     hasBegun = visit !== null;
     box.open = !hasBegun;
   }
-  byId("ready-list").replaceChildren(...ready.rows.map(row => {
-    const made = element("li", row.state);
-    made.append(element("span", "sign", READY_SIGNS[row.state]), element("span", "what", row.kind + " " + row.name), element("span", "", row.text));
+  const urgency = row => (URGENT.indexOf(row.state) + URGENT.length + 1) % (URGENT.length + 1);
+  byId("ready-list").replaceChildren(...ready.rows.slice().sort((one, other) => urgency(one) - urgency(other)).map(row => {
+    const made = element("li", row.state), mark = element("span", "sign", READY_SIGNS[row.state]);
+    mark.setAttribute("role", "img");
+    mark.setAttribute("aria-label", row.state);
+    made.append(mark, breakable(element("span", "what"), row.kind + " " + row.name), breakable(element("span"), row.text));
     return made;
   }));
 }
@@ -248,7 +250,7 @@ function showDoubt() {
   const silent = seconds() - heard;
   let text = "", age = null, state = "live";
   const ended = parts.now ? parts.now.ended : "";
-  if (ended) [text, state] = ["The mission has ended: " + ended + ".", "ended"];
+  if (ended) [text, state] = ["The mission has ended" + (card.kind === "ended" ? "" : ": " + ended) + ".", "ended"];  // the card says how
   else if (!hasConnection) [text, age, state] = ["The connection to the mission is lost; trying again. What is shown is old.", silent, "lost"];
   else if (silent >= LATE) [text, age, state] = ["No message from the mission. What is shown may be old.", silent, "late"];
   else if (alive.hangs) [text, age, state] = ["The controller hangs: its tick thread gives no sign of life.", alive.age + silent, "hangs"];
@@ -281,6 +283,7 @@ function connect() {
     Object.assign(parts, news);
     heard = seconds();
     hasConnection = true;
+    document.body.classList.remove("waiting");
     if (frozen === null) show(news, parts);
     else if ("mission" in news && JSON.stringify(parts.mission.nodes) !== JSON.stringify(nodes)) live();  // another mission, which has no such moment
     else if ("alive" in news) SHOW.alive(parts.alive);

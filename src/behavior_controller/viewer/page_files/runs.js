@@ -2,8 +2,6 @@
 // The list of runs: figures, filters, visits, and two of them side by side.
 
 const CHOICES = ["mission", "robot", "day", "result", "fault"];
-const KINDS = {"complete": "S", "complete without steps": "w", "broken off": "F", "declined": "d", "left": "d", "no reaction": "d", "stopped": "h"};
-const ICONS = {S: "✔", w: "✔", F: "✘", d: "○", h: "■"};
 const LETTERS = {S: "✔", F: "✘", "-": "■"};
 const CONTEXT = 3;    // results before the one at which two visits part
 const AGAIN = 5000;   // milliseconds to the next question; while runs are read a tenth
@@ -89,8 +87,6 @@ function showResults(counts, number) {
     return made;
   }));
 }
-
-function sign(result) { return element("b", KINDS[result], ICONS[KINDS[result]]); }
 
 // a text that chooses what has it
 function link(name, value, text = value) {

@@ -132,10 +132,10 @@ function showLetters(shown) {
 function mark(one, letter) {
   one.classList.remove("R", "S", "F", "s", "f", "r");
   if (letter !== "-") one.classList.add(letter);
-  sign(one, letter);
+  markSign(one, letter);
 }
 
-function sign(one, letter) {
+function markSign(one, letter) {
   const made = one.querySelector(".sign");
   put(made, SIGNS[letter]);
   made.setAttribute("aria-label", WORDS[letter]);
@@ -145,12 +145,12 @@ function sign(one, letter) {
 function markTip() {
   for (const one of document.querySelectorAll(".tip")) {
     one.classList.remove("tip");
-    sign(one, letters[one.dataset.uid - 1] || "-");
+    markSign(one, letters[one.dataset.uid - 1] || "-");
   }
   const current = isGraph ? unfoldedOf(rowOf(tip)) : rowOf(tip);
   if (!current) return;
   current.classList.add("tip");
-  if (current === items[tip - 1] && letters[tip - 1] !== "R") sign(current, "again");
+  if (current === items[tip - 1] && letters[tip - 1] !== "R") markSign(current, "again");
   if (!isGraph && current !== items[tip - 1] && follow && !isOpen(current)) {
     fold(current, false);
     opened.add(current);
