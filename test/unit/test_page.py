@@ -26,6 +26,7 @@ from behavior_controller.run.story import condition, counted, how_it_ended, why
 from behavior_controller.viewer.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first
 from mission_rig import Rig, board_of, one_leaf, refusal, visitor_who
+from test_board import RUN
 from page_rig import Stop, is_second_text, open_page, text, until, wait_until
 from told_visits import RUNS, Teller, rig_of
 
@@ -567,6 +568,19 @@ def test_axe_finds_nothing_in_any_state(show, browser, screen, state, mode):
         shown.rig.mission.events.emit(RunFinished("stopped", 0))
         wait_until(lambda: "has ended" in doubt(browser))
     assert findings(browser, source) == []
+
+
+def test_what_the_robot_says_in_another_language_is_marked_for_screen_readers(show, browser):
+    rig = Rig(answer=lambda request: None if isinstance(request, Say) else NotImplemented,
+              language="Kinyarwanda")
+    shown = show(rig)
+    open_page(browser, shown)
+    shown.rig.mission.events.emit(replace(RUN, settings={"language": "Kinyarwanda"}))
+    shown.run_until(lambda request: isinstance(request, Say))
+    wait_until(lambda: "“Muraho" in text(browser, "#now"))
+    assert browser.execute_script(
+        "return [...byId('now').querySelectorAll('[lang=rw]')].map(one => one.textContent)[0]"
+    ).startswith("“Muraho")
 
 
 FORCED = [{"name": "forced-colors", "value": "active"}]

@@ -815,6 +815,14 @@ def test_a_verdict_is_a_coloured_headline_with_its_reasons(report, day, tmp_path
     assert len(colours) == 3
 
 
+@pytest.mark.parametrize("language, marked", [("Kinyarwanda", True), ("English", False)])
+def test_what_is_quoted_is_marked_with_its_language(language, marked):
+    said = {"event": "Noticed", "time": 101.0, "level": "info", "text": "said “<b> Muraho”: yes"}
+    lines = lines_of(said)
+    lines[1]["settings"]["language"] = language
+    assert ('said <span lang="rw">“&lt;b&gt; Muraho”</span>: yes' in page_of(lines)) is marked
+
+
 def test_the_report_of_a_rehearsal_is_accessible_and_has_the_page_s_look(report, tmp_path):
     source, page = axe(), tmp_path / "rehearsal.html"
     shares = [Share(0.0, 10, 10, 60.0), Share(1.0, 10, 0, 60.0)]

@@ -26,6 +26,7 @@ class MissionPart(Struct, frozen=True):
     file: str
     nodes: List[NodeRow]
     robot: str = ""
+    language: str = ""  # the code of what the robot speaks; empty: that of the page, or unknown
 
 
 class Statuses(Struct, frozen=True):

@@ -6,12 +6,14 @@ import json
 import os
 import re
 import sys
+from functools import partial
 from time import localtime, strftime
 from types import SimpleNamespace
 from typing import (
     Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union)
 
 from msgspec.structs import replace
+from tornado.escape import xhtml_escape
 from tornado.template import Template
 
 from behavior_controller.run import events
@@ -178,7 +180,7 @@ def to_html(lines: Iterable[events.Line], verdict: Optional[ShownVerdict] = None
     live = file_text("page_files", "index.html")
     content = Template(file_text("report_files", "report.html")).generate(
         clock=clock, seconds=seconds, sign=_sign, story=story, letter_of=_letter, verdict=verdict,
-        verdict_icons=VERDICT_ICONS,
+        verdict_icons=VERDICT_ICONS, quoting=partial(_quoting, language=run.view.language),
         choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
         rows=_rows(run), settings=settings, documents=documents,
         moment=_between(live, '<div id="card">', "</section>"),
@@ -187,6 +189,12 @@ def to_html(lines: Iterable[events.Line], verdict: Optional[ShownVerdict] = None
     return framed(generator, "Mission " + mission_name(run.started.mission),
                   list(_heads(run, earlier)), sections, content.decode(), _script(),
                   _data(run))
+
+
+def _quoting(text: str, language: str) -> str:
+    """Return a text as HTML; what is quoted in it is in a language if a code is given."""
+    return re.sub("“[^”]*”" if language else "(?!)",
+                  lambda quoted: f'<span lang="{language}">{quoted[0]}</span>', xhtml_escape(text))
 
 
 def _last(lines: Iterable[events.Line]) -> Tuple[List[events.RunStarted], Drawn]:
@@ -285,7 +293,7 @@ def _data(run: Drawn) -> str:
         "lanes": _lanes([(0, run.steps), *run.lanes]), "changes": _lanes(run.changes),
         "nodes": [[node.type, [(port.name, port.text, port.given) for port in node.ports]]
                   for node in run.nodes],
-        "types": run.tree.summaries,
+        "types": run.tree.summaries, "language": run.view.language,
         "moments": run.moments.packed(), "values": packed(run.values()),
         "words": dict(LEGEND, **{"R": UNDER_WAY, STEP_DONE: "", VALUE: ""}),
         "signs": ICONS}

@@ -39,6 +39,10 @@ INSTANT = 0.01
 """Seconds; alike results of a node that each took less are joined."""
 
 
+LANGUAGE_CODES = {"Kinyarwanda": "rw", "IsiZulu": "zu"}
+"""The codes of the languages of robots that the page is not in, for screen readers."""
+
+
 class Calls(NamedTuple):
     """How many calls of a service ended, how many failed, and the seconds of the last."""
 
@@ -140,7 +144,15 @@ class View(story.Story):
         if nodes:  # as py-trees-render has it
             nodes[0] = replace(nodes[0], name=clean(mission_name(started.mission)), kind="")
         return parts.MissionPart(clean(started.mission), nodes,
-                                 clean(str(started.settings.get("robot", ""))))
+                                 clean(str(started.settings.get("robot", ""))), self.language)
+
+    @property
+    def language(self) -> str:
+        """The code of the language that the robot speaks; empty: that of the page, or unknown."""
+        started = self.state.started
+        said = [check.name for check in self.state.checks.values() if check.kind == "language"]
+        usual = str(started.settings.get("language", "")) if started is not None else ""
+        return LANGUAGE_CODES.get((said or [usual])[0], "")
 
     def statuses(self) -> parts.Statuses:
         # the last in depth-first order: a running leaf, or what waits above it

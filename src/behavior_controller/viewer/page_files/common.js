@@ -25,6 +25,18 @@ function breakable(where, text) {
   return where;
 }
 
+let spoken = "";  // the code of the language that the robot speaks, if that is not the page's
+
+// a text whose quotations are in the language of the robot
+function quoting(text) {
+  return text.split(/(“[^”]*”)/).map(part => {
+    if (!spoken || !part.startsWith("“")) return part;
+    const made = element("span", "", part);
+    made.lang = spoken;
+    return made;
+  });
+}
+
 // what is chosen in a list that is one tab stop is walked by the arrow keys
 function walkByArrows(box, chosen) {
   box.addEventListener("keydown", event => {

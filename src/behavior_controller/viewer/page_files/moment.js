@@ -17,9 +17,9 @@ async function momentAt(at) {
 
 // a text that leads to its node, if it has one
 function leading(text, uid) {
-  if (!uid) return document.createTextNode(text);
-  const made = element("a", "", text);
-  made.href = "#" + NODE + uid;
+  const made = uid ? element("a") : document.createDocumentFragment();
+  made.append(...quoting(text));
+  if (uid) made.href = "#" + NODE + uid;
   return made;
 }
 
@@ -110,7 +110,7 @@ let sentences = [];
 function showNow(part) {
   card = part.card;
   const all = [card.what, ...card.also].join("\n");  // one line for each thing at once
-  put(byId("now"), all);
+  if (byId("now").textContent !== all) byId("now").replaceChildren(...quoting(all));
   byId("now").classList.toggle("several", card.also.length > 0);
   byId("now").title = all;
   byId("card").dataset.kind = card.kind;

@@ -86,6 +86,7 @@ function showMission(mission) {
       + (mission.robot && ` of ${mission.robot}`));
   document.title = byId("mission").textContent;
   nodes = mission.nodes;
+  spoken = mission.language;
   closeNode();
   showTree();
 }

@@ -7,6 +7,7 @@ const end = (data.began + data.length) / 1000;
 let letters = "";
 let stretchOfMoments = {number: -1, moments: []};
 
+spoken = data.language;
 timeOfDay = at => clock(1000 * at - data.began);
 
 async function stretchAt(at) {
