@@ -13,6 +13,7 @@ from behavior_controller.run.state import BROKEN_OFF
 from behavior_controller.viewer.board import Board
 from behavior_controller.viewer.run_index import all_runs
 from behavior_controller.viewer.web_page import Page
+from browser import axe, findings
 from free_ports import free_port
 from mission_rig import Rig, refusal, visitor_who
 from page_rig import open_page, text, wait_until
@@ -27,11 +28,11 @@ return [...document.querySelectorAll("#ready-list li")].map(
   row => [...row.children].map(one => one.textContent))"""
 
 
-@pytest.mark.parametrize("width, height", [(390, 844), (1280, 800)])
-def test_a_professor_sees_whether_all_is_ready(show, browser, screen, width, height):
+@pytest.mark.parametrize("width, height, mode", [(390, 844, "dark"), (1280, 800, "light")])
+def test_a_professor_sees_whether_all_is_ready(show, browser, screen, width, height, mode):
     rig = Rig()
     played, shown = Situation(rig), show(rig)
-    screen(width, height)
+    screen(width, height, mode)
     open_page(browser, shown)
     checks = [Checked("mission", "lab_tour.xml", READY, "222 nodes"),
               Checked("service", "/textToSpeech/say_text", READY),
@@ -48,6 +49,7 @@ def test_a_professor_sees_whether_all_is_ready(show, browser, screen, width, hei
         const first = document.querySelector("#ready-list .missing").getBoundingClientRect();
         return first.top >= box.top && first.bottom <= Math.min(box.bottom, innerHeight)""")
     assert text(browser, "#ready-title") == "Not ready"  # without a click
+    assert findings(browser, axe()) == []
     rig.mission.events.emit(Checked("topic", "/x", READY, ""))
     wait_until(lambda: text(browser, "#ready-title") == "Ready")
 
