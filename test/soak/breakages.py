@@ -37,7 +37,7 @@ from behavior_controller.run.safe_state import SafeState
 from behavior_controller.leaves import recovery as recovery_leaf
 from behavior_controller.leaves import release_1_0
 from behavior_controller.leaves.base import (
-    FailureLog, InstantAction, InstantCondition, MissionContext, MissionLeaf, ServiceLeaf)
+    InstantAction, InstantCondition, MissionContext, MissionLeaf, ServiceLeaf)
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.knowledge import RetrieveListOfExhibits, SelectExhibit
 from behavior_controller.leaves.recovery import HandleFallBack
@@ -699,12 +699,6 @@ def wrong_recoveries(known: Catalogue) -> Iterator[Breakage]:
                    ("HandleFallBack", "Navigate", "LookUpHome", "LookUpEntrance",
                     "RetrieveListOfExhibits", "RetrieveInitialLocation"), None,
                    lambda: mock.patch.object(recovery_leaf, "RETURN_LIMIT", 0.0))
-    yield Breakage("recovery", "failures before the last one count", ("HandleFallBack",), None,
-                   wrapping(FailureLog, "newest", _older))
-
-
-def _older(method: Any, self: Any, first: int, end: int, after: int) -> Any:
-    return method(self, first, end, 0)
 
 
 # ---------------------------------------------------------------------------------- the safe state

@@ -24,7 +24,7 @@ from behavior_controller.robot.requests import (
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.leaves import data, registry
 from behavior_controller.leaves.base import (
-    FailureLog, InstantAction, InstantCondition, ServiceLeaf, WorkingLeaf, leaf_spec)
+    InstantAction, InstantCondition, ServiceLeaf, WorkingLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.dialogue import UtteranceCondition
 from behavior_controller.leaves.knowledge import LEAVING_OUT
@@ -425,7 +425,7 @@ def test_every_cause_of_failure_is_recorded_as_it_came(node, cause):
     assert rig.tick() is FAILURE
     failure = rig.of(LeafFinished)[0].failure
     assert failure == Failure(cause, "because", service_of(rig.requests[0]))
-    assert rig.mission.failures.newest(1, 2, 0).failure == failure
+    assert rig.tree.root.failure == failure
 
 
 def test_a_leaf_waits_for_its_answer_and_is_woken_by_it():
@@ -532,23 +532,6 @@ def test_the_old_spelling_of_handlefallback_loads_with_a_warning():
     rig = one_leaf("<HandleFallback/>")
     assert [str(warning) for warning in rig.tree.warnings] == [
         "<text>:1:49: warning: HandleFallback is an old spelling; write HandleFallBack"]
-
-
-def test_the_failure_log_finds_the_newest_in_a_range():
-    class Leaf:
-        def __init__(self, uid):
-            self.uid = uid
-
-    log = FailureLog()
-    first, second = (Failure(Cause.REFUSED, text) for text in ("first", "second"))
-    log.add(Leaf(3), first)
-    log.add(Leaf(2), second)
-    assert log.newest(1, 4, 0).failure == second
-    assert log.newest(3, 4, 0).failure == first
-    assert log.newest(1, 3, 0).failure == second
-    assert log.newest(1, 2, 0) is None
-    assert log.newest(3, 4, 1) is None
-    assert log.newest(4, 9, 0) is None
 
 
 def test_only_what_is_read_may_be_left_out():

@@ -75,8 +75,7 @@ def used():
     lambda rig: rig.mission.health.ended("/say", 1.0, 2.0, False),
     lambda rig: rig.mission.health.slow("/say", 2.0),
     lambda rig: rig.mission.health.is_gone("/say"),
-    lambda rig: rig.mission.failures.add(rig.tree.root, Failure(Cause.REFUSED, "no")),
-    lambda rig: rig.mission.failures.newest(1, 2, 0)])
+    lambda rig: rig.mission.failures.add(rig.tree.root, Failure(Cause.REFUSED, "no"))])
 def test_another_thread_fails_at_the_line_that_breaks_the_rule(break_it):
     rig = used()
     assert isinstance(elsewhere(lambda: break_it(rig)), WrongThread)

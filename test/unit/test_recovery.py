@@ -18,6 +18,7 @@ from behavior_controller.robot.requests import (
     Answer, Faces, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.robot.d543 import FACES
 from behavior_controller.leaves.data import TARGET_LOCATION
+from behavior_controller.simulation.rehearsal.plays import Scenario, ScenarioRunner
 from mission_rig import EXHIBITS, one_leaf, refusal, service_of, write
 
 SPEC = {spec.id: spec for spec in leaves.SPECS}
@@ -163,18 +164,83 @@ def test_after_a_subtree_only_going_on_or_giving_up_is_possible():
     assert len(rig.requests) == 1
 
 
-def test_a_condition_that_has_held_since_is_no_cause():
-    """The visitor looks, and then the time is up: another step took too long."""
-    rig = one_leaf("<Fallback><Timeout msec='5000'><Sequence><ReactiveFallback>"
-                   "<IsVisitorDiscovered/><Sleep msec='4000'/></ReactiveFallback>"
-                   "<WelcomeSpeech/></Sequence></Timeout><HandleFallBack/></Fallback>",
-                   lambda request: None)
-    assert rig.tick() is RUNNING
-    rig.topics.publish(FACES, Faces(("1",), (True,)))
-    assert rig.tick() is RUNNING and [type(request) for request in rig.requests] == [Say]
+UNTIL_SEEN = ("<ReactiveFallback><IsVisitorDiscovered/><ForceFailure><Sleep msec='{}'/>"
+              "</ForceFailure></ReactiveFallback>")
+SEEN, UNSEEN = UNTIL_SEEN.format(2000), "no face seen"
+DRIVE = "<Navigate target='1;2;3'/>"
+
+
+@pytest.mark.parametrize("steps, node, cause, words, outcome", [
+    (f"<Timeout msec='5000'><Sequence>{SEEN}<WelcomeSpeech/></Sequence></Timeout>", "WelcomeSpeech",
+     Cause.NO_ANSWER, "Timeout::2 halted WelcomeSpeech::8 before it was done", "skipped"),
+    (f"<Timeout msec='5000'><Sequence>{SEEN}{DRIVE}</Sequence></Timeout>", "Navigate",
+     Cause.NO_ANSWER, "Timeout::2 halted Navigate::8 before it was done", "given up"),
+    (f"<Timeout msec='5000'>{DRIVE}</Timeout>", "Navigate",
+     Cause.NO_ANSWER, "Timeout::2 halted Navigate::3 before it was done", "given up"),
+    (f"<Timeout msec='5000'><Sequence>{SEEN}<Sleep msec='9000'/></Sequence></Timeout>", "Timeout",
+     Cause.NO_ANSWER, "Timeout::2 halted Sleep::8 before it was done", "given up"),
+    (f"<Sequence>{SEEN}<ReactiveSequence><ScriptCondition code='is_open'/>{DRIVE}"
+     "</ReactiveSequence></Sequence>", "ScriptCondition", Cause.CONDITION_FALSE,
+     "ScriptCondition::8 does not hold", "given up"),
+    (f"<Sequence>{SEEN}<IsVisitorResponseYes/></Sequence>", "IsVisitorResponseYes",
+     Cause.CONDITION_FALSE, "", "given up"),
+    ("<Sequence><ForceSuccess><IsASREnabled/></ForceSuccess><ScriptCondition code='!is_open'/>"
+     "</Sequence>", "ScriptCondition", Cause.CONDITION_FALSE,
+     "ScriptCondition::5 does not hold", "given up"),
+    ("<Sequence><Fallback><IsASREnabled/><AlwaysSuccess/></Fallback><AlwaysFailure/></Sequence>",
+     "HandleFallBack", Cause.MISSING_DATA,
+     "AlwaysFailure::6 failed, and no mission node failed before", "given up"),
+    ("<Sequence><Inverter><IsASREnabled/></Inverter><IsASREnabled/></Sequence>", "IsASREnabled",
+     Cause.CONDITION_FALSE, "", "given up"),
+    (f"<Timeout msec='1000'>{SEEN}</Timeout>", "IsVisitorDiscovered", Cause.CONDITION_FALSE,
+     UNSEEN, "given up"),
+    ("<Timeout msec='1000'><RetryUntilSuccessful num_attempts='-1'><Sequence><Sleep msec='300'/>"
+     "<IsVisitorDiscovered/></Sequence></RetryUntilSuccessful></Timeout>", "IsVisitorDiscovered",
+     Cause.CONDITION_FALSE, UNSEEN, "given up"),
+    ("<Timeout msec='1000'><Inverter><KeepRunningUntilFailure><Inverter><IsVisitorDiscovered/>"
+     "</Inverter></KeepRunningUntilFailure></Inverter></Timeout>", "IsVisitorDiscovered",
+     Cause.CONDITION_FALSE, UNSEEN, "given up"),
+    (f"<Sequence><Fallback>{UNTIL_SEEN.format(200)}<HandleFallBack/></Fallback></Sequence>",
+     "IsVisitorDiscovered", Cause.CONDITION_FALSE, UNSEEN, "given up"),
+])
+def test_the_failure_that_led_to_a_recovery_is_its_cause(steps, node, cause, words, outcome):
+    """The visitor is seen after 1.5 s; a drive and speech have no answer, and after 4 s a door is
+    closed."""
+    rig = one_leaf(f"<Fallback>{steps}<HandleFallBack/></Fallback>",
+                   lambda request: Answer() if request in SAFE else None, asrEnabled=False)
+    write(rig, is_open=True)
+    rig.clock.call_after(1.5, lambda: rig.topics.publish(FACES, Faces(("1",), (True,))))
+    rig.clock.call_after(4.0, lambda: write(rig, is_open=False))
+    assert to_the_end(rig) is (SUCCESS if outcome == "skipped" else FAILURE)
+    event = rig.of(Recovered)[-1]
+    assert (event.node, event.failure.cause, event.outcome) == (node, cause, outcome)
+    assert words in event.failure.message
+    assert rig.requests.count(SAFE[0]) == (outcome == "given up" and node != "HandleFallBack")
+
+
+def test_a_condition_that_waits_is_the_cause_when_its_time_is_over():
+    rig = fallback("<Timeout msec='1000'><IsVisitorDiscovered/></Timeout>", refusal,
+                   conditionWait=9.0)
     assert to_the_end(rig) is FAILURE
-    assert [(event.node, event.failure.message, event.outcome) for event in rig.of(Recovered)] == [(
-        "HandleFallBack", "Timeout::2 failed, and no mission node failed before", "given up")]
+    failure = Failure(Cause.CONDITION_FALSE,
+                      "Timeout::2 halted IsVisitorDiscovered::3 before it was done", FACES.name)
+    assert [(event.node, event.failure) for event in rig.of(Recovered)] == [
+        ("IsVisitorDiscovered", failure)]
+
+
+def test_a_rehearsal_shows_the_cause_of_a_recovery(tmp_path):
+    """The visitor looks at the robot at once, and its words take longer than the time limit."""
+    mission = tmp_path / "m.xml"
+    mission.write_text(
+        "<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence><SeekOvertAttentionMode/><Fallback>"
+        "<Timeout msec='9000'><Sequence><ReactiveFallback><IsMutualGazeDiscovered/><ForceFailure>"
+        "<Sleep msec='8000'/></ForceFailure></ReactiveFallback><QueryTourSpeech/><QueryTourSpeech/>"
+        "<QueryTourSpeech/><QueryTourSpeech/></Sequence></Timeout><HandleFallBack/></Fallback>"
+        "</Sequence></BehaviorTree></root>", encoding="utf-8")
+    run = ScenarioRunner({}, str(mission), 100.0).play(Scenario("engages")).run
+    assert [(each.node, each.outcome) for each in run.recoveries] == [
+        ("QueryTourSpeech", "skipped")]
+    assert "Timeout::4 halted QueryTourSpeech" in run.recoveries[0].recovered.failure.message
 
 
 def test_nothing_failed_before_is_a_failure():
@@ -658,4 +724,4 @@ def test_the_first_failure_of_a_run_is_found_by_a_recovery_that_was_there_before
     rig.tick()  # no mission node has failed: there is nothing to recover from
     write(rig, speaks=1)
     rig.tick()
-    assert [event.node for event in rig.of(Recovered)] == ["HandleFallBack", "WelcomeSpeech"]
+    assert [event.node for event in rig.of(Recovered)] == ["ScriptCondition", "WelcomeSpeech"]

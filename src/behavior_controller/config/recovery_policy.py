@@ -5,6 +5,7 @@ import re
 from dataclasses import dataclass
 from typing import Iterable, List, NamedTuple, Optional, Tuple
 
+from behavior_controller.bt.engine.registry import NodeSpec
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.config.config_file import (
@@ -70,10 +71,12 @@ class Policy:
         """The words for a budget that is spent."""
         return f"the budget of {self.most} recoveries in {self.seconds:g} s is spent"
 
-    def rule(self, node: MissionSpec, cause: Cause) -> Rule:
-        """Return the first rule that matches; without one, the rule to give up."""
+    def rule(self, node: NodeSpec, cause: Cause) -> Rule:
+        """Return the first rule that matches; without one, and for a node that is none of the
+        mission vocabulary, the rule to give up."""
         for rule in self.rules:
-            if rule.node in ("*", node.id) and rule.cause in ("*", cause.value):
+            if isinstance(node, MissionSpec) and rule.node in ("*", node.id) \
+                    and rule.cause in ("*", cause.value):
                 if rule.then == SKIP and node.is_indispensable:
                     return rule._replace(then=GIVE_UP, substitute=None)
                 return rule

@@ -8,7 +8,7 @@ import reprlib
 from abc import abstractmethod
 from collections import deque
 from functools import partial
-from typing import (Any, Callable, Deque, Dict, Generator, List, Mapping, NamedTuple, Optional,
+from typing import (Any, Callable, Deque, Dict, Generator, List, Mapping, Optional,
                     Sequence, Tuple, Type, TypeVar, Union)
 
 import msgspec
@@ -43,24 +43,14 @@ It may yield the call for whose result it waits: then it goes on when that has c
 dropped when the leaf is halted."""
 
 
-class Failed(NamedTuple):
-    """One failure of a leaf, with its number in order of time."""
-
-    number: int
-    leaf: "MissionLeaf"
-    failure: Failure
-
-
 class FailureLog:
-    """The newest failure of each leaf that has not succeeded since: HandleFallBack finds its cause
-    in it."""
+    """The failures of a pass."""
 
     @tick_thread_only
     def __init__(self) -> None:
-        self._by_uid: Dict[int, Failed] = {}
-        self.newest_number = 0
-        # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
-        self.given_up = 0
+        # the node whose failure was given up last, with the robot in the safe state, and when that
+        # was, by ``changed_at``
+        self.given_up: Tuple[Optional[Node], int] = (None, 0)
         self.begin_pass()
 
     @tick_thread_only
@@ -79,22 +69,8 @@ class FailureLog:
     @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
         """Record that ``leaf`` failed."""
-        self.newest_number += 1
+        leaf.failure = failure
         self._last = [failure]
-        self._by_uid[leaf.uid] = Failed(self.newest_number, leaf, failure)
-
-    @tick_thread_only
-    def clear(self, leaf: "MissionLeaf") -> None:
-        """Forget the failure of a leaf that has succeeded since."""
-        self._by_uid.pop(leaf.uid, None)
-
-    @tick_thread_only
-    def newest(self, first_uid: int, end_uid: int, after: int) -> Optional[Failed]:
-        """Return the newest failure of the leaves ``first_uid`` to ``end_uid - 1`` with a number
-        beyond ``after``."""
-        failures = (failed for uid, failed in self._by_uid.items()
-                    if first_uid <= uid < end_uid and failed.number > after)
-        return max(failures, key=lambda failed: failed.number, default=None)
 
 
 NOT_ASKED = "nothing was asked"
@@ -213,6 +189,7 @@ class MissionLeaf(Node):
     otherwise = ""  # the message of a condition's failure; empty: its name, and "does not hold"
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
+    failure: Optional[Failure] = None  # its last one
     summary: Optional[LeafSummary] = None  # the sentence for people when the leaf ends
 
     def __init__(self, name: str, **constants: Any):
@@ -271,7 +248,6 @@ class MissionLeaf(Node):
 
     def succeeded(self) -> Result:
         """Report SUCCESS and return it."""
-        self.mission.failures.clear(self)
         return self.report(SUCCESS)
 
     def ended(self, failure: Optional[Failure]) -> Result:

@@ -1,15 +1,15 @@
 """HandleFallBack: finds the failure that led to it and does what the recovery policy says (D5.4.3
 §3.2.4)."""
-from typing import Any, List, Optional
+from typing import Any, List, Optional, Tuple
 
 from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt import PortError, Result, FAILURE
+from behavior_controller.bt.engine.origin import origins
+from behavior_controller.bt import Kind, Node, PortError, Result, FAILURE, RUNNING
 from behavior_controller.bt.engine.ports import defaults
 from behavior_controller.run.events import (
     DONE, GIVEN_UP, SKIPPED, SUBSTITUTED, Noticed, Recovered, Recovering, Retried)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.leaves.base import (
-    Failed, MissionLeaf, Waiting, WorkingLeaf, leaf_spec)
+from behavior_controller.leaves.base import MissionLeaf, Waiting, WorkingLeaf, leaf_spec
 from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.recovery_policy import GIVE_UP, SKIP, Rule
@@ -23,17 +23,18 @@ class HandleFallBack(WorkingLeaf):
     """``<HandleFallBack/>``: retries the failed step, runs a substitute, goes on without it, or
     gives up.
 
-    The failure is the newest one of the leaves before this node below their common parent. Only a
-    step that is a sibling can be retried: in a whole SubTree, repeating one leaf would not repeat
-    the rest. SUCCESS only if the step was done after all or may be skipped. A visit may be skipped
-    only if that does not leave out every exhibit of the tour.
+    The failure is the one with which the nodes before this node below their common parent have
+    failed: that of a mission leaf, of a leaf that was halted while it was under way, or of another
+    node. Only a step that is a sibling can be retried: in a whole SubTree, repeating one leaf would
+    not repeat the rest. SUCCESS only if the step was done after all or may be skipped. A visit may
+    be skipped only if that does not leave out every exhibit of the tour.
     """
 
     PORTS = LEAVING_OUT
     _patience: Optional[Timer] = None  # ends the wait for a service that is gone
-    _last_number = 0
+    _known = 0  # the changes of status at the last recovery
     # of the recovery under way
-    _leaf: MissionLeaf  # the step that failed
+    _leaf: Node  # the step that failed
     _failure: Failure  # the last one of that step
     _rule: Rule  # for this failure
     _reason = ""  # why the policy's rule is not followed
@@ -41,20 +42,13 @@ class HandleFallBack(WorkingLeaf):
 
     def work(self) -> Waiting[Result]:
         """Find the failure, and recover from it."""
-        steps, failures = self._steps(), self.mission.failures
-        failed = failures.newest(steps[0].uid if steps else self.uid, self.uid, self._last_number)
-        self._last_number, self._attempts, self._reason = failures.newest_number, 0, ""
-        if failed is None:
-            self._leaf = self
-            text = "no mission node failed before"
-            other = next((step for step in reversed(steps) if step.status is FAILURE), None)
-            if other is not None:
-                text = f"{other.full_path.rpartition('/')[2]} failed, and {text}"
-            self._failure = Failure(Cause.MISSING_DATA, text)
+        steps = self._steps()
+        self._attempts, self._reason = 0, ""
+        self._leaf, self._failure = self._find_failure(steps)
+        if self._leaf is self:
             self._decided(GIVEN_UP, "give up")
             return self.report(FAILURE)
-        self._leaf, self._failure = failed.leaf, failed.failure
-        self._rule = self.rule(failed.leaf, failed.failure.cause)
+        self._rule = self.rule(self._leaf, self._failure.cause)
         if not self.mission.afford_recovery():
             self._rule = self._rule._replace(retries=0, then=GIVE_UP, substitute=None)
             self._reason = self.mission.policy.spent
@@ -65,15 +59,43 @@ class HandleFallBack(WorkingLeaf):
                 self._patience.cancel()
             self._patience = None
         if outcome == GIVEN_UP:
-            yield from self._make_safe(failed)
+            yield from self._make_safe()
         self._decided(outcome, f"{self._rule}: {self._reason}" if self._reason else str(self._rule))
         if outcome != GIVEN_UP:
             return self.succeeded()
         # not recorded as a failure: an outer HandleFallBack looks for the original one
-        failures.unrecovered.append(self._failure)
+        self.mission.failures.unrecovered.append(self._failure)
         return self.report(FAILURE, self._failure)
 
-    def rule(self, leaf: MissionLeaf, cause: Cause) -> Rule:
+    def _find_failure(self, steps: List[Any]) -> Tuple[Node, Failure]:
+        """Return the node with which the failure of ``steps`` began, and why it failed; this node
+        if nothing can be recovered from."""
+        since = max(self._known, steps[0].parent.changed_at) if steps else 0
+        failed = [step for step in steps if step.last_status is FAILURE]
+        found, self._known = origins(failed, since), self.services.changes
+        nothing = "no mission node failed before"
+        if not found:
+            return self, Failure(Cause.MISSING_DATA, nothing)
+        origin = next((node for node in reversed(found) if isinstance(node, MissionLeaf)),
+                      found[-1])
+        is_condition, name = origin.spec.kind is Kind.CONDITION, _name(origin)
+        if origin.last_status is RUNNING:
+            halting = origin
+            while halting.last_status is RUNNING:
+                halting = halting.parent
+            text = f"{_name(halting)} halted {name} before it was done"
+            if not isinstance(origin, MissionLeaf):
+                return halting, Failure(Cause.NO_ANSWER, text)
+            cause = Cause.CONDITION_FALSE if is_condition else Cause.NO_ANSWER
+            return origin, Failure(cause, text, origin.resource)
+        if isinstance(origin, MissionLeaf) and origin.failure is not None:
+            return origin, origin.failure
+        if is_condition:
+            text = origin.feedback_message or f"{name} does not hold"
+            return origin, Failure(Cause.CONDITION_FALSE, text)
+        return self, Failure(Cause.MISSING_DATA, f"{name} failed, and {nothing}")
+
+    def rule(self, leaf: Node, cause: Cause) -> Rule:
         """Return what to do about the failure of ``leaf``."""
         rule = self.mission.policy.rule(leaf.spec, cause)
         can_redo = leaf.parent is self.parent and isinstance(leaf, WorkingLeaf) and leaf.can_redo
@@ -168,15 +190,20 @@ class HandleFallBack(WorkingLeaf):
         leaf.mission = self.mission
         return leaf
 
-    def _make_safe(self, failed: Failed) -> Waiting[None]:
+    def _make_safe(self) -> Waiting[None]:
         """Ask for the safe state, unless an inner HandleFallBack has left the robot in it."""
-        if failed.number == self.mission.failures.given_up:
+        given_up = self._leaf, self._leaf.changed_at
+        if given_up == self.mission.failures.given_up:
             return
-        self.mission.failures.given_up = failed.number
+        self.mission.failures.given_up = given_up
         safe_state = self.mission.ask_for_safe_state()
         if safe_state.result is None:
             yield safe_state
         self.mission.events.emit(safe_state.report())
+
+
+def _name(node: Node) -> str:
+    return node.full_path.rpartition("/")[2]
 
 
 SPECS = (

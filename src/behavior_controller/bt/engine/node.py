@@ -59,6 +59,7 @@ class Services:
     enums: Dict[str, int]
     # number of actions that ended, and of updates that were seen: what has an effect beside writes
     actions: int = 0
+    changes: int = 0  # of a status, other than to IDLE
     is_tick_wanted: bool = False  # a node has asked for another tick since the last traversal began
     tree: Any = None
     clients: Any = None  # shows py_trees' tools the entries that a node uses
@@ -174,6 +175,8 @@ class Node(Behaviour):
     """Whether RUNNING is an error of the node's rule."""
     was: Status = IDLE
     """The status before the node went back to IDLE."""
+    changed_at = 0
+    """The number of changes in the tree when the status changed last, other than to IDLE."""
     parent: Optional["Node"] = None
     feedback_message = ""
     logger: Any = logging.getLogger(__name__)  # that py_trees' methods use
@@ -273,8 +276,16 @@ class Node(Behaviour):
             raise TickError(self, NodeError(
                 f"{returned}; it must be RUNNING, SUCCESS, FAILURE or SKIPPED"))
         self.status = status
-        if self.observer is not None and old is not status:
-            self.observer(self, old, status)
+        if old is not status:
+            self.services.changes += 1
+            self.changed_at = self.services.changes
+            if self.observer is not None:
+                self.observer(self, old, status)
+
+    @property
+    def last_status(self) -> Status:
+        """The status, or that before the node went back to IDLE."""
+        return self.was if self.status is IDLE else self.status
 
     @property
     def rule(self) -> Callable[..., Any]:

@@ -19,6 +19,7 @@ from behavior_controller.bt import (
     Result, FAILURE, IDLE, RUNNING, SUCCESS)
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
+from behavior_controller.bt.engine.origin import origins
 from behavior_controller.bt.engine.ports import defaults
 from behavior_controller.bt.engine.registry import argument
 from behavior_controller.bt.values.values import TEXT, whole_real
@@ -125,7 +126,7 @@ def _ports(text: str) -> Iterator[Port]:
 class TaskFailure(NamedTuple):
     """One failure of a node."""
 
-    node: "ReferenceNode"
+    node: Node
     cause: Cause
     resource: str
 
@@ -174,9 +175,8 @@ class TaskContext:
         self.language = settings.language if known is None else known.language
         self.gone: Set[str] = set()  # services that are known to be gone
         self.failures: List[TaskFailure] = []
-        self.succeeded_at: Dict[int, int] = {}  # the number of failures then, by uid of a node
-        # the failure for which the robot was left in the safe state last
-        self.given_up: Optional[TaskFailure] = None
+        # the node for whose failure the robot was left in the safe state last, and when it failed
+        self.given_up: Tuple[Optional[Node], int] = (None, 0)
         self.recoveries: List[float] = []
         self.is_spent = False  # the budget, so that a failure of this pass was given up
         self.unrecovered: List[Tuple[Cause, str]] = []  # causes and resources, in this pass
@@ -276,9 +276,7 @@ class ReferenceNode(Node):
 
     def conclude(self, cause: Optional[Cause]) -> Result:
         """End the node; without a cause it has succeeded."""
-        if cause is None:
-            self.course.succeeded_at[self.uid] = len(self.course.failures)
-        elif not self.spec.is_recovery:
+        if cause is not None and not self.spec.is_recovery:
             self.course.failures.append(TaskFailure(self, cause, self.resource))
         self.course.ended(self, cause)
         return SUCCESS if cause is None else FAILURE
@@ -565,37 +563,63 @@ class PolicyTable:
         return rule._replace(then="giveUp") if is_needed else rule
 
 
+def _is_of_mission(node: Node) -> bool:
+    """Return whether a node is of the mission vocabulary, with what other packages add to it."""
+    return isinstance(node, ReferenceNode) and (not node.is_foreign or hasattr(node.spec, "calls"))
+
+
 class RecoveryTask(Task):
-    """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
+    """HandleFallBack: does what the policy says about the failure of the nodes before it."""
 
     remark = ""  # what it recovers from, and what it has done last
-    _known = 0  # number of failures when it was begun last
+    _known = 0  # number of changes of status when it was begun last
 
     @property
-    def _first(self) -> int:
-        """The uid of the first node before this one below the nearest ancestor that has any."""
+    def _before(self) -> List[Any]:
+        """The nodes before this one below the nearest ancestor that has any."""
         node: Any = self
         while node.parent is not None and node is node.parent.children[0]:
             node = node.parent
-        return node.parent.children[0].uid if node.parent is not None else self.uid
+        if node.parent is None:
+            return []
+        return node.parent.children[:node.parent.children.index(node)]
+
+    def _failure(self) -> Optional[TaskFailure]:
+        """Return the failure with which that of the nodes before this one began."""
+        failed = [node for node in self._before if node.last_status is FAILURE]
+        since = max(self._known, failed[0].parent.changed_at) if failed else 0
+        found, self._known = origins(failed, since), self.services.changes
+        own = [node for node in found if _is_of_mission(node)]
+        if not found:
+            return None
+        node: Any = (own or found)[-1]
+        cause, resource = Cause.NO_ANSWER, getattr(node, "resource", "")
+        if node.spec.kind is Kind.CONDITION:
+            cause = Cause.CONDITION_FALSE
+        if node.last_status is RUNNING:
+            while not own and node.last_status is RUNNING:  # up to the node that has halted it
+                node = node.parent
+        elif own:
+            return next(each for each in reversed(self.course.failures) if each.node is node)
+        elif node.spec.kind is not Kind.CONDITION:
+            return None
+        return TaskFailure(node, cause, resource)
 
     def recover(self) -> Steps:
-        """Do one thing after the other about the newest failure."""
+        """Do one thing after the other about that failure."""
         course, self.remark = self.course, ""
-        failures = [failed for number, failed in enumerate(course.failures)
-                    if number >= max(self._known, course.succeeded_at.get(failed.node.uid, 0))
-                    and self._first <= failed.node.uid < self.uid]
-        self._known = len(course.failures)
-        if not failures:
+        failed = self._failure()
+        if failed is None:
             raise Fails(Cause.MISSING_DATA)
-        self._take_up(failures[-1])
+        self._take_up(failed)
         outcome = yield from self._repair()
         if self._patience is not None:
             self._patience.cancel()
         if not outcome:
             outcome = SKIPPED if self._may_skip() else GIVEN_UP
-        if outcome == GIVEN_UP and self.failed is not course.given_up:
-            course.given_up = self.failed
+        safe_since = self.failed.node, self.failed.node.changed_at
+        if outcome == GIVEN_UP and safe_since != course.given_up:
+            course.given_up = safe_since
             queries = [self.ask(request) for request in SAFE_STATE]
             while any(query.result is None for query in queries):
                 yield
@@ -611,7 +635,9 @@ class RecoveryTask(Task):
         self.failed, self._cause, self._retries = failed, failed.cause, 0
         self._patience: Optional[Timer] = None
         self.remark = f"{failed.node.registration_id} ({failed.cause.value})"
-        self._rule = policy.rule(failed.node, failed.cause)
+        self._rule = PolicyRow(failed.node.registration_id, "*", 0, 0.0, "giveUp")
+        if _is_of_mission(failed.node):
+            self._rule = policy.rule(failed.node, failed.cause)
         course.recoveries = [at for at in course.recoveries if at > now - policy.seconds] + [now]
         if len(course.recoveries) > policy.most:
             self._rule = self._rule._replace(retries=0, then="giveUp")
@@ -670,7 +696,7 @@ class RecoveryTask(Task):
 
     def _may_skip(self) -> bool:
         """Note that the mission goes on without the step; return whether it does."""
-        before = self.course.tree.nodes[self._first - 1:self.uid - 1]
+        before = (node for step in self._before for node in step.iterate())
         if any(node.registration_id in OF_A_VISIT for node in before):
             with suppress(PortError):
                 if not self._leave_out():
