@@ -1008,6 +1008,21 @@ def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
         [(2, "says goodbye to a visitor who has left")] if is_told else [])
 
 
+@pytest.mark.parametrize("before, question, is_told", [
+    ("<Inverter><IsVisitorResponseYes/></Inverter>", "", False),
+    ("", "", True),
+    ("<Inverter><IsVisitorResponseYes/></Inverter>", "<IsYesNoUttered/>", True),
+    ("<Inverter><IsVisitorResponseYes/></Inverter>", "<Script code=\"@visitorResponse:='no'\"/>",
+     True)])
+def test_a_goodbye_to_who_said_no_is_none_to_who_left_on_the_tour(before, question, is_told):
+    """The answer that the visitor has given stays until another question."""
+    body = ("<Sequence><IsYesNoUttered/><Fallback><Sequence><IsVisitorResponseYes/>"
+            "<IsVisitorDiscovered/></Sequence><Sequence>{}{}\n<SayGoodByeSpeech/></Sequence>"
+            "</Fallback></Sequence>")
+    found = foreseen(body.format(question, before), d543.INTERFACE.name)
+    assert [line for line, text in found if "says goodbye" in text] == [2] * is_told
+
+
 @pytest.mark.parametrize("speech", SPEECHES, ids=lambda speech: speech.node)
 def test_which_speeches_are_goodbyes_and_which_are_questions(speech):
     body = "<Sequence>{}<ForceSuccess>{}</ForceSuccess><{}/></Sequence>".format(

@@ -1,7 +1,7 @@
 """Warns of what cannot work in a mission, by following every path through its tree.
 
-The state on a path is the mode of attention that was set last, whether the visitor has left, and
-whether an answer is stored. Where the file does not decide (scripts, the recovery policy), the
+The state on a path is the mode of attention that was set last, whether the visitor has left,
+whether an answer is stored, and what the mission has found out about it. Where the file does not decide (scripts, the recovery policy), the
 visitor counts as present.
 """
 import itertools
@@ -17,6 +17,7 @@ from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Prompt
 from behavior_controller import leaves
 from behavior_controller.leaves.base import MissionLeaf
+from behavior_controller.config.node_facts import whole_mission
 from behavior_controller.leaves.data import CURRENT_EXHIBIT, VISITOR_RESPONSE
 from behavior_controller.config.settings import Settings
 
@@ -32,6 +33,7 @@ class PathState(NamedTuple):
     mode: str = ""
     missed_by: str = ""  # the node type that last looked for the visitor, if it found none
     has_answer: bool = False
+    known: FrozenSet[Tuple[str, int]] = frozenset()  # of conditions on the answer, how each ended
 
 
 States = FrozenSet[PathState]
@@ -99,6 +101,10 @@ class _Follower:
 
     def __init__(self, tree: Tree, tablet_stores: bool):
         self._tablet_stores = tablet_stores
+        answer = whole_mission(VISITOR_RESPONSE.name)
+        # what scripts do with answers is not known
+        self._is_answer_kept = not any(answer[1:-1] in text and text != answer for node in tree.nodes
+                                       for text in node.attributes.values())
         # by id() of the element: a tree is the same wherever it is used
         self._known: Dict[Tuple[int, States], Tuple[Ways, States]] = {}
         self._seen: Dict[int, States] = {}
@@ -173,6 +179,8 @@ class _Follower:
         """Return whether a mission leaf can end with ``end`` in that state."""
         if node.spec.setting == "asr_enabled":
             return (end == SUCCEEDS) == state.is_heard
+        if (node.registration_id, FAILS + SUCCEEDS - end) in state.known:
+            return False
         if end == FAILS or node.spec.kind is not Kind.CONDITION:
             return True
         is_deaf = Sense.UTTERANCE in node.spec.listens and not state.is_heard
@@ -182,6 +190,10 @@ class _Follower:
         """Return ``state`` after a mission leaf has ended with ``end``. A mode that could not be
         set counts as set: no mission counts on such a failure."""
         state = state._replace(mode=node.spec.mode(node.name) or state.mode)
+        if node.spec.writes(VISITOR_RESPONSE.name):
+            state = state._replace(known=frozenset())
+        elif self._is_answer_kept and _needs_answer(node):
+            state = state._replace(known=state.known | {(node.registration_id, end)})
         if end == FAILS:
             is_look = node.sense in (Sense.VISITOR, Sense.PRESENCE)
             return state._replace(missed_by=node.registration_id) if is_look else state
