@@ -8,6 +8,7 @@ import os
 import pty
 import re
 import select
+import shlex
 import shutil
 import signal
 import subprocess
@@ -455,6 +456,33 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
         "the shortest of 3 simulated runs", "1.2 s", "said “&”", "Again: ",
         "lab_tour --planned 'a b'", "not-home: M::1", not_home.means, "far away (", "m.xml:1:2", ")"
     ]
+
+
+def test_each_run_can_be_listed_by_its_end_and_played_again(capsys, tmp_path):
+    """A speech without a recovery: the pass fails with the speech, and with nothing else."""
+    mission, page = tmp_path / "m.xml", tmp_path / "page.html"
+    mission.write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><START_OF_TREE/><Fallback>'
+        '<WelcomeGesture/><HandleFallBack/></Fallback><WelcomeSpeech/></Sequence></BehaviorTree>'
+        '</root>', encoding="utf-8")
+    _, text = run(capsys, "--json", str(mission))
+    runs = json.loads(text)["runs"]
+    ends = {end: [each["command"] for each in runs if each["outcome"] == end]
+            for end in ("SUCCESS", "FAILURE")}
+    assert len(runs) == sum(map(len, ends.values())) and all(
+        ("textToSpeech:" in command) is (end == "FAILURE") for end, those in ends.items()
+        for command in those if "--planned" in command)
+    for end, commands in ends.items():
+        _, listed = run(capsys, str(mission), "--list", end.lower(), "--html", str(page))
+        assert re.findall(r"again: (.*)", listed)[:len(commands)] == commands
+        folded, = re.findall(fr"(?s)<summary>(\d+) {end}</summary>(.*?)</details>",
+                             page.read_text(encoding="utf-8"))
+        assert int(folded[0]) == len(commands) == folded[1].count("<code>")
+        for command in commands[::5]:
+            _, again = run(capsys, "--json", *shlex.split(command)[3:])
+            assert [each["outcome"] for each in json.loads(again)["runs"]] == [end]
+            _, story = run(capsys, *shlex.split(command)[3:])
+            assert f": {end} after" in story
 
 
 def test_a_page_without_visitors_shares_and_findings_has_no_tables():
