@@ -218,6 +218,16 @@ def test_the_failure_that_led_to_a_recovery_is_its_cause(steps, node, cause, wor
     assert rig.requests.count(SAFE[0]) == (outcome == "given up" and node != "HandleFallBack")
 
 
+@pytest.mark.parametrize("failing_step", [
+    "<Inverter>{}</Inverter>", "<ForceSuccess>{}</ForceSuccess>",
+    "<Fallback>{}<AlwaysSuccess/></Fallback>"])
+def test_a_failure_that_has_become_a_success_leads_to_a_recovery_after_it(failing_step):
+    step = failing_step.format("<WelcomeSpeech/>")
+    rig = one_leaf(f"<Sequence>{step}<HandleFallBack/></Sequence>", refusal)
+    assert to_the_end(rig) is SUCCESS
+    assert [event.node for event in rig.of(Recovered)] == ["WelcomeSpeech"]
+
+
 def test_a_condition_that_waits_is_the_cause_when_its_time_is_over():
     rig = fallback("<Timeout msec='1000'><IsVisitorDiscovered/></Timeout>", refusal,
                    conditionWait=9.0)

@@ -71,8 +71,9 @@ class HandleFallBack(WorkingLeaf):
         """Return the node with which the failure of ``steps`` began, and why it failed; this node
         if nothing can be recovered from."""
         since = max(self._known, steps[0].parent.changed_at) if steps else 0
-        failed = [step for step in steps if step.last_status is FAILURE]
-        found, self._known = origins(failed, since), self.services.changes
+        found = origins([step for step in steps if step.last_status is FAILURE], since) or [
+            node for node in origins(steps, since) if node.last_status is FAILURE]
+        self._known = self.services.changes
         nothing = "no mission node failed before"
         if not found:
             return self, Failure(Cause.MISSING_DATA, nothing)

@@ -586,9 +586,11 @@ class RecoveryTask(Task):
 
     def _failure(self) -> Optional[TaskFailure]:
         """Return the failure with which that of the nodes before this one began."""
-        failed = [node for node in self._before if node.last_status is FAILURE]
-        since = max(self._known, failed[0].parent.changed_at) if failed else 0
-        found, self._known = origins(failed, since), self.services.changes
+        steps = self._before
+        since = max(self._known, steps[0].parent.changed_at) if steps else 0
+        found = origins([node for node in steps if node.last_status is FAILURE], since) or [
+            node for node in origins(steps, since) if node.last_status is FAILURE]
+        self._known = self.services.changes
         own = [node for node in found if _is_of_mission(node)]
         if not found:
             return None
