@@ -1,8 +1,8 @@
 """Warns of what cannot work in a mission, by following every path through its tree.
 
 The state on a path is the mode of attention that was set last, whether the visitor has left,
-whether an answer is stored, and what the mission has found out about it. Where the file does not decide (scripts, the recovery policy), the
-visitor counts as present.
+whether an answer is stored, and what the mission has found out about it. Where the file does not
+decide (scripts, the recovery policy), the visitor counts as present.
 """
 import itertools
 from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Set, Tuple
@@ -103,8 +103,9 @@ class _Follower:
         self._tablet_stores = tablet_stores
         answer = whole_mission(VISITOR_RESPONSE.name)
         # what scripts do with answers is not known
-        self._is_answer_kept = not any(answer[1:-1] in text and text != answer for node in tree.nodes
-                                       for text in node.attributes.values())
+        self._is_answer_kept = not any(
+            answer[1:-1] in text and text != answer
+            for node in tree.nodes for text in node.attributes.values())
         # by id() of the element: a tree is the same wherever it is used
         self._known: Dict[Tuple[int, States], Tuple[Ways, States]] = {}
         self._seen: Dict[int, States] = {}

@@ -53,6 +53,38 @@ def times(of_test, kind):
     return [(line.time, line.event) for line in of_test.run.lines if isinstance(line.event, kind)]
 
 
+# ----------------------------------------------------------------------------- causes of recoveries
+
+
+SEEN = ("<ReactiveFallback><IsVisitorDiscovered/><ForceFailure><Sleep msec='60000'/></ForceFailure>"
+        "</ReactiveFallback>")
+
+
+@pytest.mark.parametrize("steps, node, cause", [
+    (f"<Timeout msec='30000'><Sequence>{SEEN}{'<WelcomeSpeech/>' * 30}</Sequence></Timeout>",
+     "WelcomeSpeech", Cause.NO_ANSWER),
+    (f"<Timeout msec='30000'><Sequence>{SEEN}<Sleep msec='60000'/></Sequence></Timeout>", "Timeout",
+     Cause.NO_ANSWER),
+    (f"<Sequence>{SEEN}<Parallel><Sequence><Sleep msec='1000'/><Script code='@open := false'/>"
+     "<AlwaysSuccess/></Sequence><ReactiveSequence><ScriptCondition code='@open'/><Navigate "
+     "target='1;2;3'/></ReactiveSequence></Parallel></Sequence>", "ScriptCondition",
+     Cause.CONDITION_FALSE),
+    (f"<Sequence>{SEEN}<IsVisitorResponseYes/></Sequence>", "IsVisitorResponseYes",
+     Cause.CONDITION_FALSE),
+    ("<Timeout msec='3000'><RetryUntilSuccessful num_attempts='-1'><Sequence><Sleep msec='500'/>"
+     "<IsVisitorResponseYes/></Sequence></RetryUntilSuccessful></Timeout>", "IsVisitorResponseYes",
+     Cause.CONDITION_FALSE)])
+def test_a_recovery_is_judged_by_the_failure_that_led_to_it(steps, node, cause):
+    of_test = of_mission(f"<Script code='@open := true'/><Fallback>{steps}<HandleFallBack/>"
+                         "</Fallback>", call_times="real")
+    decided = [event for _, event in times(of_test, Recovered)]
+    assert [(event.node, event.failure.cause) for event in decided] == [(node, cause)]
+    assert objections(of_test) == ()
+    other = replace(decided[0], node="IsVisitorDiscovered",
+                    failure=Failure(Cause.CONDITION_FALSE, "no face seen"))
+    assert objections(with_event(of_test, decided[0], other)) != ()
+
+
 # ------------------------------------------------------------------------------------- interruption
 
 
