@@ -92,6 +92,13 @@ def test_a_request_that_is_halted_may_reach_its_node_after_the_next_one_or_never
     assert lines_of(queries, lines) == expected
 
 
+def test_a_request_as_before_one_that_never_reached_its_node_is_not_sent_twice():
+    queries = [("b", 0.0, 0.1, Cause.CONNECTION_LOST), A_HALTED, ("b", 20.0, 20.2, None),
+               ("a", 20.4, 20.6, None)]
+    lines = [("b", 0.0, "crash"), ("b", 20.0), ("a", 20.4)]
+    assert lines_of(queries, lines) == [0, None, 1, 2]
+
+
 A_SILENT, B_THEN = ("a", 0.0, 5.0, Cause.NO_ANSWER), ("b", 5.5, 5.6, None)
 
 

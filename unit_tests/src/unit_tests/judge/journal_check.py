@@ -106,7 +106,8 @@ class JournalCheck:
             query: Query, following: Optional[Query], service: Service) -> bool:
         """Return whether the next line is the last one once more, and the one after it is that of a
         request."""
-        if paired is None or len(lines) < 2 or lines[0].content != paired.content:
+        if paired is None or len(lines) < 2 or lines[0].content != paired.content \
+                or self._is_next(lines[0], query, following, service):
             return False
         due = self._fields(query, lines[0], service)
         is_other = lines[0].content != due and lines[1].content == due
