@@ -106,7 +106,7 @@ def test_the_reference_has_the_figures_of_the_code(words):
 def test_the_guides_have_the_figures_of_the_code():
     guide = " ".join(text_of("operators_guide.md").split())
     assert safe_state.SAFE_STATE_LIMIT == 1 and "is made again, for one second" in guide
-    assert f"more than {IN_WORDS[console.HEARTBEAT_INTERVAL]} seconds" in guide
+    assert f"Every {IN_WORDS[console.HEARTBEAT_INTERVAL]} seconds" in guide
     chosen = settings.defaults()
     assert f"http://127.0.0.1:{chosen.monitor_port}" in guide
     assert f"127.0.0.1:{chosen.groot2_port}" in guide
