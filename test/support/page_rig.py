@@ -4,7 +4,14 @@ import time
 
 import pytest
 
+from behavior_controller.missions.load import describe
 from behavior_controller.robot.requests import Say
+from behavior_controller.run import events
+from behavior_controller.run.events import Line
+from behavior_controller.run.history import Run
+from behavior_controller.run.moment import card, robot_line
+from behavior_controller.run.record.feed import Entries, traversed, written
+from behavior_controller.viewer import view
 from behavior_controller.viewer.web_page import Page
 from free_ports import free_port
 from mission_rig import board_of, visitor_who
@@ -75,3 +82,54 @@ def text(browser, selector):
 
 def is_second_text(request):
     return isinstance(request, Say) and request.text == "second text 1"
+
+
+def use_time_of(rig, monkeypatch):
+    """Have the board take the times of events from the clock of a rig."""
+    monkeypatch.setattr(view, "unix_now", rig.clock.now)
+    monkeypatch.setattr(events, "unix_now", rig.clock.now)
+
+
+class Situation:
+    """A mission that is played to a moment: ``run`` is the model of all that happened."""
+
+    def __init__(self, rig):
+        self.rig = rig
+        self.run = Run([Line(rig.clock.now(), describe(rig.tree, 1))])
+        rig.mission.events.subscribe(self._take)
+        self.entries = Entries(rig.tree)
+        rig.tree.follow(self._follow)
+
+    def _follow(self, is_first, changes):
+        self._take(written(*self.entries.news()))
+        if changes:
+            self._take(traversed(0.0, is_first, changes))
+
+    def _take(self, event):
+        self.run.take(Line(self.rig.clock.now(), event))
+
+    def play(self, visitor, is_there, runs=1, **options):
+        """Run until ``is_there()``; the mission is then as it was."""
+        def act(rig):
+            if is_there():
+                raise Stop
+            visitor(rig)
+
+        with pytest.raises(Stop):
+            self.rig.run(act, runs=runs, **options)
+
+    def report(self, respect, change):
+        self.rig.mission.health.report(respect, change)
+        self.rig.mission.health.publish(self.rig.mission.events)
+
+    @property
+    def asked(self):
+        return self.rig.requests[-1] if self.rig.requests else None
+
+    @property
+    def card(self):
+        return card(self.run.at(self.run.lines[-1].time))
+
+    @property
+    def robot(self):
+        return robot_line(self.run.at(self.run.lines[-1].time))

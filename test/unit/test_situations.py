@@ -15,7 +15,6 @@ from behavior_controller.bt.engine.decorators import ForceSuccess
 from behavior_controller.bt.engine.possible_results import FAILS, SUCCEEDS, of_child
 from behavior_controller.bt.engine.successors import MOST_STEPS
 from behavior_controller.config import settings
-from behavior_controller.run import events
 from behavior_controller.run.events import (
     Answered, Asked, BreakpointChanged, HealthChanged, LeafFinished, LeafSummary, Line,
     PassFinished, PassStarted, Paused, Recovered, Recovering, RunFinished, RunStarted, SafePart,
@@ -25,14 +24,11 @@ from behavior_controller.run.history import Run
 from behavior_controller.run.state import (
     UNDER_WAY, Exchange, Robot, State, Step, Stop as Place, Visit)
 from behavior_controller.leaves.recovery import RETURN_LIMIT
-from behavior_controller.viewer import view
 from behavior_controller.run.from_viewer import (
     BEFORE, BREAKPOINT, SET, Hook, HookChange)
 from behavior_controller.missions.breakpoints import Breakpoints
-from behavior_controller.missions.load import describe
 from behavior_controller.run.moment import card, next_node, robot_line
 from behavior_controller.run.moment import Card, RobotLine, card_line
-from behavior_controller.run.record.feed import Entries, traversed, written
 from behavior_controller.run.record.tree_shown import shown as tree_shown
 from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
@@ -40,60 +36,9 @@ from behavior_controller.robot.requests import (
     Answer, Faces, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention, SetPose)
 from browser import IS_WHOLE, SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
-from page_rig import Show, Stop, open_page, text, wait_until
+from page_rig import Show, Situation, Stop, open_page, text, use_time_of, wait_until
 from told_visits import refusing, walks_off
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
-
-def use_time_of(rig, monkeypatch):
-    """Have the board take the times of events from the clock of a rig."""
-    monkeypatch.setattr(view, "unix_now", rig.clock.now)
-    monkeypatch.setattr(events, "unix_now", rig.clock.now)
-
-
-class Situation:
-    """A mission that is played to a moment: ``run`` is the model of all that happened."""
-
-    def __init__(self, rig):
-        self.rig = rig
-        self.run = Run([Line(rig.clock.now(), describe(rig.tree, 1))])
-        rig.mission.events.subscribe(self._take)
-        self.entries = Entries(rig.tree)
-        rig.tree.follow(self._follow)
-
-    def _follow(self, is_first, changes):
-        self._take(written(*self.entries.news()))
-        if changes:
-            self._take(traversed(0.0, is_first, changes))
-
-    def _take(self, event):
-        self.run.take(Line(self.rig.clock.now(), event))
-
-    def play(self, visitor, is_there, runs=1, **options):
-        """Run until ``is_there()``; the mission is then as it was."""
-        def act(rig):
-            if is_there():
-                raise Stop
-            visitor(rig)
-
-        with pytest.raises(Stop):
-            self.rig.run(act, runs=runs, **options)
-
-    def report(self, respect, change):
-        self.rig.mission.health.report(respect, change)
-        self.rig.mission.health.publish(self.rig.mission.events)
-
-    @property
-    def asked(self):
-        return self.rig.requests[-1] if self.rig.requests else None
-
-    @property
-    def card(self):
-        return card(self.run.at(self.run.lines[-1].time))
-
-    @property
-    def robot(self):
-        return robot_line(self.run.at(self.run.lines[-1].time))
-
 
 OFF = "attention and lifelike movement are off"
 

@@ -16,9 +16,8 @@ from behavior_controller.viewer.web_page import Page
 from browser import axe, findings
 from free_ports import free_port
 from mission_rig import Rig, refusal, visitor_who
-from page_rig import open_page, text, wait_until
+from page_rig import Situation, open_page, text, use_time_of, wait_until
 from recorded_tours import KINDS, recorded_day
-from test_situations import Situation, use_time_of
 
 LANES = """
 return Object.fromEntries([...document.querySelectorAll("#lanes .values .lane:not([hidden])")].map(
