@@ -38,7 +38,7 @@ from behavior_controller.simulation.rehearsal import findings  # noqa: E402
 from unit_tests.robot import options  # noqa: E402
 from behavior_controller.simulation.behaviour import NODES  # noqa: E402
 
-_OTHER_NAME = re.compile(r"Another (?:name|spelling) of (\w+)")
+_OTHER_NAME = re.compile(r".*; another name of (\w+)")
 _CAUSES = (Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
            Cause.TYPE_MISMATCH)
 

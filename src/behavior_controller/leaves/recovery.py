@@ -211,6 +211,7 @@ SPECS = (
     leaf_spec("HandleFallBack", HandleFallBack,
               "Recovers from the failure before it, as the recovery policy says.",
               is_recovery=True),
-    leaf_spec("HandleFallback", HandleFallBack, "Another spelling of HandleFallBack.",
+    leaf_spec("HandleFallback", HandleFallBack,
+              "Recovers from the failure before it; another name of HandleFallBack.",
               is_recovery=True, warning="HandleFallback is an old spelling; write HandleFallBack"),
 )

@@ -59,7 +59,7 @@ def test_a_port_is_shown_with_its_default(derive, monkeypatch):
 def test_another_name_of_a_node_stands_beside_it_and_conditions_apart(derive, monkeypatch):
     monkeypatch.setattr(derive.leaves, "specs", lambda: [
         MissionSpec("Bow", Kind.ACTION, None, (), "Bows."), MissionSpec(
-            "Bend", Kind.ACTION, None, (), "Another name of Bow."), MissionSpec(
+            "Bend", Kind.ACTION, None, (), "Bows; another name of Bow."), MissionSpec(
                 "IsBowed", Kind.CONDITION, None, (), "Is it bowed?")])
     assert derive.nodes(Kind.ACTION).splitlines()[2:] == ["| Bow, Bend | Bows. |  |  |"]
     assert derive.nodes(Kind.CONDITION).splitlines()[2:] == ["| IsBowed | Is it bowed? |  |  |"]
