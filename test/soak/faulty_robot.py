@@ -31,8 +31,8 @@ from tour_model import BEFORE_SENDING, FAULTS  # noqa: E402
 
 SERVICES = {service.name: service for service in INTERFACE.services}
 
-TOLD = re.compile(r"behaviorController: (\w+) \(.*\): (?:FAILURE, (/\S+), [\d.]+ s|retry \d+ "
-                  r"failed, (/\S+)), ([a-z ]+): ")
+TOLD = re.compile(r"behaviorController: (\w+) \(.*\): (?:FAILURE, (/\S+), [\d.]+ s|(?:attempt \d+|"
+                  r"its substitute) failed, (/\S+)), ([a-z ]+): ")
 PASS = re.compile(r"behaviorController: pass \d+: (\w+) after")
 VISITOR_HERTZ = 50
 
