@@ -16,8 +16,9 @@ ENGINE_AND_LEAVES = [
 OF_ONE_PYTHON = [
     "test/unit/test_{}.py".format(name)
     for name in ("add_to_workspace", "architecture", "documents", "examples", "flawed_missions",
-                 "fuzz_missions", "no_false_alarm", "operators_guide", "page", "planted_mistakes",
-                 "report", "situations", "tampered")
+                 "flawed_tours", "fuzz_missions", "no_false_alarm", "operators_guide", "page",
+                 "planted_mistakes", "receptionist", "report", "run_list", "situations", "tampered",
+                 "tasks")
 ]
 """What reads files, looks at pages or draws many inputs for code that other files run as well."""
 LIMIT = 900.0  # seconds

@@ -360,6 +360,7 @@ def test_the_end_reaches_a_browser_before_the_server_closes(show, monkeypatch, s
 
 
 def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
+    earlier = set(threading.enumerate())
     shown = show(Rig())
     with socket.create_connection(("127.0.0.1", shown.port)) as idle:
         idle.sendall(b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
@@ -367,7 +368,8 @@ def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
         for stream in list(shown.page.streams):
             stream.flush = asyncio.Future  # what it is sent is never taken
         shown.page.close()
-        wait_until(lambda: "page" not in {thread.name for thread in threading.enumerate()})
+        wait_until(lambda: "page" not in {
+            thread.name for thread in set(threading.enumerate()) - earlier})
 
 
 def test_a_port_that_is_taken_is_one_line(show):
