@@ -1,6 +1,6 @@
 """Warns of a pass that begins after the robot was asked for something: the node that begins it
 clears what belongs to a visitor."""
-from typing import Any, Iterator, Optional
+from typing import Any, Iterator
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.loader import rules
