@@ -55,6 +55,11 @@ class EndingServer:
                 self._publishers[part].publish(messages[part])
             self._is_stopped.wait(self._pause)
 
+    @property
+    def is_connected(self):
+        """Whether a client hears all that is published."""
+        return all(each.get_num_connections() for each in self._publishers.values())
+
     def stop(self):
         """Take the action away."""
         self._is_stopped.set()

@@ -12,6 +12,7 @@ import actionlib
 import rospy
 import rostest
 from actionlib.msg import TestAction, TestFeedback, TestResult
+from rospy.impl.registration import get_topic_manager
 from std_msgs.msg import Header
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -194,6 +195,20 @@ class TestActions(unittest.TestCase):
         self.use(action("/turn/other", type="cssr_system/recogniseSpeech",
                         answer=lambda result: Answer(), feedback=lambda feedback: ""))
         self.assertIn(Cause.TYPE_MISMATCH.text, self.missing()[0])
+
+    def test_a_connection_that_ros_does_not_make_is_made_all_the_same(self):
+        """As where an older list of publishers reaches rospy after the newest."""
+        server, topics = Server("/turn/lost"), get_topic_manager()
+        self.use(action("/turn/lost"))
+        self.ask(Turn(0))
+        for number, topic in enumerate(("goal", "cancel", "status", "result", "feedback"), 1):
+            name = "/turn/lost/" + topic
+            for end in (topics.get_subscriber_impl(name), topics.get_publisher_impl(name)):
+                for connection in list(end.connections):
+                    end.remove_connection(connection)
+                    connection.close()
+            self.assertEqual(self.ask(Turn(number)), Answer(response=str(number + 1)), topic)
+        self.assertEqual(server.goals, [0, 1, 2, 3, 4, 5])
 
     def test_a_goal_that_does_not_fit_the_type_is_not_sent(self):
         server = Server("/turn/wrong")

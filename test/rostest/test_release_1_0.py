@@ -201,7 +201,7 @@ class TestHearing(unittest.TestCase):
         for parts in (("status", "result"), ("result", "status")):
             with self.subTest(parts):
                 self.robot = EndingServer(parts, 10 * ROUND_WHEN_LISTENING)
-                self.wait_until(lambda: self.latch.is_connected)
+                self.wait_until(lambda: self.latch.is_connected and self.robot.is_connected)
                 wait = self.heard()
                 self.topics.listen(SPEECH, 30.0)
                 self.assertEqual(wait().value,
@@ -210,14 +210,14 @@ class TestHearing(unittest.TestCase):
 
     def test_a_status_that_says_why_is_enough(self):
         self.robot = EndingServer(["status"])
-        self.wait_until(lambda: self.latch.is_connected)
+        self.wait_until(lambda: self.latch.is_connected and self.robot.is_connected)
         wait = self.heard()
         self.topics.listen(SPEECH, 30.0)
         self.assertEqual(wait().value, "Error: {} aborted (the microphone is away)".format(ACTION))
 
     def test_a_result_that_does_not_come_is_asked_for_again_some_time_after_the_status(self):
         self.robot = EndingServer(["status"], status=GoalStatus.SUCCEEDED)
-        self.wait_until(lambda: self.latch.is_connected)
+        self.wait_until(lambda: self.latch.is_connected and self.robot.is_connected)
         before, asked = self.topics.newest(SPEECH), time.monotonic()
         self.topics.listen(SPEECH, 30.0)
         self.wait_until(lambda: self.robot.goals == 2)

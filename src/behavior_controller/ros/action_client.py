@@ -47,6 +47,10 @@ FEEDBACK_GAP = 0.5
 ROUND_WHEN_LISTENING = 0.05
 """Seconds between two looks at the action while a mission listens."""
 
+REGISTER_AGAIN = 1.0
+"""Seconds without a connection to a server that the master lists before the client's topics are
+registered once more; each further time it is twice as long, as a dead server stays listed."""
+
 GOAL_PAUSE = 0.25
 """Seconds between a goal without a result and the next: a server may refuse each at once."""
 
@@ -63,6 +67,7 @@ class GoalThread(RequestThread):
         self.news = threading.Event()
         """Set when a goal has got further, or by another thread that has something to do."""
         self._reported, self._reported_at = "", -math.inf
+        self._begin_connecting()
         super().__init__(action)
         DIRECTORY.subscribe(f"{self.name}/status", "actionlib_msgs/GoalStatusArray")
         DIRECTORY.subscribe(f"{self.name}/result", f"{action.type}ActionResult")
@@ -74,9 +79,12 @@ class GoalThread(RequestThread):
         client = self._client
         if client is None:
             return False
-        topics = [client.pub_goal, client.pub_cancel, client.status_sub, client.result_sub]
-        topics += [client.feedback_sub] if self.READS_FEEDBACK else []
-        return all(topic.get_num_connections() for topic in topics)
+        if not (client.pub_goal.get_num_connections() and client.pub_cancel.get_num_connections()):
+            return False
+        heard = [client.status_sub, client.result_sub]
+        heard += [client.feedback_sub] if self.READS_FEEDBACK else []
+        # rospy counts a connection before its handshake, until which a message is lost
+        return all(any(each.callerid_pub for each in topic.impl.connections) for topic in heard)
 
     @property
     def _is_offered(self) -> bool:
@@ -90,13 +98,35 @@ class GoalThread(RequestThread):
 
     def idle(self) -> None:
         """Connect when there is a server. Raises ``Trouble``, and what rospy raises."""
-        if self._client is None and self._is_offered:
+        if self.is_there:
+            self._begin_connecting()
+        elif self._client is not None:
+            self._register_again()
+        elif self._is_offered:
             for name in map(rospy.resolve_name, PARAMETERS):
                 value = ask_master("getParam", name)
                 if value is not None and type(value) is not int:
                     raise Trouble(Cause.TYPE_MISMATCH, f"the parameter {name} is {value!r}, and "
                                   f"must be a whole number: set it, or rosparam delete {name}")
             self._client = actionlib.ActionClient(self._action.name, TYPES[self._action])
+            self._begin_connecting()
+
+    def _begin_connecting(self) -> None:
+        self._patience = REGISTER_AGAIN
+        self._register_again_at = time.monotonic() + self._patience
+
+    def _register_again(self) -> None:
+        """Have the master tell both sides of each other once more.
+
+        An older list of nodes may reach rospy after the newer one (``RegManager.run`` takes the
+        last): then it would never connect.
+        """
+        client, now = self._client, time.monotonic()
+        if self._is_offered and now >= self._register_again_at:
+            self._patience *= 2
+            self._register_again_at = now + self._patience
+            DIRECTORY.register(client.pub_goal, client.pub_cancel, client.status_sub,
+                               client.result_sub, client.feedback_sub)
 
     def exchange(self, job: Job) -> Union[Answer, Failure]:
         """Send a goal once the server is there, and wait for its end."""
@@ -104,6 +134,7 @@ class GoalThread(RequestThread):
         deadline = time.monotonic() + CONNECT_LIMIT
         self.idle()
         if not self.is_there:
+            self._begin_connecting()
             DIRECTORY.server(self.name, CONNECT_LIMIT)
         while not self.is_there:
             if job.cut.is_set() or time.monotonic() > deadline:

@@ -23,7 +23,7 @@ import rospy
 import rospy.impl.init
 from rospy.impl.masterslave import ROSHandler
 from rospy.impl.paramserver import get_param_server_cache
-from rospy.impl.registration import get_service_manager, get_topic_manager
+from rospy.impl.registration import Registration, get_service_manager, get_topic_manager
 
 from behavior_controller.errors import ConfigurationError, NodesMissing
 from behavior_controller.robot.gateway import Cause, NO_ACTION, NOT_OFFERED
@@ -219,6 +219,12 @@ class Directory:
         finally:
             is_slow = time.monotonic() - asked_at > SLOW_ANSWER
             self.slow_answers = self.slow_answers + 1 if is_slow else 0
+
+    def register(self, *topics: rospy.topics.Topic) -> None:
+        """Register topics of this node once more: the master then sends each side the addresses of
+        the other. Raises ``Trouble`` without an answer."""
+        kinds = {Registration.PUB: "registerPublisher", Registration.SUB: "registerSubscriber"}
+        self._register([(kinds[each.reg_type], each.resolved_name, each.type) for each in topics])
 
     def _register(self, missing: List[Tuple[str, str, str]]) -> None:
         """Register what is missing; end if another node has our name."""
