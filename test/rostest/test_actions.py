@@ -68,7 +68,7 @@ class Server:
 
     def __init__(self, name):
         self.goals, self.cancelled = [], threading.Event()
-        self.behaviour = "done"
+        self.behaviour, self.pause = "done", 0.0
         self._server = actionlib.SimpleActionServer(name, TestAction, self._carry_out, False)
         self._server.start()
 
@@ -86,6 +86,7 @@ class Server:
             self.cancelled.set()
             self._server.set_preempted()
         else:
+            time.sleep(self.pause)
             self._server.set_succeeded(TestResult(goal.goal + 1))
 
 
@@ -199,6 +200,7 @@ class TestActions(unittest.TestCase):
     def test_a_connection_that_ros_does_not_make_is_made_all_the_same(self):
         """As where an older list of publishers reaches rospy after the newest."""
         server, topics = Server("/turn/lost"), get_topic_manager()
+        server.pause = 0.5  # the publisher counts a connection after the subscriber
         self.use(action("/turn/lost"))
         self.ask(Turn(0))
         for number, topic in enumerate(("goal", "cancel", "status", "result", "feedback"), 1):

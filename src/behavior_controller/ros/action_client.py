@@ -21,7 +21,8 @@ from behavior_controller.robot.gateway import Cause, Failure, result_of
 from behavior_controller.robot.requests import Answer, Listen, Request
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.request_thread import Job, RequestThread
-from behavior_controller.ros.tcpros import CONNECT_LIMIT, RETRY_INTERVAL, Trouble, ask_master
+from behavior_controller.ros.tcpros import (
+    CONNECT_LIMIT, RETRY_INTERVAL, Trouble, ask_master, is_silent)
 from behavior_controller.ros.types import TYPES, filled
 from behavior_controller.text import clean
 
@@ -79,12 +80,9 @@ class GoalThread(RequestThread):
         client = self._client
         if client is None:
             return False
-        if not (client.pub_goal.get_num_connections() and client.pub_cancel.get_num_connections()):
-            return False
-        heard = [client.status_sub, client.result_sub]
+        sent, heard = [client.pub_goal, client.pub_cancel], [client.status_sub, client.result_sub]
         heard += [client.feedback_sub] if self.READS_FEEDBACK else []
-        # rospy counts a connection before its handshake, until which a message is lost
-        return all(any(each.callerid_pub for each in topic.impl.connections) for topic in heard)
+        return all(map(_has_subscriber, sent)) and all(map(_has_publisher, heard))
 
     @property
     def _is_offered(self) -> bool:
@@ -199,6 +197,18 @@ class GoalThread(RequestThread):
         if text and text != self._reported:
             self._reported, self._reported_at = text, now
             job.feedback(text)
+
+
+def _has_subscriber(topic: rospy.Publisher) -> bool:
+    """Return whether a node is there to get messages; rospy notices an end only when it sends."""
+    sockets = [connection.socket for connection in topic.impl.connections]
+    return any(sock is not None and is_silent(sock) for sock in sockets)
+
+
+def _has_publisher(topic: rospy.Subscriber) -> bool:
+    """Return whether messages of a node come in; rospy counts a connection before its handshake,
+    until which messages are lost."""
+    return any(connection.callerid_pub for connection in topic.impl.connections)
 
 
 def _refusal(goal: Any) -> Trouble:

@@ -243,6 +243,18 @@ hang."""
 _lookups_lock = threading.Lock()
 
 
+def is_silent(sock: socket.socket) -> bool:
+    """Return whether the other end of a connection has neither ended it nor sent anything that is
+    unread."""
+    try:
+        sock.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    return False
+
+
 class Connection:
     """One TCPROS connection. Used by one thread; ``close`` may be called from any other and ends
     what it waits for.
@@ -262,17 +274,9 @@ class Connection:
     @property
     def is_open(self) -> bool:
         """Whether there is a connection that the peer has not ended."""
-        if self._socket is None:
-            return False
-        try:
-            self._socket.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            return True
-        except OSError:
-            pass
-        # the end of the stream, or unrequested bytes: unusable either way
-        self.hang_up()
-        return False
+        if self._socket is not None and not is_silent(self._socket):
+            self.hang_up()  # the end of the stream, or unrequested bytes: unusable either way
+        return self._socket is not None
 
     def open(self, host: str, port: int, header: Dict[str, str], seconds: float) -> Dict[str, str]:
         """Connect, send ``header`` and return the peer's; ``seconds`` also bound later reads and
