@@ -3,7 +3,7 @@
 from typing import Any, List, Optional, Tuple
 
 from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt.engine.origin import origins
+from behavior_controller.bt.engine.origin import origins, steps_before
 from behavior_controller.bt import Kind, Node, PortError, Result, FAILURE, RUNNING
 from behavior_controller.bt.engine.ports import defaults
 from behavior_controller.run.events import (
@@ -42,7 +42,7 @@ class HandleFallBack(WorkingLeaf):
 
     def work(self) -> Waiting[Result]:
         """Find the failure, and recover from it."""
-        steps = self._steps()
+        steps = steps_before(self)
         self._attempts, self._reason = 0, ""
         self._leaf, self._failure = self._find_failure(steps)
         if self._leaf is self:
@@ -70,9 +70,7 @@ class HandleFallBack(WorkingLeaf):
     def _find_failure(self, steps: List[Any]) -> Tuple[Node, Failure]:
         """Return the node with which the failure of ``steps`` began, and why it failed; this node
         if nothing can be recovered from."""
-        since = max(self._known, steps[0].parent.changed_at) if steps else 0
-        found = origins([step for step in steps if step.last_status is FAILURE], since) or [
-            node for node in origins(steps, since) if node.last_status is FAILURE]
+        found = origins(steps, self._known)
         self._known = self.services.changes
         nothing = "no mission node failed before"
         if not found:
@@ -147,17 +145,6 @@ class HandleFallBack(WorkingLeaf):
                         Noticed("warning", f"what is left out cannot be noted: {error}"))
                     return True
         return True
-
-    def _steps(self) -> List[Any]:
-        """Return the nodes before this one below the nearest ancestor that has any: a consecutive
-        range of uids."""
-        node: Any = self
-        while node.parent is not None:
-            before = node.parent.children[:node.parent.children.index(node)]
-            if before:
-                return before
-            node = node.parent
-        return []
 
     def _tell(self, attempt: int, substitute: str = "") -> None:
         self.mission.events.emit(

@@ -116,8 +116,8 @@ class GoalThread(RequestThread):
     def _register_again(self) -> None:
         """Have the master tell both sides of each other once more.
 
-        An older list of nodes may reach rospy after the newer one (``RegManager.run`` takes the
-        last): then it would never connect.
+        rospy connects by the list of nodes that reaches it last, which may be an older one: then it
+        would never connect.
         """
         client, now = self._client, time.monotonic()
         if self._is_offered and now >= self._register_again_at:

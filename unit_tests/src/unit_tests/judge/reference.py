@@ -19,7 +19,7 @@ from behavior_controller.bt import (
     Result, FAILURE, IDLE, RUNNING, SUCCESS)
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.origin import origins
+from behavior_controller.bt.engine.origin import origins, steps_before
 from behavior_controller.bt.engine.ports import defaults
 from behavior_controller.bt.engine.registry import argument
 from behavior_controller.bt.values.values import TEXT, whole_real
@@ -574,22 +574,9 @@ class RecoveryTask(Task):
     remark = ""  # what it recovers from, and what it has done last
     _known = 0  # number of changes of status when it was begun last
 
-    @property
-    def _before(self) -> List[Any]:
-        """The nodes before this one below the nearest ancestor that has any."""
-        node: Any = self
-        while node.parent is not None and node is node.parent.children[0]:
-            node = node.parent
-        if node.parent is None:
-            return []
-        return node.parent.children[:node.parent.children.index(node)]
-
     def _failure(self) -> Optional[TaskFailure]:
         """Return the failure with which that of the nodes before this one began."""
-        steps = self._before
-        since = max(self._known, steps[0].parent.changed_at) if steps else 0
-        found = origins([node for node in steps if node.last_status is FAILURE], since) or [
-            node for node in origins(steps, since) if node.last_status is FAILURE]
+        found = origins(steps_before(self), self._known)
         self._known = self.services.changes
         own = [node for node in found if _is_of_mission(node)]
         if not found:
@@ -698,7 +685,7 @@ class RecoveryTask(Task):
 
     def _may_skip(self) -> bool:
         """Note that the mission goes on without the step; return whether it does."""
-        before = (node for step in self._before for node in step.iterate())
+        before = (node for step in steps_before(self) for node in step.iterate())
         if any(node.registration_id in OF_A_VISIT for node in before):
             with suppress(PortError):
                 if not self._leave_out():
