@@ -96,6 +96,10 @@ class Rostest(pytest.Item):
     def runtest(self):
         """Run it to its end or its limit; raise ``Failed`` unless every case passes."""
         environment = self._environment()
+        if getattr(self, "execution_count", 1) > 1:  # it is run once more, by pytest-rerunfailures
+            first = self._folder.with_name(f"{self._folder.name}-first")
+            shutil.rmtree(first, ignore_errors=True)
+            self._folder.rename(first)
         shutil.rmtree(self._folder, ignore_errors=True)
         self._folder.mkdir(parents=True)
         fault = self._execute(environment)

@@ -21,13 +21,15 @@ def run(folder, *options):
 
 
 @pytest.mark.skipif("ROS_PACKAGE_PATH" not in os.environ, reason="needs ROS")
-def test_what_fails_is_named_with_its_first_line_and_the_place_of_the_output():
-    code, text = run(REPOSITORY, "test/fixtures/rostest/planted.test")
-    assert code == 1 and "= 1 failed in " in text, text
+def test_what_fails_twice_is_named_with_its_first_line_and_the_place_of_the_output():
+    code, text = run(REPOSITORY, "test/fixtures/rostest/planted.test", "--reruns", "1",
+                     "--only-rerun", "the whole output: ")
+    assert code == 1 and "= 1 failed, 1 rerun in " in text, text
     assert "TestPlanted.test_that_fails: 1 != 2 : planted\n" in text
     assert "TestPlanted.test_that_passes" not in text and "nowhere.py" in text
     log = re.search("^the whole output: (.*)", text, re.MULTILINE).group(1)
-    assert "in two lines" in (REPOSITORY / log).read_text()
+    for path in (log, log.replace("/output.log", "-first/output.log")):
+        assert "in two lines" in (REPOSITORY / path).read_text()
 
 
 @pytest.mark.parametrize("comment, markers, names", [
