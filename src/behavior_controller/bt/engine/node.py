@@ -277,8 +277,8 @@ class Node(Behaviour):
                 f"{returned}; it must be RUNNING, SUCCESS, FAILURE or SKIPPED"))
         self.status = status
         if old is not status:
-            self.services.changes += 1
-            self.changed_at = self.services.changes
+            services = self.services
+            self.changed_at = services.changes = services.changes + 1
             if self.observer is not None:
                 self.observer(self, old, status)
 
