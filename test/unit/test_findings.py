@@ -407,6 +407,18 @@ def test_a_later_visitor_s_pass_ends_as_the_first_one_s():
         ("next-visitor", "all", "the pass of visitor 3 ends otherwise: FAILURE")]
 
 
+@pytest.mark.parametrize("steps, left, is_unwanted", [
+    ([leaf("see", "FAILURE"), asked(TOUR[0])], 0.5, True), ([asked(TOUR[0])], 0.5, False),
+    ([leaf("see"), asked(TOUR[0])], 0.5, False),
+    ([leaf("see", "FAILURE"), asked(TOUR[0])], 1.5, False),
+    ([leaf("see", "FAILURE"), leaf("see"), asked(TOUR[0])], 0.5, False),
+    ([leaf("see", "FAILURE"), asked(BACK)], 0.5, False)])
+def test_the_tour_does_not_go_on_for_a_visitor_who_has_left(steps, left, is_unwanted):
+    presence = [(START, True), (START + left, False)]
+    assert ("unwanted-drive" in kinds(play(*steps, presence=presence))) is is_unwanted
+    assert "unwanted-drive" not in kinds(play(*steps, presence=presence, faults=1))
+
+
 @pytest.mark.parametrize("behaviour, mark, faults, goals, is_unwanted", [
     (DECLINES, "asked", 0, TOUR[:2], True), (DECLINES, "asked", 0, TOUR[:1] + [BACK], True),
     (DECLINES, "asked", 0, [BACK], False), (DECLINES, "asked", 1, TOUR[:2], False),
@@ -622,7 +634,7 @@ def test_a_goodbye_is_the_last_that_a_visitor_hears(steps, expected):
 
 @pytest.mark.parametrize("stops, more, expected", [
     (2, [ended()], True), (3, [ended()], True), (1, [ended()], False),
-    (2, [ended("FAILURE")], False), (2, [], False), (2, [leaf("bye"), ended()], False),
+    (2, [ended("FAILURE")], True), (2, [], False), (2, [leaf("bye"), ended()], False),
     (2, [leaf("bye", "FAILURE"), ended()], True), (2, [leaf("hi"), ended()], True)])
 def test_a_visitor_who_was_shown_several_stops_is_told_goodbye(stops, more, expected):
     steps = [asked(stop) for stop in TOUR[:stops]] + [asked(BACK, "right"), *more]

@@ -56,6 +56,8 @@ LOOK = f'<Fallback name="SomebodyToSayGoodbyeTo">{GAZE}<IsVisitorDiscovered/></F
 POINT = safe('PerformDeicticGesture name="Point to exhibit"')
 WELCOME = safe("WelcomeSpeech")
 ASK = safe("QueryTourSpeech")
+STOP = f"""<Fallback>{tree("VisitExhibit")}<HandleFallBack _onFailure="@tourBrokenOff := 'yes'"/>\
+</Fallback>"""
 COUNTED = '<ScriptCondition code="@prompts &lt; 3"/><Script code="@prompts += 1"/>'
 
 ONE = ["asrEnabled:=true", "--kinds", "refused"]
@@ -135,6 +137,18 @@ FLAWED = [
      [(ASK, ""), ('</ForceSuccess></Sequence></BehaviorTree><BehaviorTree ID="HearYesNo">',
                   '</ForceSuccess>' + ASK + '</Sequence></BehaviorTree>'
                   '<BehaviorTree ID="HearYesNo">')]),
+    # around the loop of the stops
+    ("the stops are pointed at after the loop", calm(), "not-shown",
+     [(POINT, ""), (tree("VisitExhibits"), tree("VisitExhibits") + POINT)]),
+    ("the second description stands after the loop", calm(), "not-shown",
+     [(SECOND, ""), (safe("EndTourSpeech"), SECOND + safe("EndTourSpeech"))]),
+    ("the tour goes on when the visitor has left", calm("leaves"), "unwanted-drive",
+     [(STOP, f"<ForceSuccess>{STOP}</ForceSuccess>")]),
+    ("the tour begins anew when the visitor has left", calm("leaves"), "unwanted-drive",
+     [(tree("VisitExhibits"), '<RetryUntilSuccessful num_attempts="2">' + tree("VisitExhibits")
+       + "</RetryUntilSuccessful>")]),
+    ("a whole tour counts as broken off", calm(), "no-goodbye",
+     [("""code="@tourBrokenOff == 'no'\"""", """code="@tourBrokenOff == 'yes'\"""")]),
     # a Fallback for a Sequence
     ("a Fallback of the steps of a drive", ["--faults", "none"], "never-asked",
      [as_fallback("NavigateToLocation")]),

@@ -123,6 +123,18 @@ class Play:
         changes = (change for change in reversed(self.played.presence) if change[0] <= at)
         return next(changes, (START, False))
 
+    def last_look(self, at: float) -> str:
+        """Return the result (S, F) of the mission's last look for the visitor since the visitor
+        left, until that time; empty: there was none."""
+        since = self.presence(at)[0]
+        return next((look.letter for look in reversed(self.looks) if since <= look.ended <= at), "")
+
+    @property
+    def looks(self) -> List[NodeResult]:
+        """The results of the leaves that look whether a visitor is there."""
+        return [result for result in self.leaves if result.letter in "SF"
+                and {Sense.VISITOR, Sense.PRESENCE} & set(self.spec(result.uid).listens)]
+
     def is_visitor_here(self, at: float) -> bool:
         """Return whether a visitor was present at that time."""
         return self.presence(at)[1]
@@ -186,6 +198,16 @@ class Play:
     def writers(self, entry: data.Datum) -> List[NodeResult]:
         """Return the results of the leaves that wrote an entry."""
         return [result for result in self.done if self.spec(result.uid).writes(entry.name)]
+
+    @property
+    def stops_in_turn(self) -> List[NodeResult]:
+        """The choices of stops if one leaf makes several, and the visitor is not asked meanwhile.
+        """
+        taken = self.writers(data.CURRENT_EXHIBIT)
+        is_asked = any(result.began > taken[0].began
+                       for result in self.writers(data.VISITOR_RESPONSE)) if taken else False
+        is_repeated = len(taken) > len({result.uid for result in taken})
+        return taken if is_repeated and not is_asked else []
 
     def faulty(self) -> FrozenSet[str]:
         """Return the services of which a call went wrong on purpose."""
@@ -543,11 +565,21 @@ def _changes(calm: Play, play: Play) -> Iterator[Change]:
 
 
 def _unwanted_drive(play: Play) -> Iterator[Place]:
-    """The robot drives to a stop although the visitor says no."""
+    """The robot drives to a stop although the visitor says no, or has left and the mission has seen
+    that."""
+    if play.faults:
+        return
     visit = play.run.state.visit
     is_declined = play.behaviour == DECLINES and visit is not None and visit.asked is not None
-    for drive in list(play.stops.values())[:1] if is_declined and not play.faults else ():
+    for drive in list(play.stops.values())[:1] if is_declined else ():
         yield drive, "the visitor says no, and the robot drives to a stop"
+    places = {place.location[:2] for place in play.stops}
+    for exchange in play.drives:
+        since, is_here = play.presence(exchange.asked)
+        is_stop = goal(exchange)[:2] in places and not play.is_home(exchange)
+        if is_stop and not is_here and play.last_look(exchange.asked) == "F":
+            yield exchange.uid, (f"the visitor had left {exchange.asked - since:.0f} s before, and "
+                                 "the robot drives to a further stop")
 
 
 def _left_out(play: Play) -> Iterator[Place]:
@@ -560,14 +592,10 @@ def _left_out(play: Play) -> Iterator[Place]:
         return
     if any(recovery.outcome in (SKIPPED, GIVEN_UP) for recovery in play.run.recoveries):
         return
-    taken = play.writers(data.CURRENT_EXHIBIT)
-    if len(taken) == len({result.uid for result in taken}):
-        return
-    if any(result.began > taken[0].began for result in play.writers(data.VISITOR_RESPONSE)):
-        return
+    taken = play.stops_in_turn
     stops = ", ".join(clean(place.name) for place in play.stage.world.knowledge.exhibits
                       if place not in play.stops)
-    if stops:
+    if taken and stops:
         yield taken[-1].uid, f"the visitor says yes, and the robot does not drive to {stops}"
 
 
@@ -580,12 +608,14 @@ def _drives_twice(play: Play) -> Iterator[Place]:
 
 
 def _not_shown(play: Play) -> Iterator[Place]:
-    """A stop is chosen, and the visitor is neither told of it nor pointed at it at its place.
+    """A stop is chosen, and the visitor is neither told of it nor pointed at it at its place, or
+    a node outside the loop of the stops shows only the last one.
 
     A mission that describes no stop and points at none may be meant to drive only.
     """
     if play.faults or play.behaviour != ENGAGES or not any(map(shows, play.nodes)):
         return
+    yield from _shown_after_the_loop(play)
     taken, places = play.writers(data.CURRENT_EXHIBIT), {stop.location[:2] for stop in play.stops}
     ends = [*(choice.began for choice in taken[1:]), play.played.ended if play.outcome else START]
     for choice, until in zip(taken, ends):
@@ -596,6 +626,18 @@ def _not_shown(play: Play) -> Iterator[Place]:
                 exchange.request, (Say, PerformGesture)) for exchange in play.exchanges):
             yield choice.uid, "the stop is chosen, and the visitor hears and sees nothing of it"
             return
+
+
+def _shown_after_the_loop(play: Play) -> Iterator[Place]:
+    """Find what shows a stop and stands outside the loop that takes one stop after the other."""
+    taken = play.stops_in_turn
+    for show, chosen in play.shown if taken and play.outcome else ():
+        loop: Optional[Node] = None
+        node = play.node(chosen.uid).parent
+        while node is not None:
+            loop, node = node if node.spec.repeats_on else loop, node.parent
+        if loop is not None and play.node(show.uid) not in loop.iterate():
+            yield show.uid, f"of {len(taken)} stops it shows only the last one"
 
 
 def shows(node: Node) -> bool:
@@ -709,19 +751,16 @@ def _speech_to_nobody(play: Play) -> Iterator[Place]:
     A robot may call for a visitor whom it does not see: what counts is what it says after its last
     look.
     """
-    looks = [result for result in play.leaves if result.letter in "SF"
-             and {Sense.VISITOR, Sense.PRESENCE} & set(play.spec(result.uid).listens)]
     for exchange in play.exchanges:
         since, is_here = play.presence(exchange.asked)
         node = play.node(exchange.uid)
         if not isinstance(exchange.request, Say) or is_here or since == START \
                 or not isinstance(node, MissionLeaf) or node.spec.says_goodbye(node.name) \
-                or any(look.began > exchange.asked for look in looks):
+                or any(look.began > exchange.asked for look in play.looks):
             continue
-        seen = [look.letter for look in looks if since <= look.ended <= exchange.asked]
         is_back = any(play.is_home(drive) and abs(drive.asked - since) < TIME_TOLERANCE
                       for drive in play.drives)
-        if seen[-1:] == ["F"] or is_back:
+        if play.last_look(exchange.asked) == "F" or is_back:
             yield exchange.uid, f"the visitor had left {exchange.asked - since:.0f} s before"
 
 
@@ -789,7 +828,7 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
     is_said = any(result.letter == "S" for result in play.goodbyes)
     if not play.outcome or is_said or play.behaviour != ENGAGES:
         return
-    if not play.faults and play.outcome == "SUCCESS" and len(play.stops) > 1:
+    if not play.faults and len(play.stops) > 1:
         yield play.drives[-1].uid, "the last drive ends here, and the visitor is told no goodbye"
     if play.calm is None or not play.faults:
         return
