@@ -332,3 +332,32 @@ fault("KeepRunningUntilFailure ends after a round", wrapped(
     decorators.KeepRunningUntilFailure, "update",
     lambda method, self: (self.begin(), FAILURE if self.tick_child() is not RUNNING else RUNNING)[1]
 ))
+
+
+# --------------------------------------------------------------------------------- in the reception
+
+
+def _other_branch(method, self):
+    """IfThenElse takes the other branch."""
+    condition, *branches = self.children
+    self.children[:] = [condition, *branches[::-1]]
+    try:
+        return method(self)
+    finally:
+        self.children[:] = [condition, *branches]
+
+
+RECEPTION = {"scenarioSpecification": "reception"}
+OTHER_BRANCH = wrapped(controls.IfThenElse, "update", _other_branch)
+fault("IfThenElse takes the other branch", OTHER_BRANCH, **RECEPTION)
+fault("IfThenElse takes the other branch, and a visitor declines", OTHER_BRANCH, "declines",
+      **RECEPTION)
+fault("IfThenElse takes the other branch at a release's reception", OTHER_BRANCH,
+      **dict(RELEASE, scenarioSpecification="release_1_0_reception"))
+fault("an Inverter of the reception does not invert", FAULTS["an Inverter does not invert"][0],
+      **RECEPTION)
+for holds in (True, False):
+    fault(f"== is always {str(holds).lower()}", replaced(
+        operators, "_holds", lambda *given, holds=holds: holds), **RECEPTION)
+fault("! does nothing", replaced(operators, "_unary", lambda sign, value: value), **RECEPTION)
+

@@ -40,7 +40,7 @@ from unit_tests.judge.comparison import (
 from unit_tests.judge.facts import Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE_STATE, TaskContext, ReferenceNode, safe_state
-from unit_tests.judge.outcome import VisitOutcome
+from unit_tests.judge.outcome import ReceptionOutcome, VisitOutcome
 from unit_tests.judge.signs import MessagesOnRecord, Signs
 from unit_tests.judge.wire import RELEASE_1_1, SENT
 
@@ -311,16 +311,21 @@ class Execution(TaskContext):
                          f"{last}, {last.outcome}, and {left:.1f} s were left")
 
     def outcomes(self) -> List[VisitOutcome]:
-        """Return what the visitor of each pass saw and heard; none if the mission does not drive
-        to exhibits."""
+        """Return what the visitor of each pass saw and heard; none if the mission neither drives to
+        exhibits nor asks for the wanted place."""
         nodes = self.tree.nodes if self.tree is not None else ()
         types = {node.registration_id for node in nodes}
         stops = [node.attributes.get(reference.STOP, reference.EXHIBIT) for node in nodes
                  if node.registration_id == reference.SELECTS]
-        if types.isdisjoint(reference.DRIVES) or reference.EXHIBIT not in stops:
+        if types.isdisjoint(reference.DRIVES) or not stops:
             return []
         places = files.places(self.settings.scenario_specification, self.robot.has_files)
-        return [VisitOutcome(visit, self._facts, places, types, self.farewells)
+        kind = VisitOutcome
+        if reference.EXHIBIT not in stops:
+            kind = ReceptionOutcome
+            if not any(place.description1.endswith("?") for place in places.exhibits):
+                return []
+        return [kind(visit, self._facts, places, types, self.farewells)
                 for visit in self._facts.run.visits]
 
     # ----------------------------------------------------------------------------------- traversals

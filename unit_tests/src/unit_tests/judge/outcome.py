@@ -2,7 +2,7 @@
 engine brought it about.
 
 It reads the journal alone, between the times at which a pass began and ended. The rules are those
-of a tour: of a mission whose stops are exhibits.
+of a tour, a mission whose stops are exhibits, and of a reception, which asks for the wanted place.
 """
 import math
 from typing import Collection, Dict, Iterator, List, Mapping, NamedTuple, Optional
@@ -13,7 +13,7 @@ from behavior_controller.simulation.configuration import IDLE_ACTION
 from behavior_controller.simulation.faults import WRONG
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.visitor import (
-    DECLINES, ENGAGES, LEAVES, NO_GAZE, SILENT, UNCLEAR)
+    DECLINES, ENGAGES, LEAVES, NO_GAZE, SILENT, UNCLEAR, WANTED)
 
 from unit_tests.judge import reference
 from unit_tests.judge.facts import Facts
@@ -41,6 +41,10 @@ class Part(NamedTuple):
 
 class VisitOutcome:
     """What the visitor of one pass saw and heard, by the journal."""
+
+    ALL_SHOWN = "the visitor was shown all exhibits"
+    FAREWELLS = tuple(reference.FAREWELLS)
+    """The node types one of which a mission has to come to for a visitor who engages."""
 
     def __init__(self, visit: Visit, facts: Facts, places: KnownPlaces,
                  node_types: Collection[str], farewells: Mapping[str, str]):
@@ -78,15 +82,7 @@ class VisitOutcome:
         that was not given."""
         behaviour = self._facts.test.visitor_behaviour
         is_asked = not self._node_types.isdisjoint(NOTICED_BY.get(behaviour, ()))
-        for part in self.described:
-            exhibits = self._exhibits[part.text]
-            what = f"{exhibits[0].name} was described"
-            if part.place not in [place.location for place in exhibits]:
-                yield what + " where the robot stood at {:g}, {:g}, {:g}°".format(*part.place)
-                break  # the others may follow from it
-            if part.is_on_the_way:
-                yield what + " while the robot drove there"
-                break
+        yield from self._of_places()
         yield from self._of_drives()
         if behaviour == ENGAGES and self._is_calm and (
                 not self._node_types.isdisjoint(reference.DESCRIBES)):
@@ -99,6 +95,18 @@ class VisitOutcome:
             if self.shown or goals:
                 what = ", ".join(self.shown) or "driven to {:g}, {:g}, {:g}°".format(*goals[0])
                 yield f"the visitor, who {DOES[behaviour]}, was shown {what}"
+
+    def _of_places(self) -> Iterator[str]:
+        """Object to an exhibit that is described away from its place."""
+        for part in self.described:
+            exhibits = self._exhibits[part.text]
+            what = f"{exhibits[0].name} was described"
+            if part.place not in [place.location for place in exhibits]:
+                yield what + " where the robot stood at {:g}, {:g}, {:g}°".format(*part.place)
+                break  # the others may follow from it
+            if part.is_on_the_way:
+                yield what + " while the robot drove there"
+                break
 
     def _of_drives(self) -> Iterator[str]:
         """Object to a drive that begins while the robot points, describes or takes its leave, if
@@ -123,6 +131,11 @@ class VisitOutcome:
         goals, home = [_goal(line) for line in self._drives[-1:]], self._places.home[0].location
         is_home = goals == [home] or self._node_types.isdisjoint(reference.LOOK_HOME)
         return [part.text for part in self.described] == due and is_home
+
+    @property
+    def _has_stayed(self) -> bool:
+        """Whether the visitor was shown what one who leaves does not stay for."""
+        return self.is_whole
 
     @property
     def is_right(self) -> bool:
@@ -157,15 +170,19 @@ class VisitOutcome:
         """Whether an answer without a meaning may have been taken for a yes."""
         return any(line.fault == WRONG and line.node == "tabletEvent" for line in self._lines)
 
+    def _shown_in_short(self) -> str:
+        """Return what a visitor who engages was shown, in words."""
+        return "shown {} of {} exhibits in this order: {}".format(
+            len(self.shown), len(self._places.exhibits), ", ".join(self.shown) or "none")
+
     def _of_tour(self) -> Iterator[str]:
         if not self.is_whole:
-            yield "the visitor, who engages, was shown {} of {} exhibits in this order: {}".format(
-                len(self.shown), len(self._places.exhibits), ", ".join(self.shown) or "none")
+            yield f"the visitor, who engages, was {self._shown_in_short()}"
             return
         if self.visit.outcome != "SUCCESS":
-            yield f"the visitor was shown all exhibits, and the pass ended in {self.visit.outcome}"
+            yield f"{self.ALL_SHOWN}, and the pass ended in {self.visit.outcome}"
         said = list(map(_said, self._lines))
-        for node in self._node_types.intersection(self._farewells):
+        for node in self._node_types.intersection(self.FAREWELLS):
             if self._farewells[node] not in said:
                 yield f"the visitor, who engages, was not told “{self._farewells[node]}”"
 
@@ -184,8 +201,58 @@ class VisitOutcome:
             if line.time > gone + limit:
                 yield f"“{_said(line)}” was said to a visitor who had left"
                 return
-        if self.is_whole and any(message.node == node_of(FACES) for message in self._messages):
+        if self._has_stayed and any(message.node == node_of(FACES) for message in self._messages):
             yield "the visitor, who leaves, was there to the end"
+
+
+class ReceptionOutcome(VisitOutcome):
+    """What the visitor of one pass of a reception saw and heard: the first description of a place
+    asks whether it is the wanted one, the second tells the way to it."""
+
+    ALL_SHOWN = "the visitor was told the way"
+    FAREWELLS = (reference.GOODBYE,)
+
+    @property
+    def _told(self) -> List[Exhibit]:
+        """The places to which the way was told."""
+        return [place for part in self.described for place in self._exhibits[part.text][:1]
+                if part.text == place.description2]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the way was told to the wanted place alone, and the robot is at home."""
+        goals, home = [_goal(line) for line in self._drives[-1:]], self._places.home[0].location
+        return self._told == self._wanted and goals in ([], [home])
+
+    @property
+    def _has_stayed(self) -> bool:
+        return False  # a visitor leaves on the way to the place, or before
+
+    @property
+    def _wanted(self) -> List[Exhibit]:
+        """The place that the visitor looks for, if the robot knows it."""
+        named = [place.name for place in self._facts.world.visitor.manners.places[:WANTED + 1]]
+        return [place for place in self._places.exhibits if place.name in named[-1:]]
+
+    def _of_places(self) -> Iterator[str]:
+        """Object to the way to another place than the visitor was asked about last, unless a
+        question may have failed."""
+        asked = ""
+        for part in self.described if self._is_calm else ():
+            place = self._exhibits[part.text][0]
+            if part.text == place.description1:
+                asked = place.name
+            elif place.name != asked:
+                yield f"the way to {place.name} was told to a visitor who was " + (
+                    f"asked about {asked}" if asked else "not asked")
+                return
+
+    def _shown_in_short(self) -> str:
+        told, wanted = (", ".join(place.name for place in places) or "no place"
+                        for places in (self._told, self._wanted))
+        goals = ["{:g}, {:g}, {:g}°".format(*_goal(line)) for line in self._drives[-1:]]
+        return f"told the way to {told}, looks for {wanted}, and the last drive led " + (
+            f"to {goals[0]}" if goals else "nowhere")
 
 
 def _said(line: JournalEntry) -> str:
