@@ -172,7 +172,7 @@ RUNS = {
     "declined": (visitor_who("no"), None, True, 1,
                  ["heard info IsYesNoUttered “no”", "visit info 1 SUCCESS 1.0"]),
     "no gaze": (visitor_who(gazes=False), None, True, 1,
-                ["visit info IsVisitorDiscovered 1", "visit warning 1 FAILURE 15.0"]),
+                ["visit info IsVisitorDiscovered 1", "visit info 1 15.0"]),
     "unclear": (visitor_who("perhaps"), None, True, 1, [
         "heard info IsYesNoUttered “perhaps”",
         "asked info SayYesNoSpeech “I am sorry, I can only understand yes or no. Please say yes "

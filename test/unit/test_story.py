@@ -20,12 +20,12 @@ from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Say, SetAttention)
 from behavior_controller.run.fold import KEPT_VISITS
 from behavior_controller.run.state import (
-    BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT, LEFT_OUT, COMPLETED, NOTICED,
-    SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Reason, State, Step, Stop, Visit)
+    BROKEN_OFF, COMPLETE, DECLINED, DONE_ALL, FAILED, GAVE_UP, IN_PART, LEFT, LEFT_OUT, COMPLETED,
+    NOTICED, SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Reason, State, Step, Stop, Visit)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.run.story import (
-    KINDS, Story, completed, condition, conditions, counted, degree, stop_name, how_it_ended,
-    ordinal, safe_state, step_words, why as in_words, why_failed)
+    KINDS, Story, completed, condition, conditions, counted, stop_name, how_it_ended,
+    ordinal, run_end, safe_state, step_words, why as in_words, why_failed)
 from behavior_controller.text import Source
 
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
@@ -456,7 +456,6 @@ def test_a_visit_is_complete_without_the_stops_that_were_left_out():
     rig.run(looks_away)
     visit = story.state.visit
     assert how_it_ended(visit) == "complete without exhibit 1, 1 of 2 exhibits completed"
-    assert degree(visit) == "complete without exhibit 1"
     assert story.state.visit_results == {"complete without steps": 1}
 
 
@@ -977,19 +976,18 @@ def test_how_a_visit_ended(stops, why, words):
 MUTE = {"Welcome": 1, "Describe": 5, "Ask": 2, "Part": 1, "Thank": 3}
 
 
-@pytest.mark.parametrize("skipped, outcome, of_visit", [
-    ({}, "SUCCESS", "complete"), ({}, "FAILURE", "broken off"), ({}, "", "broken off"),
-    ({"Say": 1}, "SUCCESS", "complete without Say"),
-    ({"Say": 2}, "SUCCESS", "complete without 2 steps (Say 2 times)"),
-    ({"Say": 1, "Go": 1}, "SUCCESS", "complete without 2 steps (Say and Go)"),
-    (MUTE, "SUCCESS", "complete without 12 steps (Describe 5 times, Thank 3 times, Ask 2 times "
-                      "and 2 more)"),
-    (MUTE, "FAILURE", "broken off")])
-def test_the_degree_of_a_visit(skipped, outcome, of_visit):
-    visit = Visit(1, 0.0, outcome=outcome, ended=9.0, skipped=skipped, why=Reason(DONE_ALL))
-    assert degree(visit) == of_visit and degree(replace(visit, ended=None)) == ""
-    if outcome == "SUCCESS":
-        assert how_it_ended(visit) == of_visit
+@pytest.mark.parametrize("skipped, of_visit", [
+    ({}, "complete"), ({"Say": 1}, "complete without Say"),
+    ({"Say": 2}, "complete without 2 steps (Say 2 times)"),
+    ({"Say": 1, "Go": 1}, "complete without 2 steps (Say and Go)"),
+    (MUTE, "complete without 12 steps (Describe 5 times, Thank 3 times, Ask 2 times and 2 more)")])
+def test_how_much_of_a_visit_was_done(skipped, of_visit):
+    visit = Visit(1, 0.0, outcome="SUCCESS", ended=9.0, skipped=skipped, why=Reason(DONE_ALL))
+    assert how_it_ended(visit) == of_visit
+    assert visit.result == (IN_PART if skipped else COMPLETE)
+    assert replace(visit, outcome="FAILURE").result == BROKEN_OFF
+    end = run_end(State(visits=(visit,), finished=RunFinished("stopped; pass 1 was a SUCCESS", 0)))
+    assert end == "stopped; pass 1 was a SUCCESS" + (f", {of_visit}" if skipped else "")
 
 
 BLIND = HealthChanged("topic", "/faces", "", False, "silent", "", SILENT)
@@ -997,17 +995,25 @@ BLIND = HealthChanged("topic", "/faces", "", False, "silent", "", SILENT)
 
 @pytest.mark.parametrize("why, of_visit", [
     (HAS_GONE, "left"), (replace(HAS_GONE, blind=BLIND), "broken off"),
-    (Reason(STOPPED), "broken off"), (Reason(GAVE_UP), "broken off")])
-def test_a_visitor_who_leaves_is_no_failure(why, of_visit):
-    visit = Visit(1, 0.0, outcome="FAILURE", ended=9.0, why=why)
-    assert degree(visit) == of_visit
+    (Reason(FAILED, "See", REFUSED_NO), "no reaction"), (Reason(DECLINED), "declined"),
+    (Reason(STOPPED), "stopped"), (Reason(GAVE_UP), "broken off")])
+def test_what_a_visitor_chooses_is_no_failure(why, of_visit):
+    visit = Visit(1, 0.0, 1.0, outcome="FAILURE", ended=9.0, why=why)
+    assert visit.result == of_visit
+    assert visit.is_no_failure == (of_visit in ("left", "no reaction", "declined"))
+    assert not replace(visit, arrived=None).is_no_failure  # nobody was there
+    # without a step too
+    visit = replace(visit, outcome="SUCCESS", skipped={"Say": 1})
+    end = "stopped; pass 1 was a SUCCESS"
+    if why.kind != GAVE_UP:
+        assert run_end(State(visits=(visit,), finished=RunFinished(end, 0))) == end
 
 
 def test_nothing_about_a_visitor_who_leaves_is_told_as_a_failure():
     sentences = Teller(rig_of("visitor left")).run(walks_off).sentences
-    *told, end = sentences
-    assert [one.text for one in told if one.severity != "info" or "FAIL" in one.text] == []
-    assert end.text.endswith("(exit code 3)")
+    assert [one.text for one in sentences if one.severity != "info" or "FAIL" in one.text] == []
+    assert sentences[-1].text == (
+        "ends: all passes are done; pass 1 is over: the visitor left (exit code 3)")
     ending = next(one.text for one in sentences if one.text.startswith("pass 1: "))
     assert ending == ("pass 1: over after 16.0 s: ended at exhibit 1 of 2, exhibit 1: the visitor "
                       "left")
@@ -1019,10 +1025,10 @@ def test_a_mute_tour_is_no_complete_visit():
     visit = state.visit
     number = sum(event.outcome == SKIPPED for event in teller.rig.of(Recovered))
     assert visit.outcome == "SUCCESS" and sum(visit.skipped.values()) == number > 5
-    assert degree(visit).startswith(f"complete without {number} steps (DescribeExhibitSpeech ")
+    assert f"complete without {number} steps (DescribeExhibitSpeech " in run_over
     assert "0 of 2 exhibits completed, 2 in part" in how_it_ended(visit)
     assert counted(state) == "1 visit: 1 complete without steps"
-    assert degree(visit) in run_over and run_over.endswith("(exit code 0)")
+    assert run_over.endswith("(exit code 0)")
     assert [each.severity for each in teller.sentences if "is completed without" in each.text] == [
         "warning", "warning"]
 

@@ -127,6 +127,12 @@ class Visit(Struct, frozen=True):
             return BROKEN_OFF
         return IN_PART if self.skipped else COMPLETE
 
+    @property
+    def is_no_failure(self) -> bool:
+        """Whether the tree failed only because of what its visitor chose."""
+        chosen = (VISITOR_DECLINED, VISITOR_LEFT, NO_REACTION)
+        return self.arrived is not None and self.outcome != "SUCCESS" and self.result in chosen
+
 
 class Step(Struct, frozen=True):
     """What the robot does, or, if ``is_wait``, what it waits for.

@@ -14,8 +14,8 @@ from behavior_controller.run.events import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.run.fold import fold, why_recovered
 from behavior_controller.run.health import NEW, SIMULATED_TIME
 from behavior_controller.run.state import (
-    BROKEN_OFF, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, LEFT, NOTICED, RESULTS, SILENT_VISITOR,
-    STOPPED, UNCLEAR, VISITOR_LEFT, LeafFailure, Reason, State, Step, Stop, Visit, rank)
+    BROKEN_OFF, COMPLETE, COMPLETED, DECLINED, DONE_ALL, GAVE_UP, IN_PART, LEFT, NOTICED, RESULTS,
+    SILENT_VISITOR, STOPPED, UNCLEAR, LeafFailure, Reason, State, Step, Stop, Visit, rank)
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
 from behavior_controller.robot.requests import MOTION
@@ -213,17 +213,6 @@ def without(skipped: Dict[str, int]) -> str:
     return clean(f" without {names}" if number == 1 else f" without {number} steps ({names})")
 
 
-def degree(visit: Visit) -> str:
-    """Return how much of a visit was done: ``complete``, ``complete without …``, ``broken off``, or
-    ``left`` by the visitor; empty while it is under way.
-    """
-    if visit.ended is None:
-        return ""
-    if visit.outcome == "SUCCESS":
-        return "complete" + without(visit.skipped)
-    return VISITOR_LEFT if visit.result == VISITOR_LEFT else BROKEN_OFF
-
-
 def how_it_ended(visit: Visit) -> str:
     """Return how a visit ended, and what it went without; empty while it is under way."""
     ending, lacks = _ending(visit), without(visit.skipped)
@@ -257,12 +246,18 @@ def counted(state: State) -> str:
 
 
 def run_end(state: State) -> str:
-    """Return how the run ended, and how much of its last visit was done if steps are missing; empty
-    while it goes on.
+    """Return how the run ended, and which steps its last visit went without, or what the visitor
+    chose if the tree failed by that; empty while it goes on.
     """
-    outcome, visit = state.finished.outcome if state.finished is not None else "", state.visit
-    if outcome and visit is not None and visit.outcome == "SUCCESS" and visit.skipped:
-        return f"{outcome}, {degree(visit)}"
+    outcome = state.finished.outcome if state.finished is not None else ""
+    visit = next((visit for visit in reversed(state.visits) if visit.outcome), None)
+    if not outcome or visit is None:
+        return outcome
+    if visit.result == IN_PART:
+        return f"{outcome}, {COMPLETE}{without(visit.skipped)}"
+    ended, _, last = outcome.rpartition("; ")
+    if visit.is_no_failure and last.endswith(visit.outcome):
+        return f"{ended}; pass {visit.number} is over: {why(visit.why)}"
     return outcome
 
 
@@ -400,9 +395,8 @@ def _pass_finished(before: State, event: events.PassFinished, after: State) -> I
     visit = after.visit
     if visit is not None:
         is_complete = visit.outcome == "SUCCESS" and not visit.skipped
-        has_left = visit.result == VISITOR_LEFT  # which is no failure
-        outcome = "over" if has_left else event.outcome
-        severity = "info" if is_complete or has_left else "warning"
+        outcome = "over" if visit.is_no_failure else event.outcome
+        severity = "info" if is_complete or visit.is_no_failure else "warning"
         text = f"pass {event.number}: {outcome} after {visit.seconds:.1f} s: {how_it_ended(visit)}"
         yield "visit", severity, text, 0.0
 

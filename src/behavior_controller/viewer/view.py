@@ -313,9 +313,9 @@ def _result(last: NodeResult, times: int) -> Dict[str, Any]:
 
 
 def _visit(visit: Visit) -> Dict[str, Any]:
-    """Return a visit; ``degree``: how much of it was done, ``ending``: how it ended, in words."""
+    """Return a visit; ``ending``: how it ended, in words."""
     stops = [dict(asdict(stop), why=story.why(stop.why)) for stop in visit.stops]
     return {"number": visit.number, "time": clock(visit.arrived or visit.began),
             "began": visit.began, "arrived": visit.arrived, "outcome": visit.outcome,
             "stops": stops, "result": visit.result if visit.ended is not None else "",
-            "degree": story.degree(visit), "ending": story.how_it_ended(visit)}
+            "ending": story.how_it_ended(visit)}

@@ -308,7 +308,7 @@ def test_the_verdict_says_what_a_pass_went_without():
     of_test = facts([f"gestureExecution:{number}" for number in range(1, 40)])
     verdict = Verdict(of_test)
     assert verdict.passed and "1 pass ended as a visitor who engages should" in str(verdict)
-    assert "pass 1 is complete without" in str(verdict) and "WelcomeGesture" in str(verdict)
+    assert "pass 1: complete without" in str(verdict) and "WelcomeGesture" in str(verdict)
     assert "without" not in str(Verdict(facts()))
 
 

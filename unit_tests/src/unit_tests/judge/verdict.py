@@ -12,7 +12,7 @@ from typing import Callable, Iterable, Iterator, Optional, Tuple
 from behavior_controller import exit_codes
 from behavior_controller.config.settings import Settings
 from behavior_controller.run.events import Lost, Recovered, RunStarted
-from behavior_controller.run.story import degree, may_be_under_way, why
+from behavior_controller.run.story import how_it_ended, may_be_under_way, why
 from behavior_controller.text import clean, count
 from behavior_controller.simulation.visitor import LONG_WAIT
 from behavior_controller.viewer.report import CUT_OFF, FAILED, PASSED
@@ -234,7 +234,7 @@ def _praise(verdict: Verdict) -> Iterator[str]:
         yield "no pass ended"
     for visit in whole:
         if visit.skipped:
-            yield f"pass {visit.number} is {degree(visit)}"
+            yield f"pass {visit.number}: {how_it_ended(visit)}"
     for visit in ended:
         if visit not in whole:
             yield f"pass {visit.number} ended early, as it had to: {why(visit.why)}"
