@@ -181,8 +181,9 @@ def test_the_sentences_are_those_of_the_story_with_their_times(day, told, capsys
 def test_each_visit_has_a_section_with_its_outcome_and_its_exhibits(day, told):
     heads = [text for names, text in told.texts if names[0] == "summary" and "Visitor" in text]
     assert [re.match("Visitor (\\d)", head)[1] for head in heads] == list("12345678")
-    assert ["FAILURE" in head
-            for head in heads] == [False, False, False, False, True, True, False, True]
+    results = ("✔ complete", "✔ complete", "○ declined", "○ no reaction", "○ no reaction", "○ left",
+               "✔ complete", "✘ broken off")
+    assert [result in head for result, head in zip(results, heads)] == 8 * [True]
     story = Story()
     for line in read_record(day):
         story.take(line.time, line.event)
@@ -267,6 +268,13 @@ A_TOUR = [
 }]
 
 
+A_VISIT = [  # the visitor comes 4 s after the begin, the first stop 1 s later
+    {"event": "PassStarted", "time": 101.0, "number": 1, "at": 101.0}, waits(101.0),
+    dict(finished(105.0, path="A::1"),
+         summary={"kind": "visit", "text": "", "mark": "arrived", "at": 105.0}),
+    begun(106.0, 1, "cup")]
+
+
 def test_the_visits_and_the_whole_run_are_told_with_their_times(two_hours_east):
     page, story = Page(page_of(lines_of(*A_TOUR))), Story()
     starts, *_, ended = [sentence.text for line in decoded(lines_of(*A_TOUR))
@@ -278,8 +286,9 @@ def test_the_visits_and_the_whole_run_are_told_with_their_times(two_hours_east):
     heads = [text for names, text in page.texts if names[0] == "summary" and "Visitor" in text]
     done, failed, stopped = (how_it_ended(visit) for visit in story.state.visits)
     assert heads == [
-        "Visitor 102:16:40✔ SUCCESS2 of 2 stops completed1 min 6 s, waited 4.0 s before" + done,
-        "Visitor 202:33:20✘ FAILURE0 of 2 stops completed1 min 6 s, waited 4.0 s before" + failed,
+        "Visitor 102:16:40✔ complete1 min 6 s, waited 4.0 s before" + done,
+        "Visitor 202:33:20✘ broken off0 of 2 stops completed1 min 6 s, waited 4.0 s before" +
+        failed,
         "Visitor 302:50:00■ stopped10.2 s" + stopped
     ]
     assert [text for names, text in page.texts if names[0] == "tr"][:5] == [
@@ -293,6 +302,24 @@ def test_the_visits_and_the_whole_run_are_told_with_their_times(two_hours_east):
                                    [2, 1_900_000, 1_905_000, 1_970_000, "F"],
                                    [3, 2_900_000, 2_900_000, 2_910_250, "-"]]
     assert page.data["words"]["R"] == "under way"
+
+
+@pytest.mark.parametrize("mark, result, kind", [("left", "○ left", "d"), ("", "✘ broken off", "F")])
+def test_a_visitor_who_leaves_is_no_failure(mark, result, kind):
+    left = dict(finished(120.0, "FAILURE", failure=FAILED, path="B::2"),
+                summary={"kind": "visit", "text": "", "mark": mark, "at": 120.0})
+    end = {"event": "PassFinished", "time": 121.0, "number": 1, "outcome": "FAILURE"}
+    page = Page(page_of(lines_of(*A_VISIT, left, dict(end, seconds=20.0))))
+    head, = [text for names, text in page.texts if names[0] == "summary" and "Visitor" in text]
+    assert result in head and page.data["visits"][0][-1] == kind
+    assert [text for text in [head, *page.of("header")] if "FAILURE" in text] == []
+
+
+def test_a_visit_that_the_record_breaks_off_has_the_time_that_it_took():
+    page = Page(page_of(lines_of(*A_VISIT, gone(136.0))))  # 31 s after the arrival
+    head, = [text for names, text in page.texts if names[0] == "summary" and "Visitor" in text]
+    assert "▶ under way" in head and "31.0 s, waited 4.0 s before" in head
+    assert "1 of 2, cupunder way30.0 s" in [text for names, text in page.texts if names[0] == "tr"]
 
 
 def test_a_visit_of_which_nothing_is_told_yet_has_no_list():
@@ -878,7 +905,7 @@ def test_a_visit_is_shown_on_the_timeline(report, told):
     assert texts[0].startswith("Steps: ") and any("waiting for a visitor" in text for text in texts)
     # what a click on a bar tells
     report.execute_script("timeline.lanes[0].row.lastChild.lastChild.click()")
-    assert run(report, "byId('detail').innerText").startswith("Visits: failure Visitor 6, at ")
+    assert run(report, "byId('detail').innerText").startswith("Visits: Visitor 6, at ")
 
 
 def test_no_bar_is_lost_when_those_that_touch_are_drawn_as_one(report):

@@ -65,7 +65,9 @@ def test_each_visit_has_the_result_of_its_visitor(place):
 def test_a_record_that_ends_in_a_visit_tells_of_it(place):
     killed = listed_of(place)[2]
     assert killed.ending == "" and [visit.words for visit in killed.visits] == [KILLED]
-    assert killed.visits[0].result == BROKEN_OFF and killed.visits[0].decisive == KILLED
+    visit, = killed.visits
+    assert visit.result == BROKEN_OFF and visit.decisive == KILLED
+    assert visit.seconds == pytest.approx(killed.ended - visit.began, abs=0.06)  # from its arrival
 
 
 def test_a_node_that_died_is_an_outage_until_it_is_back(place):

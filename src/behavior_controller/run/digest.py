@@ -130,8 +130,9 @@ class Digester:
         visit = state.visit
         if is_over and state.finished is None and visit is not None and visit.has_visitor:
             visits.append(EndedVisit(
-                visit.number, visit.arrived or visit.began, round(state.at - visit.began, 1),
-                BROKEN_OFF, KILLED, tuple(dict.fromkeys(self._faults)), KILLED))
+                visit.number, visit.arrived or visit.began,
+                round(visit.until(state.at).seconds, 1), BROKEN_OFF, KILLED,
+                tuple(dict.fromkeys(self._faults)), KILLED))
         return Digest(
             mission_name(started.mission) if started is not None else "",
             {name: str(value) for name, value in started.settings.items()} if started else {},

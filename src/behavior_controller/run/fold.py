@@ -97,9 +97,8 @@ def _run_started(state: State, event: RunStarted) -> State:
 def _run_finished(state: State, event: RunFinished) -> State:
     visit = state.visit
     if visit is not None and not visit.outcome:
-        stopped, came = Reason(STOPPED), visit.arrived or visit.began
-        state = _end_visit(_end_stop(state, stopped), "", stopped, state.at - came,
-                           came - visit.began)
+        stopped, visit = Reason(STOPPED), visit.until(state.at)
+        state = _end_visit(_end_stop(state, stopped), "", stopped, visit.seconds, visit.waited)
     return replace(_abandon(_end_steps(state)), finished=event, held={})
 
 

@@ -113,6 +113,11 @@ class Visit(Struct, frozen=True):
         """Whether a visitor has come, and the visit goes on."""
         return self.arrived is not None and self.ended is None
 
+    def until(self, at: float) -> "Visit":
+        """Return the visit with the seconds that it has taken until then."""
+        came = self.arrived or self.began
+        return replace(self, seconds=at - came, waited=came - self.began)
+
     @property
     def result(self) -> str:
         """One of ``RESULTS`` for a visit that has ended."""

@@ -19,7 +19,8 @@ from tornado.template import Template
 from behavior_controller.run import events
 from behavior_controller.run.history import with_tree
 from behavior_controller.run.record.reader import stream_record
-from behavior_controller.run.state import UNDER_WAY, NodeResult, Step, Visit, step_over
+from behavior_controller.run.state import (
+    BROKEN_OFF, COMPLETE, IN_PART, STOPPED, UNDER_WAY, NodeResult, Step, Visit, step_over)
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.run import story
@@ -37,10 +38,13 @@ COMMAND = "replayMission"
 
 SECTIONS = {"then": "Moment", "story": "Story", "timeline": "Timeline", "tree": "Tree",
             "files": "Mission file", "settings": "Configuration"}
-ICONS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
+ICONS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻", "d": "○"}
 UNTRUE, RETRIED, STEP_DONE, VALUE = "n", "r", "d", "v"
 """Kinds of bars in addition to the statuses: a condition that does not hold, a retry that failed, a
 step, a value."""
+
+_LETTERS = {COMPLETE: "S", IN_PART: "S", BROKEN_OFF: "F", STOPPED: "-", UNDER_WAY: "R"}
+"""The kinds of bars for visits by result; for one that the visitor chose it is that of a step."""
 
 LEGEND = {
     "S": "success", "F": "failure", "h": "halted", UNTRUE: "not yet true",
@@ -159,6 +163,11 @@ class Drawn:
 
     def finish(self) -> "Drawn":
         """Draw what was under way when the record ended."""
+        visit = self.view.state.visit
+        if visit is not None and visit.ended is None:
+            stops = tuple(replace(stop, seconds=self.ended - stop.began)
+                          if stop.state == UNDER_WAY else stop for stop in visit.stops)
+            self.visits[visit.number] = replace(visit.until(self.ended), stops=stops)
         if self.view.state.step is not None:
             self._end_step(replace(self.view.state.step, ended=self.ended))
         self._end_values(self.ended)
@@ -179,8 +188,9 @@ def to_html(lines: Iterable[events.Line], verdict: Optional[ShownVerdict] = None
     settings = [tuple(map(encodable, setting)) for setting in run.started.settings.items()]
     live = file_text("page_files", "index.html")
     content = Template(file_text("report_files", "report.html")).generate(
-        clock=clock, seconds=seconds, sign=_sign, story=story, letter_of=_letter, verdict=verdict,
-        verdict_icons=VERDICT_ICONS, quoting=partial(_quoting, language=run.view.language),
+        clock=clock, seconds=seconds, sign=_sign, story=story, letter_of=_letter,
+        result_of=_result, verdict=verdict, verdict_icons=VERDICT_ICONS,
+        quoting=partial(_quoting, language=run.view.language),
         choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
         rows=_rows(run), settings=settings, documents=documents,
         moment=_between(live, '<div id="card">', "</section>"),
@@ -232,8 +242,12 @@ def _sign(letter: str, word: str) -> str:
     return '<b class="{}" title="{}">{}</b>'.format(letter, word, ICONS[letter])
 
 
+def _result(visit: Visit) -> str:
+    return UNDER_WAY if visit.ended is None else visit.result
+
+
 def _letter(visit: Visit) -> str:
-    return events.LETTERS.get(visit.outcome, "R" if visit.ended is None else "-")
+    return _LETTERS.get(_result(visit), STEP_DONE)
 
 
 def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
