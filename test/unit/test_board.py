@@ -747,3 +747,12 @@ def test_nothing_is_known_of_a_robot_before_the_mission_starts():
     before = robot_line(story.state).text
     story.take(1.0, RUN)
     assert "not yet" in before and "not yet" not in robot_line(story.state).text
+
+
+def test_a_pass_that_is_stopped_before_a_visitor_comes_is_no_visit():
+    rig = Rig()
+    board = board_of(rig)
+    rig.run(lambda rig: rig.clock.advance(0.5), is_stopped=lambda: rig.clock.now() > 1010.0)
+    assert board.part("visits") == {"counted": "no visit completed", "newest": []}
+    assert board.part("now")["last"] == ""
+    assert board.part("now")["card"]["what"] == "stopped before a visitor came"

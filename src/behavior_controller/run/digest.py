@@ -10,7 +10,7 @@ from behavior_controller.run import story
 from behavior_controller.run.events import Line, Paused
 from behavior_controller.run.fold import fold
 from behavior_controller.run.health import GONE, NEW, SLOW
-from behavior_controller.run.state import BROKEN_OFF, STOPPED, LeafFailure, State, Visit
+from behavior_controller.run.state import BROKEN_OFF, LeafFailure, State, Visit
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean
 
@@ -92,8 +92,8 @@ class Digester:
     def _end_visit(self, visit: Visit) -> None:
         reason, faults = visit.why, tuple(dict.fromkeys(self._faults))
         self._faults = []
-        if visit.arrived is None and visit.why is not None and visit.why.kind == STOPPED:
-            return  # nobody had come
+        if visit.is_empty:
+            return
         decisive = ""
         if reason is not None and visit.result == BROKEN_OFF:
             failure = reason.failure

@@ -106,7 +106,8 @@ def _end_visit(state: State, outcome: str, why: Reason, seconds: float, waited: 
     state = _change_visit(state, outcome=outcome, why=why, seconds=seconds, waited=waited,
                           ended=state.at)
     result, counts = state.visits[-1].result, state.visit_results
-    state = replace(state, visit_results={**counts, result: counts.get(result, 0) + 1})
+    if not state.visits[-1].is_empty:
+        state = replace(state, visit_results={**counts, result: counts.get(result, 0) + 1})
     return _conclude(_end_steps(state), state.visits[-1])
 
 

@@ -113,6 +113,11 @@ class Visit(Struct, frozen=True):
         """Whether a visitor has come, and the visit goes on."""
         return self.arrived is not None and self.ended is None
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether it was stopped before a visitor came: that is no visit."""
+        return self.ended is not None and not self.outcome and self.arrived is None
+
     def until(self, at: float) -> "Visit":
         """Return the visit with the seconds that it has taken until then."""
         came = self.arrived or self.began

@@ -267,9 +267,9 @@ def end_headline(state: State) -> str:
     finished, visit = state.finished, state.visit
     if finished is None or visit is None:
         return run_end(state)
+    if visit.is_empty:
+        return "stopped before a visitor came"
     if not visit.outcome:
-        if visit.arrived is None:
-            return "stopped before a visitor came"
         return f"stopped in the visit of visitor {visit.number}"
     if finished.outcome.startswith("stopped"):
         return "stopped between two visits"
@@ -386,7 +386,7 @@ def _run_started(before: State, event: events.RunStarted, after: State) -> Itera
 
 def _run_finished(before: State, event: events.RunFinished, after: State) -> Iterator[_Said]:
     for visit in after.concluded(Visit):
-        if visit.arrived is not None:
+        if not visit.is_empty:
             yield "visit", "warning", f"visitor {visit.number}: {how_it_ended(visit)}", 0.0
     yield "notice", "info", f"ends: {run_end(after)} (exit code {event.exit_code})", 0.0
 

@@ -164,7 +164,7 @@ class View(story.Story):
 
     def now(self) -> parts.Now:
         state = self.state
-        over = [visit for visit in state.visits if visit.ended is not None]
+        over = self._ended_visits()
         last = f"visitor {over[-1].number}: {story.how_it_ended(over[-1])}" if over else ""
         return parts.Now(card(state), robot_line(state), state.visit_count, self.ended, last)
 
@@ -174,8 +174,12 @@ class View(story.Story):
 
     def visits(self) -> Dict[str, Any]:
         """Return the visits that ended, the newest last, and how many there were in words."""
-        ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
-        return {"counted": story.counted(self.state), "newest": ended}
+        newest = list(map(_visit, self._ended_visits()))
+        return {"counted": story.counted(self.state), "newest": newest}
+
+    def _ended_visits(self) -> List[Visit]:
+        return [visit for visit in self.state.visits
+                if visit.ended is not None and not visit.is_empty]
 
     def timeline(self) -> List[Dict[str, Any]]:
         """Return the steps of the visit that ended: when each began, and how long it took."""
