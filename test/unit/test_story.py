@@ -19,6 +19,7 @@ from behavior_controller.run.health import FAILING, GONE, NEW, SILENT
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Say, SetAttention)
 from behavior_controller.run.fold import KEPT_VISITS
+from behavior_controller.run.moment import card
 from behavior_controller.run.state import (
     BROKEN_OFF, COMPLETE, DECLINED, DONE_ALL, FAILED, GAVE_UP, IN_PART, LEFT, LEFT_OUT, COMPLETED,
     NOTICED, SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Reason, State, Step, Stop, Visit)
@@ -125,7 +126,8 @@ def test_the_step_under_way_with_its_time_and_its_limit():
     visit = teller.story.state.visit
     shown = visit.stops[0]
     assert (visit.outcome, shown.why, shown.state) == ("", visit.why, BROKEN_OFF) and visit.why
-    assert DATA.findall(now_of(teller.story.state, rig.clock.now())) == ["1"]
+    ended = card(teller.story.state)
+    assert (ended.what, ended.where) == ("stopped in the visit of visitor 1", "")
 
 
 def test_a_retry_is_told_as_it_goes_on_and_when_it_is_done():

@@ -106,7 +106,7 @@ def card(state: State) -> Card:
 def _where(state: State) -> str:
     visit, stop = state.visit, state.stop
     parts = []
-    if visit is not None and not visit.outcome and visit.arrived is not None:
+    if visit is not None and visit.has_visitor:
         parts.append(f"visitor {visit.number}")
     if stop is not None:
         parts.append(stop_name(stop))
