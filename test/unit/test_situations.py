@@ -92,6 +92,7 @@ def node_killed_in_a_drive():
     now, robot = played.card, played.robot
     assert (now.kind, now.what) == ("wait", "waiting for /robotNavigation to return")
     assert now.until - now.since == RETURN_LIMIT and (now.attempt, now.attempts) == (2, 3)
+    assert now.next.startswith("drives")  # again, not what the mission does when it has arrived
     assert robot.alive == service_of(GoTo) + " is gone"
     assert "at the start" in robot.place and "to exhibit 1" in robot.place
     assert re.match("Restart /robotNavigation; take the robot home$", robot.instruction)

@@ -125,6 +125,9 @@ def _of_step(state: State, step: Step, where: str) -> Card:
     if isinstance(step.cause, Paused):
         kind, where, following = "paused", "", "the next visit"
         why = why or "the last failure: " + cause(step.cause.failure, is_short=True)
+    for recovery in state.recoveries:
+        if step.is_wait and recovery.uid == step.uid:  # its node is done again after the wait
+            following = _purpose(state, state.uids.get(recovery.path, 0))
     also = [step_words(other) for other in state.steps
             if other is not step and other.cause is None]
     return Card(kind, step_words(step), where, step.began, step.until, step.attempt, step.attempts,
