@@ -17,12 +17,13 @@ from behavior_controller.run.events import (
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import FAILING, GONE, NEW, SILENT
 from behavior_controller.robot.requests import (
-    Answer, GoTo, Location, PerformGesture, Say, SetAttention)
+    Answer, GoTo, Location, PerformGesture, Prompt, Say, SetAttention)
 from behavior_controller.run.fold import KEPT_VISITS
 from behavior_controller.run.moment import card
 from behavior_controller.run.state import (
     BROKEN_OFF, COMPLETE, DECLINED, DONE_ALL, FAILED, GAVE_UP, IN_PART, LEFT, LEFT_OUT, COMPLETED,
-    NOTICED, SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Reason, State, Step, Stop, Visit)
+    NO_REACTION, NOTICED, SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Reason, State, Step, Stop,
+    Visit)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.run.story import (
     KINDS, Story, completed, condition, conditions, counted, stop_name, how_it_ended,
@@ -462,7 +463,8 @@ def test_a_visit_is_complete_without_the_stops_that_were_left_out():
 
 
 @pytest.mark.parametrize("says, ending", [
-    (None, "no answer"), ("perhaps later", "no clear answer"), ("no", "the visitor said no")])
+    (None, "the visitor could not be asked: refused (/textToSpeech/say_text)"),
+    ("perhaps later", "no clear answer"), ("no", "the visitor said no")])
 def test_a_visit_with_a_robot_that_cannot_ask_is_not_complete(says, ending):
     rig, story = Rig(answer=refusing(Say)), Story()
     rig.mission.events.subscribe(lambda event: story.take(rig.clock.now(), event))
@@ -952,6 +954,23 @@ REFUSED_NO = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/faces")
 def test_the_result_of_a_visit(outcome, why, skipped, result):
     visit = Visit(1, 0.0, outcome=outcome, why=why, skipped=skipped, ended=1.0)
     assert visit.result == result
+
+
+TABLET = service_of(Prompt)
+
+
+@pytest.mark.parametrize("by_voice, answer, result, ending", [
+    (False, refusing(Prompt), BROKEN_OFF, f"the visitor could not be asked: refused ({TABLET})"),
+    (False, lambda request: Answer("") if isinstance(request, Prompt) else NotImplemented,
+     NO_REACTION, "no answer"),
+    (True, lambda request: refusal(request) if getattr(request, "text", "").startswith("Would")
+     else NotImplemented, NO_REACTION, "no answer; without QueryTourSpeech")])  # asked again
+def test_a_visitor_who_was_not_asked_is_not_silent(by_voice, answer, result, ending):
+    teller = Teller(Rig(answer=answer, asrEnabled=by_voice)).run(visitor_who())
+    visit = teller.story.state.visit
+    assert (visit.result, how_it_ended(visit)) == (result, ending)
+    last, = [sentence for sentence in teller.sentences if sentence.text.startswith("pass 1: ")]
+    assert (last.severity == "info") == (ending == "no answer")
 
 
 ARM = Stop(1, 3, "arm", COMPLETED, None, 1.0)

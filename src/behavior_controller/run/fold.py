@@ -20,7 +20,8 @@ from behavior_controller.run.state import (
     SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,
     NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit)
 from behavior_controller.robot.gateway import UNCERTAIN, UNSENT, Cause, Failure
-from behavior_controller.robot.requests import GoTo, SetAnimation, SetAttention, SetPose, Words
+from behavior_controller.robot.requests import (
+    GoTo, Prompt, Say, SetAnimation, SetAttention, SetPose, Words)
 from behavior_controller.text import clean
 
 KEPT_VISITS = 50
@@ -144,7 +145,8 @@ def _why_done(state: State) -> Reason:
         return Reason(UNCLEAR)
     if visit.asked is None and not course.is_unanswered:  # it has no question
         return Reason(DONE_ALL)
-    return Reason(SILENT_VISITOR, blind=next(reversed(course.unmet.values()), None))
+    return Reason(SILENT_VISITOR, failure=course.unasked,
+                  blind=next(reversed(course.unmet.values()), None))
 
 
 def _why_failed(state: State) -> Reason:
@@ -463,8 +465,19 @@ def _answered(state: State, event: Answered) -> State:
         return state
     ended = replace(exchange, answered=state.at, result=event.result)
     state = replace(state, exchanges=_without(state.exchanges, exchange))
-    state = _change_course(replace(state, robot=_moved(state.robot, ended)), answered=ended)
+    state = _change_course(replace(state, robot=_moved(state.robot, ended)), answered=ended,
+                           unasked=_unasked(state, ended))
     return _conclude(state, ended)
+
+
+def _unasked(state: State, exchange: Exchange) -> Optional[Failure]:
+    """Return the failure, if the last request that could have asked the visitor has failed."""
+    failure = exchange.result if isinstance(exchange.result, Failure) else None
+    is_asked = state.visit is not None and state.visit.asked is not None
+    is_speech = isinstance(exchange.request, Say) and (failure is None or not is_asked)
+    if state.course.is_unanswered or not (is_speech or isinstance(exchange.request, Prompt)):
+        return state.course.unasked
+    return failure
 
 
 def _feedback_received(state: State, event: FeedbackReceived) -> State:

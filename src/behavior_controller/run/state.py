@@ -127,7 +127,8 @@ class Visit(Struct, frozen=True):
     def result(self) -> str:
         """One of ``RESULTS`` for a visit that has ended."""
         reason = self.why or Reason("")
-        if reason.blind is not None:
+        is_unasked = reason.kind == SILENT_VISITOR and reason.failure is not None
+        if reason.blind is not None or is_unasked:
             return BROKEN_OFF
         if reason.kind in _RESULT_OF:
             return _RESULT_OF[reason.kind]
@@ -323,6 +324,7 @@ class Course(Struct, frozen=True):
     left_by: Optional[str] = None  # the topic by which the visitor is no longer seen
     is_unclear: bool = False  # the visitor's answer was neither yes nor no
     is_unanswered: bool = False  # the mission went by an answer that had not come
+    unasked: Optional[Failure] = None  # for which the visitor could not be asked
     given_up: Optional[Recovered] = None  # the last one
     handler: int = 0  # the HandleFallBack that ended last
     failed: Tuple[int, Optional[Reason]] = (0, None)  # which leaf failed last, and why

@@ -119,6 +119,8 @@ def why(reason: Optional[Reason]) -> str:
     text = _REASONS.get(reason.kind, "it failed")
     if reason.kind == NOTICED:
         text = clean(reason.text)
+    elif reason.kind == SILENT_VISITOR and reason.failure is not None:
+        text = f"the visitor could not be asked: {cause(reason.failure, is_short=True)}"
     elif reason.failure is not None:
         # the sentence about the failure itself has the detail
         text = why_failed(reason.node, reason.failure, reason.tries, is_short=True)
@@ -394,9 +396,9 @@ def _run_finished(before: State, event: events.RunFinished, after: State) -> Ite
 def _pass_finished(before: State, event: events.PassFinished, after: State) -> Iterator[_Said]:
     visit = after.visit
     if visit is not None:
-        is_complete = visit.outcome == "SUCCESS" and not visit.skipped
+        is_whole = visit.outcome == "SUCCESS" and not visit.skipped and visit.result != BROKEN_OFF
         outcome = "over" if visit.is_no_failure else event.outcome
-        severity = "info" if is_complete or visit.is_no_failure else "warning"
+        severity = "info" if is_whole or visit.is_no_failure else "warning"
         text = f"pass {event.number}: {outcome} after {visit.seconds:.1f} s: {how_it_ended(visit)}"
         yield "visit", severity, text, 0.0
 

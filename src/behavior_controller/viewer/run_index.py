@@ -16,7 +16,7 @@ from behavior_controller.run.record.tail import RunTail
 INDEX = "index.json"
 """The file in a folder of runs that has their digests. Without it they are made again."""
 
-_LAYOUT = f"digests 1 of records {VERSION}"
+_LAYOUT = f"digests 2 of records {VERSION}"
 """What an index has to be of; any other one is made anew."""
 
 
