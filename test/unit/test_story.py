@@ -1009,6 +1009,9 @@ def test_how_much_of_a_visit_was_done(skipped, of_visit):
     assert replace(visit, outcome="FAILURE").result == BROKEN_OFF
     end = run_end(State(visits=(visit,), finished=RunFinished("stopped; pass 1 was a SUCCESS", 0)))
     assert end == "stopped; pass 1 was a SUCCESS" + (f", {of_visit}" if skipped else "")
+    end = RunFinished("all passes are done; pass 1 was a SUCCESS", 0)
+    now = card(State(visits=(visit,), finished=end))
+    assert (now.what, now.trouble) == (of_visit, end.outcome)  # that stands there once
 
 
 BLIND = HealthChanged("topic", "/faces", "", False, "silent", "", SILENT)

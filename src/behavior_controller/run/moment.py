@@ -88,7 +88,7 @@ def card(state: State) -> Card:
     """Return what the run does."""
     where = _where(state)
     if state.finished is not None:
-        what, run = end_headline(state), run_end(state)
+        what, run = end_headline(state), run_end(state, is_short=True)
         return Card("ended", what, where, state.at, trouble=run if run != what else "")
     if state.held:
         uid, since = list(state.held.items())[-1]

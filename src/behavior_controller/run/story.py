@@ -247,15 +247,15 @@ def counted(state: State) -> str:
     return f"{count(number, 'visit', 'visits')}: {results}"
 
 
-def run_end(state: State) -> str:
-    """Return how the run ended, and which steps its last visit went without, or what the visitor
-    chose if the tree failed by that; empty while it goes on.
+def run_end(state: State, is_short: bool = False) -> str:
+    """Return how the run ended, and which steps its last visit went without, but not in short, or
+    what the visitor chose if the tree failed by that; empty while it goes on.
     """
     outcome = state.finished.outcome if state.finished is not None else ""
     visit = next((visit for visit in reversed(state.visits) if visit.outcome), None)
     if not outcome or visit is None:
         return outcome
-    if visit.result == IN_PART:
+    if visit.result == IN_PART and not is_short:
         return f"{outcome}, {COMPLETE}{without(visit.skipped)}"
     ended, _, last = outcome.rpartition("; ")
     if visit.is_no_failure and last.endswith(visit.outcome):
