@@ -742,7 +742,7 @@ not-home: The last drive of a pass does not lead home.
 unreached: No play brings the mission to this node.
   Nap (m.xml:4:5): not reached by 7 simulated runs
 
-found: 3 kinds of mistakes at 4 places"""
+found: 4 findings of 3 kinds"""
 
 
 @pytest.fixture(name="result")
@@ -760,7 +760,7 @@ def test_a_result_is_told_as_text(result):
     # Wilson's interval of 1 in 4: (0.25 + 0.4802 ± 1.96 * sqrt(0.046875 + 0.060025)) / 1.9604
     assert "\n" + cli.as_text(result) == TOLD
     assert cli.as_text(
-        result._replace(findings=FINDINGS[2:3])).endswith("\n\nfound: 1 kind of mistake at 1 place")
+        result._replace(findings=FINDINGS[2:3])).endswith("\n\nfound: 1 finding of 1 kind")
     calm = result._replace(rows=[], shares=[], findings=[], plays=12)
     assert cli.as_text(
         calm

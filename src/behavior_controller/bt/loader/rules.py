@@ -1,9 +1,9 @@
 """Every kind of mistake in a mission, declared once: its code (``NO_CHILD`` is ``no-child``) and
 what it means.
 
-A finding is made through its rule. docs/faults.md and the codes that ``validateMission --ignore``
-takes are derived from them; test/fixtures/mistakes.txt has missions with each mistake, and missions
-beside them that have none.
+A mistake is reported through its rule. docs/faults.md and the codes that ``validateMission
+--ignore`` takes are derived from them; test/fixtures/mistakes.txt has missions with each mistake,
+and missions beside them that have none.
 """
 from dataclasses import dataclass
 from functools import partial

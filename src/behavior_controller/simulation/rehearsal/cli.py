@@ -155,8 +155,8 @@ def _parser() -> argparse.ArgumentParser:
         html_report.COMMAND,
         "Play a mission without ROS, in virtual time, with the simulated robot and each kind of "
         "visitor: without faults, with each single fault, or with random ones, and print the "
-        "mistakes that this shows.", "0 if nothing was found, 4 if something was, 2 if the mission "
-        "or the call is wrong, 1 if it was stopped or something is missing")
+        "findings.", "0 if nothing was found, 4 if something was, 2 if the mission or the call is "
+        "wrong, 1 if it was stopped or something is missing")
     parser.add_argument("mission", metavar="MISSION", help="the file of a mission, or its name")
     parser.add_argument(
         "settings", nargs="*", default=[], metavar="KEY:=VALUE",
@@ -337,10 +337,9 @@ def as_text(result: Result) -> str:
     for finding in result.findings:
         lines += _finding_lines(finding, finding.kind.name != explained)
         explained = finding.kind.name
-    number = len({finding.kind for finding in result.findings})
-    kinds = count(number, "kind of mistake", "kinds of mistakes")
-    places = count(len(result.findings), "place", "places")
-    total = f"found: {kinds} at {places}" if result.findings else "nothing was found"
+    kinds = count(len({finding.kind for finding in result.findings}), "kind", "kinds")
+    number = count(len(result.findings), "finding", "findings")
+    total = f"found: {number} of {kinds}" if result.findings else "nothing was found"
     return "\n".join([*lines, "", total])
 
 

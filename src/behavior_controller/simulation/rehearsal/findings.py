@@ -42,7 +42,7 @@ ROOT = 1
 
 
 class Finding(NamedTuple):
-    """A mistake that shows in a play, and its node."""
+    """A finding in a play, and its node."""
 
     kind: str
     uid: int
