@@ -1,5 +1,6 @@
 """The tutorial's steps, as docs/tutorial.md shows them: each has the trees that it adds or changes,
-and the commands that check the mission as it is then.
+and the commands that check the mission as it is then. A line ``…`` in a tree stands for its lines
+of the step before.
 
 ``python3 tools/tutorial.py`` runs all commands, and writes into the document what they say.
 """
@@ -10,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from typing import List, NamedTuple
+from typing import Dict, List, NamedTuple
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 DOCUMENT = os.path.join(ROOT, "docs", "tutorial.md")
@@ -23,6 +24,7 @@ _XML = re.compile(r"^```xml\n(.*?)^```", re.M | re.S)
 _CONSOLE = re.compile(r"(?<=^```console\n).*?(?=^```)", re.M | re.S)
 _TREE = re.compile(r'^<BehaviorTree ID="(\w+)">.*?^</BehaviorTree>', re.M | re.S)
 _INCLUDE = re.compile(r"^<include .*/>", re.M)
+_UNCHANGED = "    …"
 _STORY = re.compile(r"(?:^ {6,}.*\n)+", re.M)
 
 
@@ -48,15 +50,30 @@ class Step(NamedTuple):
 
 def steps(document: str) -> List[Step]:
     """Return the steps of the document."""
-    trees, includes, found = {}, [], []
+    trees: Dict[str, str] = {}
+    includes, found = [], []
     for text in _HEADING.split(document)[1:]:
         shown = "".join(_XML.findall(text))
-        trees.update((tree.group(1), tree.group()) for tree in _TREE.finditer(shown))
+        trees.update((tree[1], _whole(tree[0].split("\n"), trees.get(tree[1], "").split("\n")))
+                     for tree in _TREE.finditer(shown))
         includes += _INCLUDE.findall(shown)
         root = '<root BTCPP_format="4" main_tree_to_execute="{}">'.format(MAIN)
         lines = [root, *includes, *trees.values(), "</root>"]
         found.append(Step(text, "\n".join(lines) + "\n"))
     return found
+
+
+def _whole(lines: List[str], before: List[str]) -> str:
+    """Return a tree with the lines that ``…`` stands for: of the tree before, those after the tags
+    above it, up to the lines at the end that both have."""
+    if _UNCHANGED in lines:
+        at = lines.index(_UNCHANGED)
+        tags = tuple(re.findall(r"^ *<\w+", "\n".join(lines[:at]), re.M))
+        first = max(number for number, line in enumerate(before) if line.startswith(tags)) + 1
+        same = next(number for number, (line, old) in enumerate(zip(lines[::-1], before[::-1]))
+                    if line != old)
+        lines[at:at + 1] = before[first:len(before) - same]
+    return "\n".join(lines)
 
 
 def write_mission(step: Step, folder: str) -> str:

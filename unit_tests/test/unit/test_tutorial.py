@@ -46,8 +46,25 @@ def is_long(step):
     for number, step in enumerate(STEPS, 1)])
 def test_each_step_says_what_the_commands_say(step):
     names = [line.split()[3] for line in commands_of(step)]
-    assert names == ["validateMission", "rehearseMission"]
+    assert names == ["validateMission", "rehearseMission"][step is not STEPS[0]:]
     assert step.console == tutorial.said(step)
+
+
+@pytest.mark.parametrize("step", STEPS, ids=[str(number) for number in range(1, 11)])
+def test_no_step_has_a_warning(step, tmp_path):
+    tutorial.write_mission(step, str(tmp_path))
+    told = tutorial.run("rosrun cssr_system validateMission reception.xml", str(tmp_path))
+    assert told.endswith(" 0 warnings\n")
+
+
+def test_dots_stand_for_the_lines_of_the_step_before():
+    tree = '<BehaviorTree ID="A">\n  <Sequence>\n{}  </Sequence>\n</BehaviorTree>\n'
+    shown = ["    <B/>\n    <C/>\n", "    <B d='1'/>\n    …\n", "    …\n    <E/>\n"]
+    missions = [step.mission for step in tutorial.steps("".join(
+        f"## {number}. x\n```xml\n{tree.format(lines)}```\n"
+        for number, lines in enumerate(shown, 1)))]
+    assert tree.format("    <B d='1'/>\n    <C/>\n") in missions[1]
+    assert tree.format("    <B d='1'/>\n    <C/>\n    <E/>\n") in missions[2]
 
 
 def test_the_first_commands_make_the_project(tmp_path):
