@@ -24,8 +24,8 @@ _HEAD = """# Mistakes by code
 
 `validateMission` prints these. A file with an error is not run. A file with a warning is run, but
 hardly does what its author means; `validateMission --ignore CODE` leaves out such warnings. Each
-entry has its meaning, a line with the mistake, and the message, with the remedy in brackets. The
-entries that are not marked as warnings are errors. An error in an unused tree may be a warning.
+entry has a line with the mistake, and the message with the remedy in brackets, some the meaning
+before. Entries without `warning:` are errors. An error in an unused tree may be a warning.
 
 ## The JSON of an editor
 
@@ -92,17 +92,18 @@ def page() -> str:
     lines, shown = [_HEAD], examples()
     for rule in RULES.values():
         example = "".join(map(_example, shown.get(rule.code, [])[:1]))
-        meaning = "" if _says(example, rule.meaning) else f" {_escaped(rule.meaning)}"
+        told = _says(f"{rule.code} {example}", rule.meaning)
+        meaning = "" if told and example else f" {_escaped(rule.meaning)}"
         severity = "warning:" if rule.is_warning else ""
         lines += [f"### {rule.code}", "", f"{severity}{meaning}{example}".lstrip(), ""]
     return "\n".join(lines)
 
 
-def _says(example: str, meaning: str) -> bool:
-    """Return whether an example has most words of a meaning, which then need not be repeated."""
-    wanted, said = ({word[:5] for word in re.findall(r"\w{4,}", text.lower())}
-                    for text in (meaning, example))
-    return len(wanted & said) >= 0.6 * len(wanted)
+def _says(text: str, meaning: str) -> bool:
+    """Return whether a text has half the words of a meaning, which then need not be repeated."""
+    wanted, said = ({word[:4] for word in re.findall(r"\w{4,}", some.lower())}
+                    for some in (meaning, text))
+    return len(wanted & said) >= 0.5 * len(wanted)
 
 
 def _escaped(text: str) -> str:
