@@ -156,32 +156,40 @@ def _options(module: str, function: str = "main") -> List[str]:
 
 
 def keys_table(heading: str, keys: Iterable[Key]) -> str:
-    """Return a table of the keys of a options."""
-    return _table([(heading, "default", "meaning")] + [
-        (f"`{key.name}`", key.default_text, key.meaning) for key in keys])
+    """Return a table of the keys of a options; the deadlines are one row, by their names."""
+    deadlines = [key for key in keys if key.name.endswith("Deadline")]
+    rows = [(f"`{key.name}`", key.default_text, key.meaning)
+            for key in keys if key not in deadlines]
+    if deadlines:
+        rows.append((", ".join(f"`{key.name}`" for key in deadlines),
+                     ", ".join(key.default_text for key in deadlines),
+                     "seconds that a call of each of these nodes may take"))
+    return _table([(heading, "default", "meaning")] + rows)
 
 
 def offers() -> str:
     """Return a table of the services that are called, and one of the topics that are read."""
-    rows = [(f"`{offer.name}`", f"`{offer.type.replace('cssr_system/', '')}`",
-             offer.impact_if_missing) for offer in DEFAULT.offers]
+    rows = [(f"`{offer.name}`", f"`{offer.type.replace('cssr_system/', '')}`")
+            for offer in DEFAULT.offers]
     services = len(DEFAULT.services)
-    return "\n\n".join((_table([("service called", "type", "without it")] + rows[:services]),
-                        _table([("topic read", "type", "without it")] + rows[services:])))
+    return "\n\n".join((_table([("service called", "type")] + rows[:services]),
+                        _table([("topic read", "type")] + rows[services:])))
 
 
 def nodes(kind: Kind) -> str:
-    """Return a table of what the nodes of a kind do, call, listen to, read and write. Another name
-    of a node stands beside its first one."""
-    rows: List[Tuple[str, ...]] = []
+    """Return a list of the nodes of a kind for each service or topic: what they do, read and write.
+    Another name of a node stands beside its first one."""
+    lines: Dict[str, List[str]] = {}  # service or topic -> nodes
     names: Dict[str, List[str]] = {}
-    for spec in leaves.specs():
+    specs = leaves.specs()
+    for spec in specs:
         first = _OTHER_NAME.match(spec.summary)
         names.setdefault(first[1] if first else spec.id, []).append(spec.id)
-        if spec.kind is kind and not first:
-            rows.append((spec.id, spec.summary, _resources(spec), _uses(spec.ports)))
-    return _table([(kind.value.lower(), "does", "service or topic", "blackboard")] + [
-        (", ".join(names[row[0]]), *row[1:]) for row in rows])
+    for spec in specs:
+        if spec.kind is kind and spec.id in names:
+            lines.setdefault(_resources(spec), []).append(
+                f"* **{', '.join(names[spec.id])}**: {spec.summary}{_uses(spec.ports)}")
+    return "\n\n".join("\n".join([f"{place}:", "", *lines[place]]) for place in sorted(lines))
 
 
 def recovery() -> str:
@@ -209,10 +217,9 @@ def entries() -> str:
 
 
 def rehearsal_findings() -> str:
-    """Return a table of the findings of a rehearsal, with the first sentence of each meaning."""
-    return _table([("finding", "meaning")] + [
-        (f"`{kind.name}`", re.split(r"(?<=\.) ", kind.means)[0])
-        for kind in findings.KIND_BY_NAME.values()])
+    """Return a list of the findings of a rehearsal, with the first sentence of each meaning."""
+    return "\n".join("* `{}`: {}".format(kind.name, re.split(r"(?<=\.) ", kind.means)[0])
+                     for kind in findings.KIND_BY_NAME.values())
 
 
 def _table(rows: Sequence[Tuple[str, ...]]) -> str:
@@ -222,11 +229,11 @@ def _table(rows: Sequence[Tuple[str, ...]]) -> str:
 
 def _resources(spec: NodeSpec) -> str:
     if spec.is_recovery:
-        return "that of the failed node"
+        return "The service of the failed node"
     names = [_robot(request).resource(request)
              for request in spec.calls] + [topic.name for topic in DEFAULT.used((), spec.listens)
                                            ] if isinstance(spec, MissionSpec) else []
-    return ", ".join(names)
+    return " or ".join(f"`{name}`" for name in names) or "No service or topic"
 
 
 def _robot(request: type) -> Interface:
@@ -238,8 +245,8 @@ def _robot(request: type) -> Interface:
 def _uses(ports: Iterable[Port]) -> str:
     read = [_shown(port) for port in ports if port.direction is not Direction.OUT]
     written = [_shown(port) for port in ports if port.direction is not Direction.IN]
-    return "; ".join(f"{verb} {', '.join(names)}"
-                     for verb, names in (("reads", read), ("writes", written)) if names)
+    return "".join(f" {verb} {', '.join(names)}."
+                   for verb, names in (("Reads", read), ("Writes", written)) if names)
 
 
 def _shown(port: Port) -> str:

@@ -25,7 +25,7 @@ _HEAD = """# Mistakes by code
 `validateMission` prints these. A file with an error is not run. A file with a warning is run, but
 hardly does what its author means; `validateMission --ignore CODE` leaves out such warnings. Each
 entry has a line with the mistake, and the message with the remedy in brackets, some the meaning
-before. Entries without `warning:` are errors. An error in an unused tree may be a warning.
+before. An error in an unused tree may be a warning.
 
 ## The JSON of an editor
 
@@ -39,8 +39,6 @@ place, code and text. With `--watch` an array follows at each change.
 | `severity` | `error` or `warning` |
 | `code` | one of the codes below; empty for a file that is not a mission |
 | `text`, `hint` | the message, and the part in brackets, which may be empty |
-
-## The codes
 """
 
 
@@ -90,12 +88,14 @@ def _example_of(text: str, is_bad: bool, is_file: bool, beside: str) -> Example:
 def page() -> str:
     """Return the page as Markdown."""
     lines, shown = [_HEAD], examples()
-    for rule in RULES.values():
-        example = "".join(map(_example, shown.get(rule.code, [])[:1]))
-        told = _says(f"{rule.code} {example}", rule.meaning)
-        meaning = "" if told and example else f" {_escaped(rule.meaning)}"
-        severity = "warning:" if rule.is_warning else ""
-        lines += [f"### {rule.code}", "", f"{severity}{meaning}{example}".lstrip(), ""]
+    for heading, is_warning in (("Errors", False), ("Warnings", True)):
+        lines += [f"## {heading}", ""]
+        for rule in RULES.values():
+            if rule.is_warning is is_warning:
+                example = "".join(map(_example, shown.get(rule.code, [])[:1]))
+                is_told = example and _says(f"{rule.code} {example}", rule.meaning)
+                meaning = "" if is_told else _escaped(rule.meaning)
+                lines += [f"### {rule.code}", "", f"{meaning}{example}".lstrip(), ""]
     return "\n".join(lines)
 
 

@@ -53,8 +53,8 @@ def test_a_port_is_shown_with_its_default(derive, monkeypatch):
     monkeypatch.setattr(derive.leaves, "specs",
                         lambda: [MissionSpec("Bow", Kind.ACTION, None, ports, "Bows.")])
     assert derive.nodes(Kind.ACTION).splitlines()[2:] == [
-        "| Bow | Bows. |  | reads `entry`, `other` (`{@entry}`), `local` (`{there}`), `literal` "
-        "(`45`), `needed` |"]
+        "* **Bow**: Bows. Reads `entry`, `other` (`{@entry}`), `local` (`{there}`), `literal` "
+        "(`45`), `needed`."]
 
 
 def test_another_name_of_a_node_stands_beside_it_and_conditions_apart(derive, monkeypatch):
@@ -62,8 +62,8 @@ def test_another_name_of_a_node_stands_beside_it_and_conditions_apart(derive, mo
         MissionSpec("Bow", Kind.ACTION, None, (), "Bows."), MissionSpec(
             "Bend", Kind.ACTION, None, (), "Bows; another name of Bow."), MissionSpec(
                 "IsBowed", Kind.CONDITION, None, (), "Is it bowed?")])
-    assert derive.nodes(Kind.ACTION).splitlines()[2:] == ["| Bow, Bend | Bows. |  |  |"]
-    assert derive.nodes(Kind.CONDITION).splitlines()[2:] == ["| IsBowed | Is it bowed? |  |  |"]
+    assert derive.nodes(Kind.ACTION).splitlines()[2:] == ["* **Bow, Bend**: Bows."]
+    assert derive.nodes(Kind.CONDITION).splitlines()[2:] == ["* **IsBowed**: Is it bowed?"]
 
 
 def test_a_request_that_no_robot_has_a_service_for_is_named(derive, monkeypatch):

@@ -265,8 +265,8 @@ def _busy_loop(play: Play) -> Iterator[Place]:
 
 
 def _retries_for_ever(play: Play) -> Iterator[Place]:
-    """A service fails for good, and the mission makes the same request again without a limit: the
-    pass never ends. Give the loop a number of attempts, and each attempt a pause."""
+    """A service fails for good, and the mission repeats the request without a limit. Give the loop
+    a number of attempts, and each attempt a pause."""
     if not play.played.has_timed_out or play.calm is None or not play.calm.outcome:
         return
     failed = [exchange for exchange in play.late if isinstance(exchange.result, Failure)]
@@ -284,7 +284,7 @@ def _endless(play: Play) -> Iterator[Place]:
 
 
 def _waits_for_ever(play: Play) -> Iterator[Place]:
-    """The pass never ends: what the robot waits for does not come, and no limit ends the wait."""
+    """The robot waits without a limit for something that does not come."""
     if play.played.has_timed_out and not play.late and not waits_for_a_visitor(play):
         yield _waiting(play), f"after {play.played.seconds:.0f} s it still waits here"
 
@@ -344,8 +344,7 @@ def _senseless_request(play: Play) -> Iterator[Place]:
 
 
 def _shares_a_body(play: Play) -> Iterator[Place]:
-    """Two branches use one service of the robot at the same time: it has one body. Let one branch
-    wait for the other.
+    """Two branches use one service of the robot at the same time. Let one wait for the other.
 
     Find a request that is made while another leaf's to the same service is under way.
     """
@@ -492,8 +491,8 @@ def _left_out_step(play: Play) -> Iterator[Place]:
 
 
 def _budget_spent(play: Play) -> Iterator[Place]:
-    """Recoveries use up the budget of the policy although hardly a call fails: what fails later
-    is given up at once.
+    """Recoveries use up the budget of the policy although hardly a call fails. Later failures
+    are given up at once.
 
     Most of the budget was spent on failures that no fault caused.
     """
@@ -510,7 +509,7 @@ def _budget_spent(play: Play) -> Iterator[Place]:
 
 
 def _next_visitor(play: Play) -> Iterator[Place]:
-    """A visitor is treated otherwise because of the one before: a node that acts once, an entry or
+    """A visitor is treated otherwise because of the one before. A node that acts once, an entry or
     a counter is left from that pass. Have each pass begin with START_OF_TREE and set its entries
     itself.
 
