@@ -156,15 +156,14 @@ def _options(module: str, function: str = "main") -> List[str]:
 
 
 def keys_table(heading: str, keys: Iterable[Key]) -> str:
-    """Return a table of the keys of a options; the deadlines are one row, by their names."""
-    deadlines = [key for key in keys if key.name.endswith("Deadline")]
-    rows = [(f"`{key.name}`", key.default_text, key.meaning)
-            for key in keys if key not in deadlines]
-    if deadlines:
-        rows.append((", ".join(f"`{key.name}`" for key in deadlines),
-                     ", ".join(key.default_text for key in deadlines),
-                     "seconds that a call of each of these nodes may take"))
-    return _table([(heading, "default", "meaning")] + rows)
+    """Return a table of the keys of a configuration; deadlines of one default share a row."""
+    rows: Dict[Tuple[str, str], List[str]] = {}  # default and meaning -> keys
+    for key in keys:
+        is_deadline = key.name.endswith("Deadline")
+        meaning = "seconds that a call of that node may take" if is_deadline else key.meaning
+        rows.setdefault((key.default_text, meaning), []).append(f"`{key.name}`")
+    return _table([(heading, "default", "meaning")] + [
+        (", ".join(names), *cells) for cells, names in rows.items()])
 
 
 def offers() -> str:
