@@ -6,15 +6,16 @@ so nothing of a controller that was killed is left. Two that start at the same m
 once both are registered; the one whose name comes first stays.
 """
 import contextlib
+import time
 from functools import partial
-from typing import Dict, FrozenSet, Tuple
+from typing import Dict, FrozenSet, List, Tuple
 
 import rospy
 
 from behavior_controller.errors import NodesMissing
 from behavior_controller.missions.load import Mission
 from behavior_controller.robot.declarations import Service
-from behavior_controller.ros.master import IN_USE_METHOD, ask_at_start
+from behavior_controller.ros.master import IN_USE, IN_USE_METHOD, ask_at_start
 from behavior_controller.ros.tcpros import Trouble, ask, ask_master
 from behavior_controller.ros.timeouts import run_together
 from behavior_controller.ros.types import resolved
@@ -22,6 +23,9 @@ from behavior_controller.ros.types import resolved
 ANSWER_LIMIT = 2.0
 """Seconds in which a controller must have answered. Other nodes answer at once that they do not
 know the question; one that says nothing cannot be told from one that is gone."""
+
+LOOK_AGAIN = 0.1
+"""Seconds between two questions to a controller that starts at the same moment."""
 
 
 def asked_services(mission: Mission) -> FrozenSet[str]:
@@ -34,16 +38,27 @@ def asked_services(mission: Mission) -> FrozenSet[str]:
 
 
 def check_unused(services: FrozenSet[str], is_registered: bool = False) -> None:
-    """Raise NodesMissing if another controller asks one of ``services``; once this node
-    ``is_registered``, only if that one runs already, or its name comes first."""
-    me = rospy.get_name()
-    for node, (is_running, others) in sorted(_controllers(me).items()):
-        shared = sorted(services.intersection(others))
-        if shared and (is_running or not is_registered or node < me):
-            more = f" and {len(shared) - 1} more of them" * (len(shared) > 1)
-            raise NodesMissing(
-                f"node {node} already controls this robot: it asks {shared[0]}{more}, and each "
-                "service has one controller; stop that node, or set robot for another robot")
+    """Raise NodesMissing if another controller asks one of ``services``. Once this node
+    ``is_registered``, it waits for one that starts at the same moment, unless that one's name comes
+    first: the other may have looked before this one was registered."""
+    me, is_open = rospy.get_name(), True
+    while is_open:
+        is_open = False
+        for node, (is_running, others) in sorted(_controllers(me).items()):
+            shared = sorted(services.intersection(others))
+            if shared and is_registered and not is_running and me < node:
+                is_open = True
+            elif shared:
+                if is_registered:
+                    IN_USE.services = frozenset()  # nobody needs to wait for this node
+                raise NodesMissing(_refusal(node, shared))
+        time.sleep(LOOK_AGAIN * is_open)
+
+
+def _refusal(node: str, shared: List[str]) -> str:
+    more = f" and {len(shared) - 1} more of them" * (len(shared) > 1)
+    return (f"node {node} already controls this robot: it asks {shared[0]}{more}, and each service "
+            "has one controller; stop that node, or set robot for another robot")
 
 
 def _controllers(me: str) -> Dict[str, Tuple[bool, Tuple[str, ...]]]:
