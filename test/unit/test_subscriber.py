@@ -1,5 +1,6 @@
 """The topics, with publishers in this process: which messages count, and which connections do."""
 import contextlib
+import dataclasses
 import struct
 import time
 
@@ -12,8 +13,11 @@ from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.robot import release_1_0  # noqa: E402
 from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH  # noqa: E402
 from behavior_controller.robot.requests import AttentionStatus  # noqa: E402
+from behavior_controller.ros import subscriber  # noqa: E402
 from behavior_controller.ros.subscriber import (  # noqa: E402
     BUFFER_BYTES, FLOOD_GAP, PAUSE, PAUSE_WHEN_AWAITED, TopicBuffer)
+from behavior_controller.ros.timeouts import start_thread  # noqa: E402
+from behavior_controller.ros.types import TYPES  # noqa: E402
 from ros_peers import Publisher, until  # noqa: E402
 
 
@@ -263,6 +267,39 @@ def test_messages_that_cannot_be_decoded_count_for_nothing_until_one_can(reading
     until(lambda: buffer.is_connected)
     assert values(buffer) == [AttentionStatus(*SEEKING)]
     assert len(buffer.warnings) == 1
+
+
+def test_a_declaration_that_fails_on_a_message_ends_no_connection(reading, monkeypatch):
+    topic = dataclasses.replace(EVENTS, is_event=lambda status: 1 // status.value)
+    monkeypatch.setitem(TYPES, topic, TYPES[EVENTS])
+    publisher = Publisher(topic)
+    buffer = reading(topic, publisher)
+    publisher.send(status("none", 0))
+    until(lambda: buffer.warnings)
+    publisher.send(status("seeking", 2))
+    until(lambda: values(buffer) == [AttentionStatus("seeking", 2)])
+    assert len(publisher.ready) == 1 and "ZeroDivisionError" in buffer.warnings[0]
+
+
+def test_a_publisher_is_connected_to_once_though_there_was_no_thread_for_another(
+        reading, monkeypatch):
+    publishers = [Publisher(SPEECH, "/one"), Publisher(SPEECH, "/other")]
+    uris, buffer, threads = [each.uri for each in publishers], reading(SPEECH), [True, False]
+
+    def start(*arguments):
+        if threads and not threads.pop(0):
+            raise RuntimeError("can't start new thread")
+        return start_thread(*arguments)
+
+    monkeypatch.setattr(subscriber, "start_thread", start)
+    with pytest.raises(RuntimeError):
+        buffer.set_publishers(uris)
+    buffer.set_publishers(uris)
+    until(lambda: len(buffer.connected_nodes) == 2)
+    for publisher in publishers:
+        publisher.close()
+    until(lambda: not buffer.connected_nodes)
+    assert [len(publisher.ready) for publisher in publishers] == [1, 1]
 
 
 def test_a_topic_that_was_not_looked_up_is_not_missing_yet(reading):

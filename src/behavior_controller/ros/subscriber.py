@@ -211,9 +211,9 @@ class TopicBuffer:
         links = {uri: link for uri, link in self._links.items() if uri in uris or link.header}
         for uri in set(self._links).difference(links):
             self._links[uri].end()
-        for uri in set(uris).difference(links):
-            links[uri] = Link(uri, self)
         self._links = links
+        for uri in set(uris).difference(links):
+            self._links = {**self._links, uri: Link(uri, self)}  # the next may get no thread
         self._is_met = True
 
     def reconnect(self) -> None:
@@ -292,7 +292,10 @@ class TopicBuffer:
     def _decode(self, data: bytes) -> Any:
         """Return the plain data of a message, or None if the bytes are not one of its type."""
         try:
-            return self._topic.read(self.message_type().deserialize(data))
+            value = self._topic.read(self.message_type().deserialize(data))
+            if self._topic.is_event is not None:
+                self._topic.is_event(value)  # what fails now cannot fail later
+            return value
         except BaseException as error:  # of genpy, or of another package's declaration
             self._warn_once("broken", f"ignoring a message on {self.name} that cannot be decoded: "
                                       f"{clean(described(error), 200)}")
