@@ -1,4 +1,4 @@
-"""What tests of the page share: missions on pages, and a browser."""
+"""What tests share: missions on pages, a browser, and the record of a tour that was killed."""
 import pytest
 
 
@@ -32,3 +32,15 @@ def screen(browser):
     from browser import reset_screen, set_screen
     yield lambda *wanted: set_screen(browser, *wanted)
     reset_screen(browser)
+
+
+@pytest.fixture
+def killed_run(tmp_path):
+    """The record of a tour that was killed while the robot drove."""
+    from mission_rig import recorded, visitor_who
+    path = recorded(tmp_path, visitor_who(says="yes"))
+    with open(path, "rb+") as file:
+        data = file.read()
+        at = data.index(b"\n", data.index(b'"_type":"GoTo"')) + 1
+        file.truncate(at + 20)  # the next line is torn
+    return path

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import errno
 import gc
-import itertools
 import json
 import os
 import random
@@ -21,87 +20,22 @@ import pytest
 import zmq
 from tornado.netutil import bind_sockets
 
-from behavior_controller.bt.mission import load_mission, load_text
-from behavior_controller.bt.engine.builtins import builtin_specs
-from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
+from behavior_controller.bt.mission import load_mission
 from behavior_controller.bt.engine.node_types import Registry
-from behavior_controller.bt.engine.registry import Kind, NodeSpec
-from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.missions.breakpoints import Breakpoints
-from behavior_controller.run.record.codec import Decoder, encode, header
-from behavior_controller.run.record.feed import Feed
-from behavior_controller.run.record.tree_shown import shown
+from behavior_controller.bt.values.status import RUNNING, SUCCESS
 from behavior_controller.viewer import groot2, zmtp
-from behavior_controller.viewer.groot2 import Groot2Publisher
 from free_ports import free_port
 from groot2_client import Client, hook
+from groot2_server import SCRIPTS, SPECS, Served, tree_of
 from mission_rig import Rig, visitor_who
 
 FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures",
                         "groot2")
-RESULTS = {"R": RUNNING, "S": SUCCESS, "F": FAILURE}
 
 
 def many(few, all_of_them):
     """Return the parameters of a test that takes long with the number of the acceptance."""
     return [few, pytest.param(all_of_them, marks=pytest.mark.long)]
-
-
-class Script:
-    """A leaf that gives one result after another, and then the last again."""
-
-    def _next(self):
-        results = SCRIPTS[self.name]
-        return RESULTS[results.pop(0) if len(results) > 1 else results[0]]
-
-
-class Act(Script, ActionLeaf):
-    def on_start(self):
-        return self._next()
-
-    on_running = on_start
-
-
-class Cond(Script, ConditionLeaf):
-    def update(self):
-        return self._next()
-
-
-SCRIPTS = {}
-SPECS = builtin_specs() + [
-    NodeSpec("Act", Kind.ACTION, Act),
-    NodeSpec("Cond", Kind.CONDITION, Cond)
-]
-
-
-class Served(Groot2Publisher):
-    """A publisher that reads the lines of a run, and the controller's end of both."""
-
-    def __init__(self, port, warn):
-        self.port, self.events, self._numbers = port, [], itertools.count(1)
-        self._feed, self._decoder = Feed(), Decoder("the test")
-        self._decoder.read(header(1, 0.0))
-        self._breakpoints = Breakpoints(self._emit, warn)
-        super().__init__("127.0.0.1", port, warn, self._breakpoints.change)
-
-    def show(self, tree):
-        self._feed.follow(tree)
-        self._feed.put(shown, tree, next(self._numbers), SPECS)
-        self._breakpoints.show(tree)
-
-    def _emit(self, event):
-        self.events.append(event)
-        self._feed(event)
-        self._thread.call(self._catch_up)
-
-    def _catch_up(self):
-        for line in self._feed.lines():
-            for read in self._decoder.read(encode(line.time, line.event)):
-                self._fold(read)
-
-    def _answer(self, frames, client):
-        self._catch_up()  # so that a client is told of what the test has done
-        return super()._answer(frames, client)
 
 
 @pytest.fixture
@@ -137,13 +71,6 @@ def mission():
     SCRIPTS.update(loop=list("RFRS"), seen=list("S"), greet=list("RS"), heard=list("F"),
                    drive=list("RRS"))
     return load_mission(os.path.join(FIXTURES, "mission.xml"), Registry(SPECS))
-
-
-def tree_of(body, **scripts):
-    SCRIPTS.update({name: list(results) for name, results in scripts.items()})
-    return load_text(
-        '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(body),
-        Registry(SPECS))
 
 
 # ------------------------------------------------------------------------------------- the captures
@@ -627,9 +554,10 @@ def test_a_client_that_floods_either_port_slows_no_other(served, offset, sent):
 
 VANISHING_CLIENTS = r"""
 import random, socket, struct, sys, threading, time
-import test_groot2 as tests
-publisher = tests.Served(int(sys.argv[1]), print)
-publisher.show(tests.tree_of('<Act name="a"/>', a="S"))
+from groot2_client import Client
+from groot2_server import Served, tree_of
+publisher = Served(int(sys.argv[1]), print)
+publisher.show(tree_of('<Act name="a"/>', a="S"))
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48)
 READY = b"\x04\x19\x05READY\x0bSocket-Type\x00\x00\x00\x03REQ"
 REQUEST = b"\x01\x00" + b"\x00\x06" + struct.pack("<BBI", 2, ord("S"), 1)
@@ -656,7 +584,7 @@ for client in clients:
     client.start()
 for client in clients:
     client.join()
-client = tests.Client(int(sys.argv[1]))
+client = Client(int(sys.argv[1]))
 print(client.statuses())
 client.close()
 publisher.close()

@@ -25,8 +25,7 @@ from behavior_controller.viewer.view import PARTS, SENTENCES
 from behavior_controller.run.story import condition, counted, how_it_ended, why
 from behavior_controller.viewer.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first
-from mission_rig import Rig, board_of, one_leaf, refusal, visitor_who
-from test_board import RUN
+from mission_rig import RUN, Rig, board_of, one_leaf, refusal, visitor_who
 from page_rig import Stop, is_second_text, open_page, text, until, wait_until
 from told_visits import RUNS, Teller, rig_of
 

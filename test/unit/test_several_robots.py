@@ -12,7 +12,6 @@ from behavior_controller.run.record import files
 from behavior_controller.run.record.unended import may_be_live
 from behavior_controller.viewer.server import opened
 from free_ports import free_port
-from test_unended import killed_in_a_drive  # noqa: F401  the fixture "record"
 
 SAY = "/textToSpeech/say_text"
 CONFIGURATION = "scenarioSpecification lab_tour\nverboseMode true\nasrEnabled true\nrobot {}\n"
@@ -66,9 +65,9 @@ def test_the_folder_of_a_record_names_the_robot(tmp_path):
     assert [name[:6] for name in sorted(os.listdir(tmp_path))] == ["000001", "000002", "000003"]
 
 
-def test_the_killed_run_of_another_robot_says_nothing_of_this_one(tmp_path, record):
+def test_the_killed_run_of_another_robot_says_nothing_of_this_one(tmp_path, killed_run):
     assert may_be_live(str(tmp_path)) and not may_be_live(str(tmp_path), "robot1")
-    folder = os.path.dirname(record)
+    folder = os.path.dirname(killed_run)
     os.rename(folder, folder + "_robot1")
     assert not may_be_live(str(tmp_path)) and may_be_live(str(tmp_path), "robot1")
 

@@ -20,11 +20,8 @@ import zmq
 
 from behavior_controller.run.events import (
     Asked, BreakpointChanged, Noticed, RunFinished, SignOfLife, unix_at, use_clock_of)
-from behavior_controller.missions.breakpoints import Breakpoints
-from behavior_controller.viewer.board import Board
 from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode, header
-from behavior_controller.run.record.recorder import LineQueue, Record
 from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.viewer import main
 from behavior_controller.viewer import process as module
@@ -33,58 +30,17 @@ from free_ports import free_port
 from mission_rig import FileRecord, Rig, one_leaf
 from groot2_client import Client, hook
 from page_rig import Stop, until, wait_until
+from viewer_rig import Viewed
 
 ENVIRONMENT = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
-
-
-class Viewed:
-    """A mission of which a viewer shows all events, and a board in this process too."""
-
-    def __init__(self, rig):
-        self.rig, self.warnings = rig, []
-        self.port, self.groot2_port = free_port(), free_port(2)
-        lines = LineQueue()
-        self.board = Board(lines.take)
-        hooks = Breakpoints(rig.mission.events.emit, self.warnings.append)
-        self.process = ViewerProcess(
-            ["--port", str(self.port), "--groot2-port", str(self.groot2_port)], hooks.change,
-            lambda: hooks.remove_all(": the viewer has ended"), self.warnings.append,
-            lambda *_: None)
-        self.record = Record(self.process, lines).open()
-        rig.mission.events.subscribe(self.record)
-        self.record.show(rig.tree)
-        hooks.show(rig.tree)
-
-    @property
-    def pid(self):
-        """None: none is started."""
-        child = self.process._child
-        return child and child.pid
-
-    def state(self):
-        """Return what the page is told; nothing while it is not served."""
-        with contextlib.suppress(OSError):
-            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}/state", timeout=2) as answer:
-                return json.load(answer)
-        return {}
-
-    def shows(self, *parts):
-        """Whether the page is told what the board of this process has."""
-        state = self.state()
-        self.board.refresh()
-        return state != {} and all(state[name] == self.board.part(name) for name in parts) and (
-            self.board.state.nodes != [])
-
-    def close(self):
-        self.record.close()
 
 
 @pytest.fixture
 def view():
     views = []
 
-    def make(rig):
-        views.append(Viewed(rig))
+    def make(*arguments):
+        views.append(Viewed(*arguments))
         return views[-1]
 
     yield make
@@ -200,7 +156,8 @@ def test_it_ends_after_the_run_and_shows_the_end(view):
 CONTROLLER = """
 import sys, time
 from mission_rig import one_leaf
-from test_viewer import Viewed, wait_until
+from page_rig import wait_until
+from viewer_rig import Viewed
 viewed = Viewed(one_leaf("<Sleep msec='9000'/>"))
 wait_until(lambda: viewed.shows("mission"), 20.0)
 print(viewed.pid, flush=True)
@@ -336,10 +293,8 @@ def test_it_comes_when_another_program_leaves_its_port(view, monkeypatch):
     """A controller may wait long for the robot before it replaces the one whose page has it."""
     monkeypatch.setattr(module, "VIEWER_COMMAND", [sys.executable, "-c", SOON, "-", "--child"])
     port = free_port()
-    given = free_port
-    monkeypatch.setitem(globals(), "free_port", lambda *count: given(*count) if count else port)
     with socket.create_server(("127.0.0.1", port)):
-        viewed = view(one_leaf("<Sleep msec='9000'/>"))
+        viewed = view(one_leaf("<Sleep msec='9000'/>"), port)
         wait_until(lambda: viewed.warnings != [], 20.0)
     assert "no page in the browser" in viewed.warnings[0]
     wait_until(lambda: viewed.shows("mission"), 20.0)
