@@ -2,17 +2,22 @@
 """Does a request that an action carries out end with its result or the right cause, at its deadline
 at the latest, and is its goal cancelled when it is dropped? Is a message sent to subscribers?"""
 import os
+import socket
 import subprocess
 import sys
 import threading
 import time
 import unittest
+from types import SimpleNamespace
 
 import actionlib
+import rosgraph.network
 import rospy
 import rostest
 from actionlib.msg import TestAction, TestFeedback, TestResult
 from rospy.impl.registration import get_topic_manager
+from rospy.impl.tcpros_base import TCPROSTransport
+from rospy.impl.tcpros_pubsub import TCPROSSub
 from std_msgs.msg import Header
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -26,9 +31,12 @@ from behavior_controller.robot.declarations import (  # noqa: E402
     Action, Interface, Publication, Success)
 from behavior_controller.robot.gateway import Cause, Failure  # noqa: E402
 from behavior_controller.robot.requests import Answer, Request  # noqa: E402
+from behavior_controller.ros.action_client import has_publisher  # noqa: E402
+from behavior_controller.ros.request_thread import Job  # noqa: E402
 from behavior_controller.ros.service_client import RosGateway  # noqa: E402
 from behavior_controller.ros.startup_check import find_missing  # noqa: E402
 from behavior_controller.ros.subscriber import RosTopics  # noqa: E402
+from behavior_controller.ros.tcpros import Trouble  # noqa: E402
 from behavior_controller.ros.types import TYPES, message_class  # noqa: E402
 from behavior_controller.ros.watchdog import Monitor  # noqa: E402
 
@@ -226,8 +234,7 @@ class TestActions(unittest.TestCase):
         came, news = [], threading.Event()
         rospy.Subscriber("/mark", Header, lambda message: (came.append(message), news.set()))
         self.use(
-            Publication(Mark, "/mark", "marker", "std_msgs/Header",
-                        lambda mark: (0, "now", mark.frame), None, LONG, "nothing is marked"),
+            marking("/mark"),
             Publication(Count, "/count", "counter", "std_msgs/Int32",
                         lambda count: (count.number,), None, LONG, "nothing is counted"))
         self.assertEqual(self.ask(Mark("map")), Answer())
@@ -236,6 +243,64 @@ class TestActions(unittest.TestCase):
         self.assertGreater(came[0].stamp.to_sec(), 0.0)
         result = self.ask(Count(3))
         self.assertEqual((type(result), result.cause), (Failure, Cause.NOT_ADVERTISED))
+
+    def test_a_connection_to_a_subscriber_that_ros_does_not_make_is_made_all_the_same(self):
+        came, name = threading.Semaphore(0), "/mark/lost"
+        subscriber = rospy.Subscriber(name, Header, lambda message: came.release())
+        self.use(marking(name))
+        self.assertEqual(self.ask(Mark("first")), Answer())
+        for end in (subscriber.impl, get_topic_manager().get_publisher_impl(name)):
+            for connection in list(end.connections):
+                end.remove_connection(connection)
+                connection.close()
+        self.assertEqual(self.ask(Mark("second")), Answer())
+        self.assertTrue(came.acquire(timeout=LONG) and came.acquire(timeout=LONG))
+
+    def test_a_message_to_a_subscriber_that_has_died_is_not_sent(self):
+        node = subprocess.Popen([sys.executable, "-c", SUBSCRIBER])
+        self.addCleanup(node.kill)
+        topic = rospy.Publisher("/mark/died", Header, queue_size=1)
+        self.use(marking("/mark/died"))
+        self.until(topic.get_num_connections)
+        self.assertEqual(self.ask(Mark("first")), Answer())
+        node.kill()
+        node.wait()
+        self.assertEqual(self.ask(Mark("second")).cause, Cause.NOT_ADVERTISED)
+
+    def test_what_is_dropped_before_it_is_sent_is_not_sent(self):
+        """As after a registration at a master that hangs, beyond the deadline."""
+        server, came = Server("/turn/dropped"), []
+        rospy.Subscriber("/mark/dropped", Header, lambda message: came.append(message.frame_id))
+        self.use(action("/turn/dropped"), marking("/mark/dropped"))
+        done = [Answer(response="2"), Answer()]
+        self.assertEqual([self.ask(Turn(1)), self.ask(Mark("first"))], done)
+        for offer, request in zip(self.offers, (Turn(2), Mark("dropped"))):
+            job = Job(request, print, print, threading.Event())
+            job.cut.set()
+            with self.assertRaises(Trouble):
+                self.gateway._spare[offer][-1].exchange(job)
+        self.assertEqual([self.ask(Turn(1)), self.ask(Mark("last"))], done)
+        self.until(lambda: came[-1:] == ["last"])
+        self.assertEqual((server.goals, came), ([1, 1], ["first", "last"]))
+
+    def test_a_connection_counts_when_its_publisher_has_answered(self):
+        """What its publisher sends before that is lost."""
+        listener = socket.create_server(("127.0.0.1", 0))
+        self.addCleanup(listener.close)
+        transport = TCPROSTransport(TCPROSSub("/x", Header), "/x")
+        topic = SimpleNamespace(impl=SimpleNamespace(connections=[transport]))
+        connecting = threading.Thread(
+            target=transport.connect, args=listener.getsockname() + ("http://x:1/", LONG))
+        connecting.start()
+        peer = listener.accept()[0]
+        self.addCleanup(peer.close)
+        self.assertFalse(has_publisher(topic))
+        rosgraph.network.write_ros_handshake_header(
+            peer, {"type": Header._type, "md5sum": Header._md5sum, "callerid": "/x"})
+        connecting.join(LONG)
+        self.assertTrue(has_publisher(topic))
+        transport.close()
+        self.assertFalse(has_publisher(topic))
 
     def test_the_monitor_notices_a_server_that_dies_and_one_that_is_started(self):
         turn = action("/turn/away")
@@ -265,11 +330,25 @@ class TestActions(unittest.TestCase):
             wait_for(False)
 
 
+def marking(name):
+    """Return the declaration of a commanded topic called ``name``."""
+    return Publication(Mark, name, "marker", "std_msgs/Header",
+                       lambda mark: (0, "now", mark.frame), None, LONG, "nothing is marked")
+
+
 SERVER = """
 import actionlib, rospy
 from actionlib.msg import TestAction
 rospy.init_node("server")
 actionlib.SimpleActionServer("/turn/away", TestAction, lambda goal: None, True)
+rospy.spin()
+"""
+
+SUBSCRIBER = """
+import rospy
+from std_msgs.msg import Header
+rospy.init_node("marker")
+rospy.Subscriber("/mark/died", Header, print)
 rospy.spin()
 """
 

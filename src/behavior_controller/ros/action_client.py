@@ -82,7 +82,7 @@ class GoalThread(RequestThread):
             return False
         sent, heard = [client.pub_goal, client.pub_cancel], [client.status_sub, client.result_sub]
         heard += [client.feedback_sub] if self.READS_FEEDBACK else []
-        return all(map(_has_subscriber, sent)) and all(map(_has_publisher, heard))
+        return all(map(has_subscriber, sent)) and all(map(has_publisher, heard))
 
     @property
     def _is_offered(self) -> bool:
@@ -98,9 +98,14 @@ class GoalThread(RequestThread):
         """Connect when there is a server. Raises ``Trouble``, and what rospy raises."""
         if self.is_there:
             self._begin_connecting()
-        elif self._client is not None:
-            self._register_again()
         elif self._is_offered:
+            self._connect()
+
+    def _connect(self) -> None:
+        """Make the client of a server that the master lists, or its connections once more."""
+        if self._client is not None:
+            self._register_again()
+        else:
             for name in map(rospy.resolve_name, PARAMETERS):
                 value = ask_master("getParam", name)
                 if value is not None and type(value) is not int:
@@ -120,7 +125,7 @@ class GoalThread(RequestThread):
         would never connect.
         """
         client, now = self._client, time.monotonic()
-        if self._is_offered and now >= self._register_again_at:
+        if now >= self._register_again_at:
             self._patience *= 2
             self._register_again_at = now + self._patience
             DIRECTORY.register(client.pub_goal, client.pub_cancel, client.status_sub,
@@ -130,16 +135,15 @@ class GoalThread(RequestThread):
         """Send a goal once the server is there, and wait for its end."""
         self._reported, self._reported_at = "", -math.inf
         deadline = time.monotonic() + CONNECT_LIMIT
-        self.idle()
         if not self.is_there:
             self._begin_connecting()
             DIRECTORY.server(self.name, CONNECT_LIMIT)
-        while not self.is_there:
+        while job.cut.is_set() or not self.is_there:
             if job.cut.is_set() or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_REACHABLE,
                               "the master lists it, but not all of its topics connect")
+            self._connect()
             self.wait(ROUND_WHEN_CONNECTING)
-            self.idle()
         result = self.achieve(job.request, job.cut.is_set, partial(self._report, job))
         return result_of(self._action, result, self.name)
 
@@ -199,16 +203,16 @@ class GoalThread(RequestThread):
             job.feedback(text)
 
 
-def _has_subscriber(topic: rospy.Publisher) -> bool:
+def has_subscriber(topic: rospy.Publisher) -> bool:
     """Return whether a node is there to get messages; rospy notices an end only when it sends."""
     sockets = [connection.socket for connection in topic.impl.connections]
     return any(sock is not None and is_silent(sock) for sock in sockets)
 
 
-def _has_publisher(topic: rospy.Subscriber) -> bool:
+def has_publisher(topic: rospy.Subscriber) -> bool:
     """Return whether messages of a node come in; rospy counts a connection before its handshake,
     until which messages are lost."""
-    return any(connection.callerid_pub for connection in topic.impl.connections)
+    return any(connection.socket and connection.md5sum for connection in topic.impl.connections)
 
 
 def _refusal(goal: Any) -> Trouble:

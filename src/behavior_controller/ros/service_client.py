@@ -25,7 +25,7 @@ from behavior_controller.robot.gateway import (
 from behavior_controller.run.health import Health, slow_after
 from behavior_controller.robot.declarations import (Action, Interface, Offer, Publication, Service)
 from behavior_controller.robot.requests import Answer, Request
-from behavior_controller.ros.action_client import GoalThread
+from behavior_controller.ros.action_client import GoalThread, has_subscriber
 from behavior_controller.ros.tcpros import CONNECT_LIMIT, Connection, STEP_LIMIT, Trouble
 from behavior_controller.ros.master import DIRECTORY, Place
 from behavior_controller.ros.request_thread import Job, RequestThread
@@ -167,7 +167,10 @@ class PublisherThread(RequestThread):
         message = filled(TYPES[self.service](), self.service, job.request)
         self._advertise()
         deadline = time.monotonic() + STEP_LIMIT
-        while not self._publisher.get_num_connections():
+        if not has_subscriber(self._publisher):
+            with contextlib.suppress(Trouble):  # see GoalThread._register_again
+                DIRECTORY.register(self._publisher)
+        while job.cut.is_set() or not has_subscriber(self._publisher):
             if job.cut.wait(SUBSCRIBER_POLL) or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
         self._publisher.publish(message)
