@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import unittest
 import xmlrpc.client
 import xmlrpc.server
@@ -19,6 +20,8 @@ import rosservice
 import rostest
 import rostopic
 from cssr_system.srv import robotNavigationService, robotPoseService, textService
+from rosgraph_msgs.msg import Clock
+from unit_tests.robot.ros_time import RosTime
 
 from first_message import wait_for_first_message
 
@@ -84,6 +87,21 @@ class TestNodesAlone(unittest.TestCase):
         line = next(line for line in process.stdout if ": call 1 " in line)
         self.assertIsNone(process.poll())
         self.assertRegex(line, r"^\[INFO\] \[\d\d:\d\d:\d\d\.\d{3}\]: textToSpeech: call 1 ")
+
+    def test_the_time_is_heard_although_ros_has_not_connected(self):
+        """As where an older list of publishers reaches rospy after the newest."""
+        publisher, own = rospy.Publisher("/clock", Clock, queue_size=1), RosTime()
+        self.addCleanup(publisher.unregister)
+        ends = publisher.impl, own._subscriber.impl
+        until(lambda: all(end.connections for end in ends))
+        for end in ends:
+            for connection in list(end.connections):
+                end.remove_connection(connection)
+                connection.close()
+        waits = threading.Thread(target=own.await_first, daemon=True)
+        waits.start()
+        until(lambda: publisher.publish(rospy.Time(7)) or not waits.is_alive())
+        self.assertEqual(own.now(), 7.0)
 
     def test_a_caller_that_says_nothing_keeps_no_other_away(self):
         self.start("textToSpeech", "_failureRate:=0")
@@ -165,6 +183,14 @@ class TestNodesAlone(unittest.TestCase):
         self.assertEqual(output, "textToSpeech: no ROS master at http://localhost:9: "
                                  "start roscore, or use the launch file\n")
         self.assertEqual(process.returncode, 1)
+
+
+def until(holds):
+    """Wait for what another thread does."""
+    ends = time.monotonic() + LIMIT
+    while not holds():
+        assert time.monotonic() < ends, "not so in {:g} s".format(LIMIT)
+        time.sleep(0.05)
 
 
 class SlowMaster(xmlrpc.server.SimpleXMLRPCServer):

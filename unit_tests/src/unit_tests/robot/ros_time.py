@@ -3,11 +3,15 @@ its own publishes at a chosen speed."""
 import math
 import threading
 import time
+from contextlib import suppress
 from typing import Any, Optional
 
 import genpy
 import rospy
 
+from behavior_controller.ros.action_client import REGISTER_AGAIN
+from behavior_controller.ros.master import DIRECTORY
+from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.types import CLOCK, TYPES
 from behavior_controller.run.events import unix_now
 
@@ -53,17 +57,19 @@ class RosTime(ComputerTime):
         super().__init__()
         self._ros: Optional[float] = None
         self._changed = threading.Condition()
-        rospy.Subscriber(CLOCK.name, TYPES[CLOCK], self._hear, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(CLOCK.name, TYPES[CLOCK], self._hear, tcp_nodelay=True)
 
     def await_first(self) -> bool:
-        with self._changed:
-            if not self._changed.wait_for(self._has_begun, 1.0):
-                rospy.loginfo("waiting for the time on %s", CLOCK.name)
-            self._changed.wait_for(self._has_begun)
+        while not self._begins_within(REGISTER_AGAIN):
+            rospy.loginfo_once("waiting for the time on %s", CLOCK.name)
+            with suppress(Trouble):  # see GoalThread._register_again
+                DIRECTORY.register(self._subscriber)
         return self._ended.is_set()
 
-    def _has_begun(self) -> bool:
-        return self._ros is not None or self._ended.is_set()
+    def _begins_within(self, seconds: float) -> bool:
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: self._ros is not None or self._ended.is_set(), seconds)
 
     def _hear(self, message: Any) -> None:
         ros = message.clock.to_sec()
