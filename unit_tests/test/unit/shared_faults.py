@@ -347,6 +347,8 @@ def _other_branch(method, self):
         self.children[:] = [condition, *branches]
 
 
+NO_INVERTER = FAULTS["an Inverter does not invert"][0]
+fault("an Inverter does not invert, and a visitor declines", NO_INVERTER, "declines")
 RECEPTION = {"scenarioSpecification": "reception"}
 OTHER_BRANCH = wrapped(controls.IfThenElse, "update", _other_branch)
 fault("IfThenElse takes the other branch", OTHER_BRANCH, **RECEPTION)
@@ -354,8 +356,9 @@ fault("IfThenElse takes the other branch, and a visitor declines", OTHER_BRANCH,
       **RECEPTION)
 fault("IfThenElse takes the other branch at a release's reception", OTHER_BRANCH,
       **dict(RELEASE, scenarioSpecification="release_1_0_reception"))
-fault("an Inverter of the reception does not invert", FAULTS["an Inverter does not invert"][0],
-      **RECEPTION)
+fault("an Inverter of the reception does not invert", NO_INVERTER, **RECEPTION)
+fault("ForceSuccess of the reception returns FAILURE, and a visitor declines", replaced(
+    decorators.ForceSuccess, "forced", FAILURE), "declines", **RECEPTION)
 for holds in (True, False):
     fault(f"== is always {str(holds).lower()}", replaced(
         operators, "_holds", lambda *given, holds=holds: holds), **RECEPTION)

@@ -20,6 +20,10 @@ def test_the_sound_controller_is_never_failed(seeds):
     assert judge_trials.soundness(seeds, jobs=1) == []
 
 
+def test_a_visitor_may_leave_while_the_gesture_before_the_goodbye_is_tried_again():
+    assert judge_trials.soundness([5203847], jobs=1) == []
+
+
 @pytest.mark.parametrize("names, most",
                          [([VOICE], 8), pytest.param(list(judge_trials.STAGES), 300, marks=MORE)])
 def test_a_broken_controller_is_failed_with_the_node_named(names, most):

@@ -43,13 +43,13 @@ class VisitOutcome:
     """What the visitor of one pass saw and heard, by the journal."""
 
     ALL_SHOWN = "the visitor was shown all exhibits"
-    FAREWELLS = tuple(reference.FAREWELLS)
-    """The node types one of which a mission has to come to for a visitor who engages."""
+    FAREWELLS = reference.FAREWELLS.keys() - {reference.REFUSED}
+    """The node types of what a visitor who engages has to be told, if the mission has them."""
 
     def __init__(self, visit: Visit, facts: Facts, places: KnownPlaces,
                  node_types: Collection[str], farewells: Mapping[str, str]):
-        """``node_types`` are those of the mission, ``farewells`` what is said at the end of a tour,
-        by the node that says it."""
+        """``node_types`` are those of the mission, ``farewells`` what is said at the end of a visit
+        by each node that says it."""
         self._facts, self._places, self.visit = facts, places, visit
         self._node_types, self._farewells = set(node_types), farewells
         lines = [line for line in facts.journal
@@ -95,6 +95,8 @@ class VisitOutcome:
             if self.shown or goals:
                 what = ", ".join(self.shown) or "driven to {:g}, {:g}, {:g}°".format(*goals[0])
                 yield f"the visitor, who {DOES[behaviour]}, was shown {what}"
+            if behaviour == DECLINES and self._is_calm:
+                yield from self._not_told({reference.REFUSED})
 
     def _of_places(self) -> Iterator[str]:
         """Object to an exhibit that is described away from its place."""
@@ -181,10 +183,15 @@ class VisitOutcome:
             return
         if self.visit.outcome != "SUCCESS":
             yield f"{self.ALL_SHOWN}, and the pass ended in {self.visit.outcome}"
+        yield from self._not_told(self.FAREWELLS)
+
+    def _not_told(self, farewells: Collection[str]) -> Iterator[str]:
+        """Object to what the mission has these nodes say and the visitor was not told."""
         said = list(map(_said, self._lines))
-        for node in self._node_types.intersection(self.FAREWELLS):
+        for node in self._node_types.intersection(farewells):
             if self._farewells[node] not in said:
-                yield f"the visitor, who engages, was not told “{self._farewells[node]}”"
+                yield "the visitor, who {}, was not told “{}”".format(
+                    DOES[self._facts.test.visitor_behaviour], self._farewells[node])
 
     def _of_leaving(self) -> Iterator[str]:
         """Object to an exhibit that is begun, or a goodbye, for a visitor who has been gone for so
@@ -198,11 +205,17 @@ class VisitOutcome:
                     if message.time < line.time and _sees(message) is not None]
             present = max((at for at, is_there in seen if is_there), default=0.0)
             gone = next((at for at, _ in seen if at > present), math.inf)
-            if line.time > gone + limit:
+            if line.time > gone + limit and not self._is_held_up(line):
                 yield f"“{_said(line)}” was said to a visitor who had left"
                 return
         if self._has_stayed and any(message.node == node_of(FACES) for message in self._messages):
             yield "the visitor, who leaves, was there to the end"
+
+    def _is_held_up(self, said: JournalEntry) -> bool:
+        """Return whether a call failed since the last drive: the mission may have looked for the
+        visitor before that."""
+        since = max((drive.time for drive in self._drives if drive.time < said.time), default=0.0)
+        return any(not line.done for line in self._lines if since < line.time < said.time)
 
 
 class ReceptionOutcome(VisitOutcome):
@@ -210,7 +223,7 @@ class ReceptionOutcome(VisitOutcome):
     asks whether it is the wanted one, the second tells the way to it."""
 
     ALL_SHOWN = "the visitor was told the way"
-    FAREWELLS = (reference.GOODBYE,)
+    FAREWELLS = {reference.GOODBYE}
 
     @property
     def _told(self) -> List[Exhibit]:

@@ -84,9 +84,9 @@ SLEEP = "Sleep"
 NUMBERED = {SLEEP: "msec", "RetryUntilSuccessful": "num_attempts"}
 """The nodes whose number in the mission file can be compared with the record, with its port."""
 
-GOODBYE = "SayGoodByeSpeech"
-FAREWELLS = {"EndTourSpeech": 0, "HereIsTheDoorSpeech": 6, GOODBYE: 7}
-"""The speeches that end a tour, with the number of release 1.0's phrase; 0: it has none."""
+GOODBYE, REFUSED = "SayGoodByeSpeech", "MaybeAnotherTimeSpeech"
+FAREWELLS = {"EndTourSpeech": 0, "HereIsTheDoorSpeech": 6, GOODBYE: 7, REFUSED: 3}
+"""The speeches that end a visit, with the number of release 1.0's phrase; 0: it has none."""
 
 
 # ----------------------------------------------------------------------------------------- entries
