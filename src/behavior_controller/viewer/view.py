@@ -256,7 +256,7 @@ PARTS: Dict[str, Tuple[str, ...]] = {
     "mission": ("started", "tree"),
     "statuses": ("letters", "recoveries"),
     "now": ("starting", "started", "finished", "held", "suspended", "resume", "due", "steps",
-            "exchanges", "robot", "visits", "safe_state", "tree", "failures"),
+            "exchanges", "robot", "visits", "safe_state", "tree", "failures", "recoveries"),
     "story": ("visits",),
     "ready": ("checks", "said", "starting", "started", "finished", "robot"),
     "visits": ("visit_results", "finished"),
