@@ -27,7 +27,7 @@ from behavior_controller.viewer.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first
 from mission_rig import RUN, Rig, board_of, one_leaf, refusal, visitor_who
 from page_rig import Stop, is_second_text, open_page, text, until, wait_until
-from told_visits import RUNS, Teller, rig_of
+from told_visits import RUNS, Teller, rig_of, walks_off
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
@@ -697,6 +697,16 @@ def test_a_stop_that_is_broken_off_begins_with_its_name_on_a_phone(show, browser
         const box = byId("stops").getBoundingClientRect(), last = byId("stops").lastChild.getBoundingClientRect();
         return last.top >= box.top && last.bottom <= box.bottom && last.left >= box.left - 1""")
     assert inside and text(browser, "#stops").startswith("✘ 1 exhibit 1: broken off")
+
+
+def test_a_stop_that_the_visitor_left_is_no_failure(show, browser):
+    rig = rig_of("visitor left")
+    open_page(browser, show(rig))
+    rig.run(walks_off)
+    wait_until(lambda: text(browser, "#stops") == "○ 1 exhibit 1: left")
+    color = "return getComputedStyle(document.querySelector(arguments[0])).color"
+    failure = browser.execute_script(color, ".legend .F")
+    assert browser.execute_script(color, "#stops li") != failure
 
 
 def test_a_tree_of_many_levels_is_shown(show, browser):

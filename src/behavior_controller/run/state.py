@@ -86,6 +86,11 @@ class Stop(Struct, frozen=True):
     noun: str = ""
     skipped: Dict[str, int] = {}
 
+    @property
+    def is_left(self) -> bool:
+        """Whether it ended as its visitor left, which is no failure."""
+        return self.why is not None and self.why.kind == LEFT and self.why.blind is None
+
 
 class Visit(Struct, frozen=True):
     """One visitor's pass. ``outcome`` is empty while it is under way, and if it was stopped.

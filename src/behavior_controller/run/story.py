@@ -437,9 +437,7 @@ def _stop_changed(before: State, event: events.StopChanged, after: State) -> Ite
 
 
 def _severity(stop: Stop) -> str:
-    """Return that of a stop that is broken off: it is no failure that a visitor leaves."""
-    has_left = stop.why is not None and stop.why.kind == LEFT and stop.why.blind is None
-    return "info" if has_left else "warning"
+    return "info" if stop.is_left else "warning"
 
 
 def _broken_off(stop: Stop) -> str:

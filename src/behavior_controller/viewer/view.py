@@ -318,7 +318,8 @@ def _result(last: NodeResult, times: int) -> Dict[str, Any]:
 
 def _visit(visit: Visit) -> Dict[str, Any]:
     """Return a visit; ``ending``: how it ended, in words."""
-    stops = [dict(asdict(stop), why=story.why(stop.why)) for stop in visit.stops]
+    stops = [dict(asdict(stop), why=story.why(stop.why), is_left=stop.is_left)
+             for stop in visit.stops]
     return {"number": visit.number, "time": clock(visit.arrived or visit.began),
             "began": visit.began, "arrived": visit.arrived, "outcome": visit.outcome,
             "stops": stops, "result": visit.result if visit.ended is not None else "",

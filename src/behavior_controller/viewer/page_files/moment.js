@@ -102,7 +102,7 @@ function listenToScrubber() {
 
 // ------------------------------------------------------------------------------------------------------- card and robot
 
-const STOP_SIGNS = {"under way": "▶", completed: "✔", "left out": "✘", "broken off": "✘"};
+const STOP_SIGNS = {"under way": "▶", completed: "✔", "left out": "✘", "broken off": "✘", left: "○"};
 let visit = null;    // the one under way, or the last one
 let card = {kind: "idle", what: "nothing runs", since: null, until: null};
 let sentences = [];
@@ -160,10 +160,10 @@ function showElapsed() {
 
 function showStops(stops) {
   byId("stops").replaceChildren(...stops.map(each => {
-    const made = element("li", each.state.replace(" ", "-"));
-    made.append(element("span", "sign", STOP_SIGNS[each.state]), " " + each.number + " " + each.name);
-    if (each.state === "left out" || each.state === "broken off") {
-      made.append(": " + each.state);
+    const state = each.is_left ? "left" : each.state, made = element("li", state.replace(" ", "-"));
+    made.append(element("span", "sign", STOP_SIGNS[state]), " " + each.number + " " + each.name);
+    if (each.why) {
+      made.append(": " + state);
       made.title = each.why;  // the story tells it
     }
     return made;
