@@ -218,6 +218,15 @@ def test_the_card_is_last_where_a_long_tree_would_hide_it():
     assert status_tool.lines(state, False, True) == [*tree, wrong, robot, card]
 
 
+def test_the_head_before_the_mission_has_its_name():
+    state = good()
+    state["mission"]["file"] = ""
+    state["now"]["card"]["what"] = "starting: waiting for /say"
+    assert status_tool.lines(read(state), False)[0].startswith("mission: ")
+    state["mission"]["robot"] = "robot1"
+    assert status_tool.lines(read(state), False)[0].startswith("mission of robot1: ")
+
+
 def test_a_second_face_is_in_the_head():
     state = good()
     rows = [ReadyRow("topic", "/faces", "ready", "2 faces, 1 looking at the robot"),

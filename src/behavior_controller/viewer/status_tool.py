@@ -317,7 +317,8 @@ def _head(state: ShownState) -> List[str]:
     if now.ended and now.card.kind != "ended":  # the record does not say how
         doing = f"{now.ended}; last: {now.card.what}"
     of_robot = f" of {mission.robot}" * bool(mission.robot)
-    head = [f"mission {mission_name(mission.file)}{of_robot}: {doing}",
+    name = f"mission {mission_name(mission.file)}".rstrip()  # it is not known before the start
+    head = [f"{name}{of_robot}: {doing}",
             *["to do: " + now.robot.instruction] * bool(now.robot.instruction),
             "robot: " + replace(now.robot, instruction="").text]
     heard = [f"{row.name}: {row.text}" for row in state.ready.rows
