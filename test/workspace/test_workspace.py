@@ -6,6 +6,7 @@ import signal
 import subprocess
 
 import pytest
+import tutorial
 
 from free_ports import free_port
 
@@ -131,6 +132,17 @@ def test_all_runs_from_the_workspace(home, sourced):
     assert (code, text.count("no ROS master")) == (1, 1), text
     shell.do("roslaunch unit_tests behaviorControllerTest.launch missionRuns:=1 "
              "visitorBehaviour:=declines arrivalRate:=6000 failureRate:=0 callTimes:=none")
+
+
+@pytest.mark.parametrize("sourced", ["install"], indirect=True)  # it has missions of its own
+def test_the_last_commands_of_the_tutorial(home, sourced):
+    (home / "reception").mkdir()
+    tutorial.write_mission(tutorial.read()[-1], str(home / "reception"))
+    with open(tutorial.DOCUMENT, encoding="utf-8") as file:
+        commands = file.read().rpartition("\n```\n")[0].rpartition("```\n")[2]
+    assert "mission:=my_reception" in commands
+    told = Shell(home, str(sourced)).do("set -e\n" + commands)
+    assert told.splitlines()[-2].startswith("PASSED: "), told
 
 
 def test_a_program_starts_with_the_python_that_it_was_built_with(home, sourced):
