@@ -32,13 +32,11 @@ before. An error in an unused tree may be a warning.
 `validateMission --json FILE…` prints an array with an object for each mistake, ordered by file,
 place, code and text. With `--watch` an array follows at each change.
 
-| member | content |
-|---|---|
-| `file` | the path, as it was given or included |
-| `range` | `start` and `end` (after the last character), each with `line` and `column` from 1, or null |
-| `severity` | `error` or `warning` |
-| `code` | one of the codes below; empty for a file that is not a mission |
-| `text`, `hint` | the message, and the part in brackets, which may be empty |
+* `file`: the path, as it was given or included
+* `range`: `start` and `end` (after the last character), each `line` and `column` from 1; or null
+* `severity`: `error` or `warning`
+* `code`: one of the codes below, or empty for a file that is not a mission
+* `text`, `hint`: the message, and the part in brackets, which may be empty
 """
 
 

@@ -278,7 +278,7 @@ def _retries_for_ever(play: Play) -> Iterator[Place]:
 
 
 def _endless(play: Play) -> Iterator[Place]:
-    """The pass never ends: a loop without a bound repeats the same requests."""
+    """A loop without a bound repeats the same requests."""
     if play.played.has_timed_out and play.late and not any(_retries_for_ever(play)):
         yield play.late[-1].uid, f"after {play.played.seconds:.0f} s it still repeats itself"
 
@@ -310,8 +310,7 @@ def _waiting(play: Play) -> int:
 
 
 def _exception(play: Play) -> Iterator[Place]:
-    """A node raises an exception, which ends the pass at once, or a declaration does not fit its
-    messages."""
+    """A node raises an exception, or a declaration does not fit its messages."""
     yield from play.played.errors
     topics = {topic.name for topic in play.stage.settings.interface.topics}
     for failed in play.run.failures:
@@ -461,8 +460,8 @@ def _unrecovered(play: Play) -> Iterator[Place]:
 
 
 def _left_out_step(play: Play) -> Iterator[Place]:
-    """One step fails, and the mission succeeds without other steps that it has not asked for, and
-    without another way. Give each step a recovery of its own.
+    """One step fails, and the mission succeeds without other steps, and without another way. Give
+    each step a recovery of its own.
 
     Find requests of the calm play that are missing, although the visitor behaves the same and no
     stop was left out. What else a service does that fails for good says nothing.
@@ -879,12 +878,12 @@ def _not_home(play: Play) -> Iterator[Place]:
 NEVER_SUCCEEDS = FindingKind("never-succeeds",
                              "No visitor's pass ends in SUCCESS, not even without a fault.")
 NEVER_ASKED = FindingKind(
-    "never-asked", "A node that no policy may skip stands in the mission, and without a fault no "
-    "visitor brings the mission to one of its type.")
+    "never-asked", "Without a fault no visitor brings the mission to a node of this type, which no "
+    "policy may skip.")
 NEVER_TRUE = FindingKind(
     "never-true", "The mission comes to this node, and no visitor and no fault makes it succeed.")
 ONE_WAY = FindingKind(
-    "one-way-only", "A stop is reached by answers of one way only: by voice, or by tablet.")
+    "one-way-only", "A stop is reached by voice alone, or by tablet alone.")
 NEVER_OFF = FindingKind(
     "never-off", "Attention or lifelike movement is switched on, and no pass switches it off.")
 UNREACHED = FindingKind("unreached", "No play brings the mission to this node.")
