@@ -245,15 +245,15 @@ class TestOneNode(unittest.TestCase):
 
     # ------------------------------------------------------------------------------------- tryRobot
 
-    def tries(self, *words, during=lambda process: None):
-        """Run tryRobot, and return its exit code and its lines."""
+    def tries(self, *words, during=lambda process: ""):
+        """Run tryRobot, and return its exit code and its lines; ``during`` returns the first ones.
+        """
         paths = [self.package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
         with subprocess.Popen(
                 [sys.executable, self.package.path("src/behavior_controller/tryRobot"), *words],
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
                 env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths))) as process:
-            during(process)
-            text = process.communicate(timeout=60)[0]
+            text = during(process) + process.communicate(timeout=60)[0]
         return process.returncode, text
 
     @on_one_python
@@ -264,12 +264,18 @@ class TestOneNode(unittest.TestCase):
             self.assertEqual(refused.wait(START_LIMIT), 1, refused.lines.text())
             self.assertIn("node /tryRobot already controls this robot", refused.lines.text())
             process.send_signal(signal.SIGINT)
+            lines = [process.stdout.readline()]
+            while lines[-1] and "stopped by Ctrl-C" not in lines[-1]:
+                lines.append(process.stdout.readline())
+            process.send_signal(signal.SIGINT)  # somebody is impatient
+            return "".join(lines)
 
         self.robot.set_mode(GESTURE, "hang")
         found, text = self.tries("gesture", "welcome", during=interrupt)
         self.assertEqual(found, 3, text)
         self.assertIn("stopped by Ctrl-C", text)
         self.assertIn("may still be making iconic gesture 1: keep the stop button at hand", text)
+        self.assertNotIn("asked nothing", text)
         self.assertNotIn("Traceback", text)
         self.running()
 
@@ -321,6 +327,17 @@ class TestOneNode(unittest.TestCase):
             self.assertEqual(found, 0, text)
             self.assertEqual(self.robot.requests()[-1]["service"], service)
         self.assertEqual(self.robot.requests(SAY)[-1]["fields"]["language"], "English")
+
+    @on_one_python
+    def test_the_action_of_a_robot_that_lacks_the_service_is_asked(self):
+        self.robot.stop()
+        forget_dead_entries()
+        self.robot = Robot({"interface": "release-1.1", SAY: "absent"})
+        found, text = self.tries("say", "Hello", "_robotInterface:=release-1.1")
+        self.assertEqual(found, 0, text)
+        self.assertIn("the action {} is used in its place".format(SAY), text)
+        self.assertEqual([request["service"] for request in self.robot.requests()],
+                         ["action " + SAY])
 
     @on_one_python
     def test_without_a_master_one_line_says_so(self):

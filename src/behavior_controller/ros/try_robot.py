@@ -160,6 +160,7 @@ def _try(chosen: settings.Settings, request: Request, names: List[str]) -> int:
         _await(call, clock, wake)
     except KeyboardInterrupt:
         call.finish(Failure(Cause.CONNECTION_LOST, "stopped by Ctrl-C", resolved(service)))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the robot was asked; the rest is short
     code = _report(request, service, call.result, time.monotonic() - began)
     gateway.close()
     if isinstance(call.result, Failure):
