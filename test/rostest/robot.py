@@ -130,6 +130,17 @@ class Robot:
         times per second."""
         self._order(topic=topic, values=list(values), hertz=more.get("hertz", 0))
 
+    def wait_for_listener(self, topic, *values):
+        """Publish until a node stays connected: rospy notices at the second message that the
+        connection of the start's check has ended."""
+        listeners = [0]
+        while not all(listeners[-3:]):
+            start = len(self.lines.all)
+            self.publish(topic, *values)
+            _, line = self.lines.wait_for(lambda line: '"topic"' in line, 5, start)
+            listeners.append(json.loads(line)["listeners"])
+            time.sleep(0.05)
+
     def say(self, text):
         """Let the action of speech recognition hear ``text``."""
         self._order(say=text)
@@ -300,13 +311,13 @@ class Controller:
         raise AssertionError("the node has no viewer:\n{}".format(self.lines.text()))
 
     def wait(self, seconds):
-        """Return the exit code; fails if it does not come in time."""
+        """Return the exit code; fails if it does not come in ``seconds`` of a quiet machine."""
         try:
-            code = self.process.wait(seconds)
+            code = self.process.wait(BUSY * seconds)
         except subprocess.TimeoutExpired:
             self.process.kill()
             raise AssertionError("the node did not end in {} s:\n{}".format(
-                seconds, self.lines.text()))
+                BUSY * seconds, self.lines.text()))
         self.lines.wait_for_end(10)
         return code
 

@@ -14,7 +14,7 @@ import rospy
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Robot, forget_dead_entries, places  # noqa: E402
+from robot import BUSY, Robot, forget_dead_entries, places  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
@@ -48,7 +48,7 @@ class TestGateway(unittest.TestCase):
 
     def tearDown(self):
         self.gateway.close()
-        self.assert_at_rest(0, 2.0)
+        self.assert_at_rest()
         forget_dead_entries()
 
     def robot(self, modes=None):
@@ -124,7 +124,7 @@ class TestGateway(unittest.TestCase):
         call.drop()
         self.clock.run_due()
         self.assertIsNone(call.result)
-        self.assert_at_rest(0, 1.0)
+        self.assert_at_rest()
         self.assertIsInstance(self.ask(Say("next")), Answer)
 
     def test_a_refusal(self):
@@ -193,26 +193,23 @@ class TestGateway(unittest.TestCase):
         robot = self.robot({"/textToSpeech/say_text": "hang"})
         self.deadline = 0.02
         self.ask(Say("warm up"))
-        self.assert_at_rest(0, 1.0)
+        self.assert_at_rest()
         files = len(os.listdir("/proc/self/fd"))
         for _ in range(200):
             self.assertEqual(self.ask(Say("hello")).cause, Cause.NO_ANSWER)
-        self.assert_at_rest(0, 1.0)
+        self.assert_at_rest()
         self.assertLessEqual(len(os.listdir("/proc/self/fd")), files)
         self.deadline = 20.0
         robot.set_mode(SAY, "done")
         self.assertIsInstance(self.ask(Say("at last")), Answer)
 
-    def assert_at_rest(self, threads, seconds):
-        """Expect that within ``seconds`` no more than ``threads`` threads talk to services."""
-        def count():
-            return sum(thread.name.startswith("service /") for thread in threading.enumerate())
-
-        ends = time.monotonic() + seconds
-        for thread in threading.enumerate():
-            if thread.name.startswith("service /") and count() > threads:
-                thread.join(max(0.0, ends - time.monotonic()))
-        self.assertEqual(count(), threads)
+    def assert_at_rest(self):
+        """Expect that soon no thread talks to a service."""
+        ends = time.monotonic() + 2.0 * BUSY
+        talking = [each for each in threading.enumerate() if each.name.startswith("service /")]
+        for thread in talking:
+            thread.join(max(0.0, ends - time.monotonic()))
+        self.assertEqual([thread.name for thread in talking if thread.is_alive()], [])
 
     # ------------------------------------------------------------------- a computer without threads
 
@@ -225,7 +222,7 @@ class TestGateway(unittest.TestCase):
                                    side_effect=RuntimeError("can't start new thread")):
                 self.assertIn("no thread", self.ask(Say("hello")).message)
                 report = SafeState(gateway, INTERFACE, (), self.clock.now).wait(self.doze)
-            self.assertLess(time.monotonic() - began, 1.0 + 0.5)
+            self.assertLess(time.monotonic() - began, 1.0 + 0.5 * BUSY)
             for service in (ATTENTION, ANIMATION):
                 robot.wait_for_request(service, 5, state="disabled")
             failed = [part.service for part in report.parts if part.failure is not None]

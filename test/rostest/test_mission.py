@@ -20,7 +20,7 @@ from behavior_controller.run.record.reader import read_record
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    Controller, Package, Robot, forget_dead_entries, mission_starts, on_one_python, places)
+    BUSY, Controller, Package, Robot, forget_dead_entries, mission_starts, on_one_python, places)
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY, FACES, DRIVE = "/textToSpeech/say_text", "/faceDetection/data", "/robotNavigation/set_goal"
@@ -161,12 +161,12 @@ class TestMission(unittest.TestCase):
                                        verboseMode="true")
         asked = robot.wait_for_request(SAY, 20)["time"]
         told = controller.lines.wait_for(lambda line: "WelcomeSpeech" in line, 10)[0]
-        self.assertLess(told - asked, 0.5)
+        self.assertLess(told - asked, 0.5 * BUSY)
         began = controller.lines.wait_for(lambda line: mission_starts() in line, 1)[0]
         beat, line = controller.lines.wait_for(lambda line: "running" in line, 15)
         self.assertRegex(line, ": behaviorController: running. asleep, (9|10) s of at most 600 s · "
                                "next: the end of the visit$")
-        self.assertLess(abs(beat - began - 10.0), 0.5)
+        self.assertLess(abs(beat - began - 10.0), 0.5 * BUSY)
 
     # ------------------------------------------------------------------------------------- reaction
 
@@ -184,7 +184,7 @@ class TestMission(unittest.TestCase):
                 .format(hertz, 1000 * statistics.median(delays), 1000 * max(delays)))
             self.assertLess(statistics.median(delays), 0.02)
             # a message that was lost would wait until the one before expires, 2 s
-            self.assertLess(max(delays), 0.5)
+            self.assertLess(max(delays), 1.5)
 
     def wait_until(self, value, wanted):
         """Wait until ``value()`` is ``wanted``: the master tells nobody who registers."""
@@ -302,24 +302,12 @@ class TestMission(unittest.TestCase):
         """A yes among ``utterances`` that come as fast as they can is the visitor's answer."""
         robot, controller = self.start(ANSWERED, missionRuns="1")
         controller.lines.wait_for(lambda line: "a pass begins" in line, 20)
-        self.wait_for_listener(robot, SPEECH, "hm")
+        robot.wait_for_listener(SPEECH, "hm")
         for text in utterances:
             robot.publish(SPEECH, text)
         self.assertEqual(controller.wait(20), 0, controller.lines.text())
         self.assertEqual(len(robot.requests(SAY)), 1)
         robot.stop()
-
-    @staticmethod
-    def wait_for_listener(robot, topic, *values):
-        """Publish until a node stays connected: rospy notices at the second message that the
-        connection of the start's check has ended."""
-        listeners = [0]
-        while not all(listeners[-3:]):
-            start = len(robot.lines.all)
-            robot.publish(topic, *values)
-            _, line = robot.lines.wait_for(lambda line: '"topic"' in line, 5, start)
-            listeners.append(json.loads(line)["listeners"])
-            time.sleep(0.05)
 
     def test_a_publisher_of_which_no_message_can_be_decoded_counts_as_absent(self):
         self.check_garbled(FACES)

@@ -146,19 +146,13 @@ class TestMonitor(unittest.TestCase):
         self.assertIn(sentence(done), controller.lines.text())
 
     def test_the_mission_goes_on_without_a_master(self):
-        port = "11" + str(500 + os.getpid() % 400)
-        environment = {"ROS_MASTER_URI": "http://localhost:" + port}
-        roscore = subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL,
-                                   stderr=subprocess.DEVNULL)
-        self.addCleanup(roscore.wait)
-        self.addCleanup(roscore.terminate)
-        robot = self.robot(**environment)
+        master = self.own_master()
+        robot = self.robot()
         controller = self.start(
             "<Repeat num_cycles=\"-1\"><Sequence>{}<LookUpHome/><Navigate/></Sequence>"
-            "</Repeat>".format(TALKING), environment)
+            "</Repeat>".format(TALKING))
         robot.wait_for_request(SAY, 20)
-        roscore.terminate()
-        roscore.wait(20)
+        end(master)
         died = time.monotonic()
         self.wait_for(controller, died, *MASTER_IS_GONE)
         start = len(robot.lines.all)
@@ -251,9 +245,7 @@ class TestMonitor(unittest.TestCase):
         robot = self.robot({SAY: "hang"})
         robot.publish(FACES, [], [], [], hertz=20)
         controller = self.start(WAITING + "<QueryTourSpeech/><IsYesNoUttered/>")
-        time.sleep(0.7)  # the publisher knows its subscriber
-        for _ in range(2):
-            robot.publish(SPEECH, "yes")
+        robot.wait_for_listener(SPEECH, "yes")
         controller.lines.wait_for(lambda line: SPEECH in line and "nothing was asked" in line, 5)
         operator = subprocess.Popen(
             ["rostopic", "pub", "-1", SPEECH, "std_msgs/String", "data: 'yes'"],

@@ -161,7 +161,7 @@ class TestHearing(unittest.TestCase):
         self.assertNotIn('"goal"', robot.lines.text())
         wait, asked = self.heard(), time.monotonic()
         self.topics.listen(SPEECH, 8.0)
-        self.assertLess(time.monotonic() - asked, 0.05)
+        self.assertLess(time.monotonic() - asked, 0.5)
         seconds, number = self.goal(robot)
         self.assertTrue(7.0 < seconds <= 8.0, seconds)
         robot.say("Yes, please")
@@ -318,7 +318,7 @@ class TestHearing(unittest.TestCase):
         for seconds in (5.0, 0.0, 5.0, 0.0):
             self.topics.listen(SPEECH, seconds)
             self.topics.newest(SPEECH)
-        self.assertLess(time.monotonic() - began, 0.05)
+        self.assertLess(time.monotonic() - began, 0.5)
         robot.process.send_signal(signal.SIGCONT)
 
     def test_where_the_topic_is_published_no_goal_is_sent(self):

@@ -17,7 +17,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from free_ports import free_port  # noqa: E402
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import BUSY, Controller, Package, Robot, forget_dead_entries  # noqa: E402
 from simulator import Simulator  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
@@ -69,6 +69,11 @@ class TestSimulatedTime(unittest.TestCase):
         self.assertEqual(controller.wait(20), code, controller.lines.text())
         return ends - begins
 
+    def assert_takes(self, controller, seconds, code=0):
+        """Expect that the first pass takes so many seconds of the process, and what a busy machine
+        adds."""
+        self.assertTrue(-0.2 < self.taken(controller, code) - seconds < 0.5 * BUSY + 1.0)
+
     def command(self, name, *arguments):
         """Return what one of the package's commands prints, which must not fail."""
         paths = [self.package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
@@ -91,21 +96,21 @@ class TestSimulatedTime(unittest.TestCase):
         self.assertIn("asleep, ", shown)
         self.assertIn(" s of at most 240 s", shown)
         self.assertNotIn("hangs", shown)
-        self.assertLess(abs(self.taken(controller) - 12.0), 1.5)
-        self.assertRegex(controller.lines.text(), r"pass 1: SUCCESS after 2[345]\d\.\d s")
+        self.assert_takes(controller, 12.0)
+        self.assertRegex(controller.lines.text(), r"pass 1: SUCCESS after (2[4-9]|30)\d\.\d s")
         self.wait_for(controller, "the mission goes by the simulated time on /clock")
 
     def test_and_at_a_tenth_of_it(self):
         self.simulator(0.1)
         controller = self.node('<Sleep msec="300"/>', missionRuns="1")
-        self.assertLess(abs(self.taken(controller) - 3.0), 0.6)
-        self.assertRegex(controller.lines.text(), r"pass 1: SUCCESS after 0\.[34] s")
+        self.assert_takes(controller, 3.0)
+        self.assertRegex(controller.lines.text(), r"pass 1: SUCCESS after 0\.[3-6] s")
 
     def test_a_deadline_is_that_of_the_simulated_robot(self):
         self.simulator(20.0)
         controller = self.node("", robot_modes={SAY: "hang"}, missionRuns="1",
                                textToSpeechDeadline="30")
-        self.assertLess(abs(self.taken(controller, code=3) - 1.5), 1.0)
+        self.assert_takes(controller, 1.5, code=3)
         self.assertIn("waited 30 s", controller.lines.text())
 
     def test_without_the_parameter_the_clock_is_not_followed(self):
@@ -170,11 +175,14 @@ class TestSimulatedTime(unittest.TestCase):
             self.wait_for(controller, "this visit is over")
             text = controller.lines.text()
             found = re.search(r"simulated time jumped back by ([\d.]+) s: this visit is over", text)
-            self.assertLess(abs(float(found.group(1)) - seconds), 0.1, text)
+            # less the step of the clock, which a busy machine makes longer
+            self.assertTrue(0.0 < float(found.group(1)) <= seconds, text)
+            self.assertLess(seconds - float(found.group(1)), 0.4, text)
             self.wait_for(controller, "pass 1: FAILURE after")
             self.robot.wait_for_request(SAY, 20, start=len(self.robot.lines.all))
             simulator.rate = 20.0
-            self.wait_for(controller, "pass 2: SUCCESS after 6")
+            self.wait_for(controller, "pass 2: SUCCESS after ")
+            self.assertRegex(controller.lines.text(), r"pass 2: SUCCESS after ([6-9]|1[01])\d\.")
             self.assertEqual(controller.wait(20), 0)
             self.assertIn("attention and lifelike movement are off", controller.lines.text())
             self.robot.stop()
@@ -220,11 +228,11 @@ class TestSimulatedTime(unittest.TestCase):
         first, last = (next(line for line in lines if line["event"]["_type"] == kind)
                        for kind in ("PassStarted", "PassFinished"))
         for name in ("time", "ros"):
-            self.assertLess(abs(last[name] - first[name] - 70.0), 10.0)
+            self.assertTrue(60.0 <= last[name] - first[name] < 120.0)
         self.assertLess(1000.0, first["ros"])
         for line in (first, last):
             self.assertTrue(began < line["computer"] < ended)
-        self.assertLess(abs(last["computer"] - first["computer"] - 3.5), 0.55)
+        self.assertTrue(2.9 < last["computer"] - first["computer"] < 6.0)
         self.assertIn("the same path: 1 pass,", self.command("replayMission", place))
 
 

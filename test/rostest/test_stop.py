@@ -15,7 +15,8 @@ import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries, mission_starts  # noqa: E402
+from robot import (  # noqa: E402
+    Controller, Package, Robot, forget_dead_entries, mission_starts, start_master)
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
@@ -35,14 +36,13 @@ class TestStop(unittest.TestCase):
         self.addCleanup(forget_dead_entries)
         self.package = Package(os.path.join(self.folder, "package"))
 
-    def start(self, mission, robot_modes=None, environment=None, **keys):
+    def start(self, mission, robot_modes=None, **keys):
         """Run ``mission`` (leaves) against a robot; return both."""
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(scenarioSpecification="m", **keys)
-        environment = environment or {}
-        robot = Robot(robot_modes or {}, **environment)
+        robot = Robot(robot_modes)
         self.addCleanup(robot.stop)
-        controller = Controller(self.package, **environment)
+        controller = Controller(self.package)
         self.addCleanup(controller.close)
         return robot, controller
 
@@ -178,16 +178,14 @@ class TestStop(unittest.TestCase):
         self.assert_safe_state_once(robot)
 
     def test_when_the_master_has_died(self):
-        port = "11" + str(500 + os.getpid() % 400)
-        environment = {"ROS_MASTER_URI": "http://localhost:" + port}
-        roscore = subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL,
-                                   stderr=subprocess.DEVNULL)
-        self.addCleanup(roscore.wait)
-        self.addCleanup(roscore.terminate)
-        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"}, environment)
+        self.addCleanup(os.environ.update, ROS_MASTER_URI=os.environ["ROS_MASTER_URI"])
+        master = start_master()
+        self.addCleanup(master.wait)
+        self.addCleanup(master.kill)
+        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
         robot.wait_for_request(SAY, 20)
-        roscore.terminate()
-        roscore.wait(20)
+        master.kill()
+        master.wait()
         code, seconds = controller.stop()
         print("stopped without a master: {:.2f} s".format(seconds))
         self.assertLess(seconds, LIMIT)

@@ -26,6 +26,7 @@ from behavior_controller.run.events import Events  # noqa: E402
 from behavior_controller.run.health import Health  # noqa: E402
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH  # noqa: E402
 from behavior_controller.robot.requests import AttentionStatus, Faces  # noqa: E402
+from behavior_controller.ros.action_client import has_subscriber  # noqa: E402
 from behavior_controller.ros.master import Directory  # noqa: E402
 from behavior_controller.ros.watchdog import Monitor  # noqa: E402
 from behavior_controller.ros.types import resolved  # noqa: E402
@@ -203,7 +204,7 @@ class TestTopics(unittest.TestCase):
             latch.reconnect()
             self.wait_until(lambda: rospy.get_name() not in latch.connected_nodes)
         self.wait_until(lambda: rospy.get_name() in latch.connected_nodes)
-        time.sleep(0.2)
+        self.wait_until(lambda: has_subscriber(publisher))
         publisher.publish("yes")
         self.wake.wait(5.0)
         publisher.unregister()
@@ -247,10 +248,10 @@ class TestTopics(unittest.TestCase):
             share = self.cpu_share(3.0)
             print("2 kHz, alarm set: {}: {:.1f} % of a core".format(is_awaited, 100 * share))
             self.assertLess(share, 0.15)  # Python 3.8 takes more than 3.11
-            self.assertLess(time.monotonic() - self.topics.newest(ATTENTION).arrived, 0.2)
+            self.assertLess(time.monotonic() - self.topics.newest(ATTENTION).arrived, 1.0)
         self.assertFalse(self.wake.test_and_clear())
         self.robot.publish("/overtAttention/mode", "seeking", 1, hertz=2000)
-        self.wake.wait(1.0)
+        self.wake.wait(10.0)
         self.assertTrue(self.wake.test_and_clear(), "the alarm drowned in the flood")
 
     @staticmethod
