@@ -433,6 +433,16 @@ def test_every_python_package_is_installed(package, folder):
     assert {name for name in packages if "'{}'".format(name) not in text} == set()
 
 
+def test_no_test_imports_another():
+    """What they share is in test/support, and fixtures are in conftest.py."""
+    found = []
+    for path in python_files("test/unit", "unit_tests/test/unit"):
+        with open(os.path.join(ROOT, path), encoding="utf-8") as file:
+            if re.search(r"(?m)^(import|from) test_", file.read()):
+                found.append(os.path.basename(path))
+    assert found == ["test_rules.py"]  # whose table is made of those of other files
+
+
 def test_each_executable_has_a_name_of_its_own():
     """rosrun looks below the whole package, which a clone in a workspace is, and would ask which
     one to run."""

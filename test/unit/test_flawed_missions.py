@@ -4,7 +4,7 @@ import pytest
 
 from behavior_controller.simulation.rehearsal import cli, findings
 
-import test_flawed_tours
+import flawed_tours
 
 
 def safe(node):
@@ -268,7 +268,7 @@ def test_a_consequence_is_told_below_its_mistake(tmp_path):
 
 def test_each_kind_of_mistake_is_found():
     found = {kind for _, _, kinds, _ in FLAWED for kind in kinds}
-    assert found | {kind for _, _, kind, _ in test_flawed_tours.FLAWED} == set(
+    assert found | {kind for _, _, kind, _ in flawed_tours.FLAWED} == set(
         findings.KIND_BY_NAME) - {"senseless-request", "budget-spent"}
 
 
