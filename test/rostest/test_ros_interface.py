@@ -128,7 +128,8 @@ class TestRosInterface(unittest.TestCase):
         robot.wait_for_request(ANIMATION, 10, state="disabled")
         now = self.now.wait_for(lambda now: now["ended"] and now["robot"]["safe"])
         self.assertIn("may still be driving", now["robot"]["safe"])
-        self.assertIn("the robot was stopped", now["last"])
+        self.assertIn("stopped before a visitor came", now["card"]["what"])
+        self.assertEqual(now["last"], "")  # that is no visit
         services = [name for name, _ in rosgraph.Master("/test").getSystemState()[2]]
         self.assertFalse([name for name in services if name.startswith(NODE + "/")])
 
