@@ -324,7 +324,8 @@ def _listed(browser, site):
 
 
 def texts(browser, selector):
-    return [each.text for each in browser.find_elements("css selector", selector)]
+    return browser.execute_script(  # at once: the page makes the elements anew
+        "return [...document.querySelectorAll(arguments[0])].map(one => one.innerText)", selector)
 
 
 def test_a_technician_finds_the_visits_that_failed_and_the_commonest_cause(listed, copy):

@@ -7,7 +7,7 @@ of a tour, a mission whose stops are exhibits, and of a reception, which asks fo
 import math
 from typing import Collection, Dict, Iterator, List, Mapping, NamedTuple, Optional
 
-from behavior_controller.robot.requests import Exhibit, Location
+from behavior_controller.robot.requests import Exhibit, Location, Say
 from behavior_controller.run.state import Visit
 from behavior_controller.simulation.configuration import IDLE_ACTION
 from behavior_controller.simulation.faults import WRONG
@@ -18,7 +18,7 @@ from behavior_controller.simulation.visitor import (
 from unit_tests.judge import reference
 from unit_tests.judge.facts import Facts
 from unit_tests.judge.files import KnownPlaces, YES
-from unit_tests.judge.wire import FACES, node_of, robot_of
+from unit_tests.judge.wire import FACES, SENT, node_of, robot_of
 
 PROMPT_RATE = 600.0
 """Messages per minute on each topic from which on none comes too late for a visitor who engages."""
@@ -186,7 +186,10 @@ class VisitOutcome:
         yield from self._not_told(self.FAREWELLS)
 
     def _not_told(self, farewells: Collection[str]) -> Iterator[str]:
-        """Object to what the mission has these nodes say and the visitor was not told."""
+        """Object to what the mission has these nodes say and the visitor was not told, if the
+        journal has what is said."""
+        if Say not in SENT:
+            return
         said = list(map(_said, self._lines))
         for node in self._node_types.intersection(farewells):
             if self._farewells[node] not in said:
