@@ -28,7 +28,12 @@ def open_browser(width=1280, height=800):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     from selenium.webdriver.chrome.service import Service
-    return webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    for is_last in (False, True):  # on a busy computer it may end while it starts
+        try:
+            return webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+        except Exception:
+            if is_last:
+                raise
 
 
 def set_screen(browser, width, height, mode="light"):
