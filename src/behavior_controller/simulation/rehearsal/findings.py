@@ -91,6 +91,9 @@ class Play:
                        if isinstance(self.node(result.uid), MissionLeaf)]
         self.done = [result for result in self.leaves if result.letter == "S"]
         self.succeeded = frozenset(result.uid for result in self.done)
+        self.looks = [result for result in self.leaves if result.letter in "SF"
+                      and {Sense.VISITOR, Sense.PRESENCE} & set(self.spec(result.uid).listens)]
+        """The results of the leaves that look whether a visitor is there."""
 
     def spec(self, uid: int) -> MissionSpec:
         """Return the node type of a mission leaf."""
@@ -128,12 +131,6 @@ class Play:
         left, until that time; empty: there was none."""
         since = self.presence(at)[0]
         return next((look.letter for look in reversed(self.looks) if since <= look.ended <= at), "")
-
-    @property
-    def looks(self) -> List[NodeResult]:
-        """The results of the leaves that look whether a visitor is there."""
-        return [result for result in self.leaves if result.letter in "SF"
-                and {Sense.VISITOR, Sense.PRESENCE} & set(self.spec(result.uid).listens)]
 
     def is_visitor_here(self, at: float) -> bool:
         """Return whether a visitor was present at that time."""
