@@ -55,8 +55,8 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
         _check_chain(facts, element, spec)
     if spec.repeats_on in _REPEATS:
         _check_repeat(facts, element, spec)
-    if spec.is_reactive:
-        _check_reactive(facts, element, spec)
+    if spec.is_reactive and not _check_done_again(facts, element, spec) and spec.advances_on:
+        _check_asked_late(facts, element, spec)
     limit = milliseconds(element.attributes, spec.limit)
     if limit:
         child = element.children[0]
@@ -262,18 +262,45 @@ def _called(element: Element) -> str:
 # -------------------------------------------------------------------------------- reactive controls
 
 
-def _check_reactive(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
-    """Warn of the first action that succeeds and is done again while a later child runs."""
+def _check_done_again(facts: MissionFacts, element: Element, spec: NodeSpec) -> bool:
+    """Warn of the first action that succeeds and is done again while a later child runs; return
+    whether there is one."""
     goes_on = (spec.advances_on or OF_A_LEAF) | SKIPS
     for index, child in enumerate(element.children if spec.advances_on else element.children[:1]):
         if not any(_may_run(facts, later) for later in element.children[index + 1:]):
-            return
+            break
         for leaf, ends in _done_first(facts, child):
             if ends & goes_on:
                 text = (f"{leaf.type_id} succeeds and is done again, at every tick of {spec.id} "
                         "while a later child runs")
                 facts.report(rules.DONE_AGAIN, leaf, text, f"put it before {spec.id}")
-                return
+                return True
+    return False
+
+
+def _check_asked_late(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
+    """Warn of the first condition behind a child that only waits, if none stands before it."""
+    children = iter(element.children)
+    for child in children:
+        if _asks(facts, child) or not facts.ends[id(child)] & (spec.advances_on | SKIPS):
+            return
+        if _may_run(facts, child):
+            break
+    late = next((later for later in children if _asks(facts, later)), None)
+    if late is not None and all(_is_wait(facts.spec(inner)) for inner in facts.inside(child)):
+        text = f"{_called(late)} is not asked while {_called(child)} is under way"
+        facts.report(rules.ASKED_LATE, late, text, f"put it first in {spec.id}")
+
+
+def _is_wait(spec: NodeSpec) -> bool:
+    return spec.is_instant or spec.pause != "" or spec.kind in (Kind.SUBTREE, Kind.DECORATOR)
+
+
+def _asks(facts: MissionFacts, element: Element) -> bool:
+    """Return whether a condition is in ``element``, as a node or as an attribute."""
+    return any(facts.spec(inner).kind is Kind.CONDITION
+               or not inner.attributes.keys().isdisjoint(CONDITIONS)
+               for inner in facts.inside(element))
 
 
 def _may_run(facts: MissionFacts, element: Element) -> bool:

@@ -167,6 +167,7 @@ NEVER_REPEATS = warning("A child never ends so that it is repeated or retried.")
 NEVER_WAITS = warning("A node repeats for ever without a wait.")
 RETRIES_FOR_EVER = warning("A loop without limit and pause calls a service that may fail at once.")
 DONE_AGAIN = warning("A reactive control repeats at every tick a step that has succeeded.")
+ASKED_LATE = warning("A reactive control asks a condition only after a wait.")
 RECOVERY_MISPLACED = warning("A recovery has no failure before it.")
 
 # ------------------------------------------------------------------------------------------ palette
