@@ -55,6 +55,8 @@ WELCOME = safe("WelcomeSpeech")
 ASK = safe("QueryTourSpeech")
 STOP = f"""<Fallback>{tree("VisitExhibit")}<HandleFallBack _onFailure="@tourBrokenOff := 'yes'"/>\
 </Fallback>"""
+RETRIES = ('<RetryUntilSuccessful name="AtMostThreePrompts" num_attempts="3">' + steps(PROMPT)
+           + "</RetryUntilSuccessful>")
 COUNTED = '<ScriptCondition code="@prompts &lt; 3"/><Script code="@prompts += 1"/>'
 
 ONE = ["asrEnabled:=true", "--kinds", "refused"]
@@ -134,6 +136,9 @@ FLAWED = [
      [(ASK, ""), ('</ForceSuccess></Sequence></BehaviorTree><BehaviorTree ID="HearYesNo">',
                   '</ForceSuccess>' + ASK + '</Sequence></BehaviorTree>'
                   '<BehaviorTree ID="HearYesNo">')]),
+    ("prompts are repeated and not retried",
+     ["asrEnabled:=true", "--kinds", "exception", "--visitors", "declines"], "asked-again",
+     [(RETRIES, f'<Repeat num_cycles="3">{steps(PROMPT)}</Repeat>')]),
     # around the loop of the stops
     ("the stops are pointed at after the loop", calm(), "not-shown",
      [(POINT, ""), (tree("VisitExhibits"), tree("VisitExhibits") + POINT)]),

@@ -345,6 +345,19 @@ def test_of_each_stop_that_is_chosen_the_visitor_hears_or_sees_something(steps, 
         assert "not-shown" not in kinds(other)
 
 
+HEARD, UNHEARD = leaf("hear"), leaf("hear", "FAILURE")
+QUESTION, WORDS, DRIVE, AGAIN = [
+    asked(request, "ask") for request in (Say("so?"), Say("well"), TOUR[0], Say("so?"))]
+
+
+@pytest.mark.parametrize("steps, is_again", [
+    ([QUESTION, HEARD, AGAIN], True), ([QUESTION, UNHEARD, AGAIN, HEARD], False),
+    ([QUESTION, HEARD, WORDS, AGAIN], False), ([QUESTION, HEARD, DRIVE, AGAIN], False)])
+def test_a_visitor_who_has_answered_is_not_asked_the_same_again(steps, is_again):
+    for faults in (0, 1):
+        assert ("asked-again" in kinds(play(*steps, faults=faults))) is is_again
+
+
 @pytest.mark.parametrize("steps, is_twice", [
     ([TOLD], False), ([TOLD, asked(Say("x"), "bye")], False), ([TOLD, TOLD], False),
     ([TOLD, asked(Say("y"), "ask")], False), ([TOLD, asked(Say("x"), "ask")], True),

@@ -777,6 +777,17 @@ def _said_twice(play: Play) -> Iterator[Place]:
             said[request] = exchange.uid
 
 
+def _asked_again(play: Play) -> Iterator[Place]:
+    """The visitor has answered, and is asked the same question once more."""
+    answered = [result.ended for result in play.writers(data.VISITOR_RESPONSE)]
+    steps = [exchange for exchange in play.exchanges if isinstance(exchange.request, (Say, GoTo))
+             or exchange.request == SetAttention("scanning")]
+    for before, after in zip(steps, steps[1:]):
+        if before.request == after.request and play.is_question(after.request) \
+                and any(before.asked < at <= after.asked for at in answered):
+            yield after.uid, "the answer has just been heard"
+
+
 def _drives_switched_on(play: Play) -> Iterator[Place]:
     """The robot drives with attention or lifelike movement on. Switch both off before each drive.
 
@@ -890,7 +901,7 @@ FINDING_KINDS = (
         _busy_loop, _exception, _next_visitor, _missing_data, _senseless_request, _endless,
         _retries_for_ever, _waits_for_ever, _swallowed_failure, _unrecovered,
         _left_out_step, _shares_a_body, _cut_short, _abandoned_drive, _shown_away, _not_shown,
-        _said_twice, _speech_to_nobody, _answer_mixed_up, _early_goodbye)),
+        _said_twice, _asked_again, _speech_to_nobody, _answer_mixed_up, _early_goodbye)),
     NEVER_TRUE, NEVER_SUCCEEDS, NEVER_ASKED, ONE_WAY,
     *map(_kind, (
         _drives_switched_on, _budget_spent, _unwanted_drive, _left_out, _drives_twice,
