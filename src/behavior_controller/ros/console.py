@@ -23,6 +23,7 @@ from behavior_controller.command import no_resources
 from behavior_controller.run.events import (
     HANGS, PULSE, Event, LeafFinished, Noticed, Retried, RunFinished, SafeStateReported,
     clock_shift, computer_now, unix_now)
+from behavior_controller.run.fold import fold
 from behavior_controller.run.state import State
 from behavior_controller.run.moment import card, card_line, instruction, robot_line
 from behavior_controller.run.record.recorder import LineQueue, Record
@@ -192,13 +193,15 @@ class Console:
     def start_heartbeat(self, clock: Clock, emit: Callable[[Event], None], record: Record) -> None:
         """Show every ten seconds that the tick thread still runs its timers, and what the run does,
         by the lines of ``record``; ``emit`` an event if the computer's clock has jumped."""
-        run, story = LineQueue(), Story()
+        run, state = LineQueue(), State()
         record.add(run)
 
         def write(at: float) -> None:
+            nonlocal state
             self._log_robot(at)
-            story.extend(run.take())
-            self._log(at, "info", f"running. {card_line(card(story.state), unix_now())}")
+            for line in run.take():
+                state = fold(state, line.time, line.event)
+            self._log(at, "info", f"running. {card_line(card(state), unix_now())}")
 
         def beat() -> None:
             jump, self._clock_shift = clock_shift() - self._clock_shift, clock_shift()
