@@ -323,6 +323,15 @@ def test_a_report_that_is_right_has_no_misprints():
         assert list(misprints(shown.verdict, shown.text(), junit, shown.page())) == []
 
 
+def test_a_crash_that_its_node_notes_late_costs_no_time_and_is_read_back():
+    of_test = facts(["textToSpeech:1:crash"])
+    late = [line._replace(time=line.time + 0.1) if line.fault else line for line in of_test.journal]
+    shown = Report(of_test._replace(journal=late), "title")
+    assert [row.lost for row in failure_rows(shown.verdict)][:1] == [0.0]
+    assert not any("rows for" in problem for problem in misprints(
+        shown.verdict, shown.text(), "", shown.page()))
+
+
 def test_what_a_report_leaves_out_or_miscounts_is_found_by_reading_it_back():
     shown = Report(of_test_with(facts(FAULTY), mission_runs=2), "title")
     text, junit, page = shown.text(), to_junit(shown.verdict, 1.0, "title"), shown.page()

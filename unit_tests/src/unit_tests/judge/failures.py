@@ -52,8 +52,9 @@ def failure_rows(verdict: Verdict) -> List[FailureRow]:
         if pair is not None:
             faults.remove(pair)
             at, call, kind = pair.time, _call(pair), _fault(pair)
+        # in simulated time the node may note its crash after the controller has met it
         found.append(FailureRow(at, failed.visit, _stop(run, at), failed.node, call, kind, outcome,
-                                until - at, pair is not None))
+                                max(0.0, until - at), pair is not None))
     for pair in faults:  # that are no failures of a node
         query, visit, outcome = pair.query, run.at(pair.time).visit, NOT_ON_RECORD
         if query is not None:

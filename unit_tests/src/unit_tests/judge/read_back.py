@@ -11,7 +11,7 @@ from behavior_controller.simulation.journal import JournalEntry
 
 from unit_tests.judge.verdict import Verdict
 
-_ROW = re.compile(r"^ *\d+\.\d .*?(\w+:\d+) +({}) .* \d+\.\d s(?:$|</)".format(
+_ROW = re.compile(r"^ *-?\d+\.\d .*?(\w+:\d+) +({}) .* \d+\.\d s(?:$|</)".format(
     "|".join(KINDS)), re.M)
 _COUNTS = re.compile(r"^(\w+) +(\d+) +(\d+)$", re.M)
 _PRAISE = re.compile(r"(\d+) of (\d+) calls were made to fail")
