@@ -479,7 +479,8 @@ def _left_out_step(play: Play) -> Iterator[Place]:
         may_be_missing = exchange.service in faulty and play.faults > 1 \
             or play.is_question(exchange.request) \
             or isinstance(exchange.request, (Prompt, SetRecognition))
-        if made[exchange.uid] < usual[exchange.uid] and not may_be_missing \
+        # the first of two requests of a leaf has no step of its own
+        if exchange.uid and made[exchange.uid] < usual[exchange.uid] and not may_be_missing \
                 and exchange.uid not in failed:
             nearest = max(failed, key=lambda uid: (uid < exchange.uid, uid))
             yield nearest, f"its failure leaves out {play.name(exchange.uid)}"
@@ -779,13 +780,13 @@ def _said_twice(play: Play) -> Iterator[Place]:
 
 def _asked_again(play: Play) -> Iterator[Place]:
     """The visitor has answered, and is asked the same question once more."""
-    answered = [result.ended for result in play.writers(data.VISITOR_RESPONSE)]
     steps = [exchange for exchange in play.exchanges if isinstance(exchange.request, (Say, GoTo))
              or exchange.request == SetAttention("scanning")]
     for before, after in zip(steps, steps[1:]):
-        if before.request == after.request and play.is_question(after.request) \
-                and any(before.asked < at <= after.asked for at in answered):
-            yield after.uid, "the answer has just been heard"
+        if before.request == after.request and play.is_question(after.request):
+            earlier, visit = play.run.at(before.asked).visit, play.run.at(after.asked).visit
+            if earlier and visit and visit.answer and not earlier.answer:
+                yield after.uid, "the answer has just been heard"
 
 
 def _drives_switched_on(play: Play) -> Iterator[Place]:
