@@ -3,6 +3,7 @@
 A comment of the file may say ``measures time`` and ``takes long``: markers ``timing`` and ``long``.
 If it says ``every Python`` there is a second test, ``long`` as well, that runs the nodes on the
 other supported interpreter, but for the cases that are marked ``on_one_python``.
+A test that fails beside others, on a busy computer, is run once more, and named as RERUN.
 The output and the results as JUnit XML are in build/log/tests, in a folder with the test's name.
 """
 import itertools
@@ -81,6 +82,10 @@ class RostestFile(pytest.File):
         test = Rostest.from_parent(self, name=name, python=python)
         for mark in marks:
             test.add_marker(mark)
+        # of pytest-rerunfailures. Its option --reruns asks a server twice about each test of all,
+        # which takes 40 ms
+        if hasattr(self.config, "workerinput"):
+            test.add_marker(pytest.mark.flaky(reruns=1))
         return test
 
 
@@ -96,7 +101,7 @@ class Rostest(pytest.Item):
     def runtest(self):
         """Run it to its end or its limit; raise ``Failed`` unless every case passes."""
         environment = self._environment()
-        if getattr(self, "execution_count", 1) > 1:  # it is run once more, by pytest-rerunfailures
+        if getattr(self, "execution_count", 1) > 1:  # it is run once more
             first = self._folder.with_name(f"{self._folder.name}-first")
             shutil.rmtree(first, ignore_errors=True)
             self._folder.rename(first)

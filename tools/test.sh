@@ -19,10 +19,8 @@ main() {
   use_workspace
   cd "$REPOSITORY"
   [ "$tier" = long ] || rm -rf "$RESULTS"
-  # three for two cores: a test with ROS nodes mostly waits. Such a test that fails on a busy computer
-  # is run once more, and named as RERUN; its first output is kept.
-  run_tests "$tier and not timing" "${words# or }" -n $(($(nproc) * 3 / 2)) --dist worksteal \
-    --reruns 1 --only-rerun "the whole output: "
+  # three for two cores: a test with ROS nodes mostly waits
+  run_tests "$tier and not timing" "${words# or }" -n $(($(nproc) * 3 / 2)) --dist worksteal
   run_tests "$tier and timing" "${words# or }" --reruns 2
   "$BUILD/venv/bin/python" tools/sum_results.py "$RESULTS"/*.xml
 }

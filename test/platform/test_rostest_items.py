@@ -22,8 +22,7 @@ def run(folder, *options):
 
 @pytest.mark.skipif("ROS_PACKAGE_PATH" not in os.environ, reason="needs ROS")
 def test_what_fails_twice_is_named_with_its_first_line_and_the_place_of_the_output():
-    code, text = run(REPOSITORY, "test/fixtures/rostest/planted.test", "--reruns", "1",
-                     "--only-rerun", "the whole output: ")
+    code, text = run(REPOSITORY, "test/fixtures/rostest/planted.test", "-n", "1")
     assert code == 1 and "= 1 failed, 1 rerun in " in text, text
     assert "TestPlanted.test_that_fails: 1 != 2 : planted\n" in text
     assert "TestPlanted.test_that_passes" not in text and "nowhere.py" in text
