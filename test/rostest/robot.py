@@ -255,22 +255,25 @@ def free_ports():
 
 
 class Package:
-    """A copy of the package in ``folder``, whose configuration, missions and code a test may spoil.
+    """A copy of the package in ``folder``, whose configuration, missions and code a test may spoil:
+    the last by ``write``, as its files, compiled ones too, are links.
     """
 
     def __init__(self, folder):
         self.folder = folder
         root = os.path.dirname(os.path.dirname(HERE))
-        for name in ("src/behavior_controller", "config", "data"):
-            shutil.copytree(os.path.join(root, name), self.path(name),
-                            ignore=shutil.ignore_patterns("__pycache__"))
+        for name, copy in (("src/behavior_controller", os.symlink), ("config", shutil.copy),
+                           ("data", shutil.copy)):
+            shutil.copytree(os.path.join(root, name), self.path(name), copy_function=copy)
 
     def path(self, name):
         """Return the path of a file or folder of the package."""
         return os.path.join(self.folder, name)
 
     def write(self, name, text):
-        """Write a file."""
+        """Write a file, in place of a link."""
+        with contextlib.suppress(FileNotFoundError):
+            os.remove(self.path(name))
         with open(self.path(name), "w", encoding="utf-8") as file:
             file.write(text)
 
