@@ -14,7 +14,8 @@ it is cancelled), ``deaf`` (never looks at a cancel).
 
 Each line on stdin is a JSON object: ``{"name": …, "mode": …}``, or ``{"topic": …, "values":
 [fields], "hertz": 0}``, which publishes once, or from now on so many times per second, without
-values what the visitor causes; or ``{"say": text}``, which the action hears. Each line on stdout
+values what the visitor causes; ``{"say": text}``, which the action hears; or ``{"again": {name:
+mode}}``, with which the services begin anew, and which is reported as well. Each line on stdout
 too, with its monotonic ``time``: ``ready`` once, ``service`` and ``fields`` for each request as it
 arrives, ``answered`` before its answer, ``goal`` with the seconds of a goal as it arrives,
 ``cancelled`` as it is cancelled, and ``topic`` with its ``listeners`` as a message leaves, but not
@@ -47,6 +48,7 @@ from behavior_controller.simulation.world import world as read_world
 EXHIBITS = 2
 """The first exhibits of the simulated building: a tour of them all would take long."""
 FAULTS = {"refuse": REFUSED, "odd": WRONG}
+CALLS_END = 5.0  # s
 
 
 def visited(interface):
@@ -94,7 +96,7 @@ class CommandedService:
     def __init__(self, service, mode, world):
         self.mode = mode
         self._service, self._world = service, world
-        self._changed = threading.Condition()
+        self._changed, self._under_way = threading.Condition(), 0
         if mode == "wrong":
             rospy.Service(service.name, wrong_type(service, services_of(world.settings.interface)),
                           lambda request: None)
@@ -107,7 +109,24 @@ class CommandedService:
             self.mode = mode
             self._changed.notify_all()
 
+    def begin_again(self, mode):
+        """Change the behaviour when all calls have ended."""
+        self.set_mode("done")
+        with self._changed:
+            self._changed.wait_for(lambda: not self._under_way, CALLS_END)
+        self.set_mode(mode)
+
     def _answer(self, request):
+        with self._changed:
+            self._under_way += 1
+        try:
+            return self._work(request)
+        finally:
+            with self._changed:
+                self._under_way -= 1
+                self._changed.notify_all()
+
+    def _work(self, request):
         report(service=self._service.name, fields=plain(request))
         if self.mode == "exit":
             os._exit(1)
@@ -200,10 +219,7 @@ class CommandedTopic:
     def publish(self, values, hertz):
         """Publish a message of these field values once, or ``hertz`` times per second from now on;
         nothing else after it."""
-        if self._flood is not None:
-            self._is_over.set()
-            self._flood.join()
-            self._flood = None
+        self.rest()
         self._message = self._made(values)
         if hertz:
             self._is_over.clear()
@@ -212,6 +228,13 @@ class CommandedTopic:
         else:
             report(topic=self._topic.name, listeners=self._publisher.get_num_connections())
             self._publisher.publish(self._message)
+
+    def rest(self):
+        """Publish nothing any more."""
+        if self._flood is not None:
+            self._is_over.set()
+            self._flood.join()
+            self._flood = None
 
     def _made(self, values):
         if self._garbage is not None:
@@ -255,6 +278,13 @@ def main():
         order = json.loads(line)
         if "say" in order:
             actions[0].said = order["say"]
+        elif "again" in order:
+            for topic in topics.values():
+                topic.rest()
+            for name, service in services.items():
+                if name.startswith("/"):
+                    service.begin_again(order["again"].get(name, "done"))
+            report(again=True)
         elif "topic" in order:
             topics[order["topic"]].publish(order["values"], order["hertz"])
         else:

@@ -24,6 +24,8 @@ from behavior_controller.simulation.world import building_file
 from free_ports import free_port
 
 STAND_INS = {"/commanded_robot", "/peer"}
+MASTER = os.environ.get("ROS_MASTER_URI")
+"""The master of all cases that have none of their own."""
 MASTER_IS_GONE = ("master", "does not answer")
 """Words of the line about a master that is not heard of any more."""
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -47,6 +49,9 @@ def mission_starts(name="NAME"):
 
 SETTLE = 0.02
 """Seconds between an answer and the message that follows: a visitor is not faster."""
+
+LIVE_MODES = {"done", "refuse", "odd", "raise", "hang", "exit"}
+"""The modes of a service that may change while the robot runs."""
 
 BUSY = 4
 """How many times as long as on a quiet machine a wait for a line may take."""
@@ -112,7 +117,12 @@ class Robot:
     ``log`` has the lines that rospy writes there.
     """
 
+    shared = None
+    """The one that cases share; see ``robot_for``."""
+
     def __init__(self, modes=None, **environment):
+        if os.environ["ROS_MASTER_URI"] == MASTER:
+            end_shared()  # it has the name
         arguments = ["{}={}".format(name, mode) for name, mode in (modes or {}).items()]
         self.process = subprocess.Popen(
             [sys.executable, os.path.join(HERE, "commanded_robot.py")] + arguments,
@@ -120,6 +130,13 @@ class Robot:
             universal_newlines=True, bufsize=1, env=dict(os.environ, **environment))
         self.lines, self.log = Lines(self.process.stdout), Lines(self.process.stderr)
         self.lines.wait_for(lambda line: "ready" in line, 20)
+
+    def begin_again(self, modes):
+        """Be as one that has just been started in these modes."""
+        start = len(self.lines.all)
+        self._order(again=modes)
+        self.lines.wait_for(lambda line: '"again"' in line, 10, start)
+        del self.lines.all[:], self.log.all[:]
 
     def set_mode(self, name, mode):
         """Change the behaviour of the service ``name``."""
@@ -200,6 +217,32 @@ class Robot:
             stream.close()
 
 
+def robot_for(case, modes=None):
+    """Return a robot in these modes for a test case: that of the case before, if it may have them
+    and lives, or else a new one. The shared one ends with the process, as its input does."""
+    modes = modes or {}
+    if os.environ["ROS_MASTER_URI"] != MASTER or not LIVE_MODES.issuperset(modes.values()):
+        robot = Robot(modes)
+        case.addCleanup(robot.stop)
+        return robot
+    if not is_shared():
+        Robot.shared = Robot()
+    Robot.shared.begin_again(modes)
+    return Robot.shared
+
+
+def is_shared():
+    """Return whether cases have a robot in common that lives."""
+    return Robot.shared is not None and Robot.shared.process.poll() is None
+
+
+def end_shared():
+    """Stop the robot that cases have in common."""
+    if Robot.shared is not None:
+        Robot.shared.stop()
+        Robot.shared = None
+
+
 def places():
     """Return the places that the robot knows, as their file has them; the exhibits of a tour are
     the first two."""
@@ -230,13 +273,14 @@ def run_master(port):
 
 def forget_dead_entries():
     """Have the master forget what killed robots left behind."""
+    dead = STAND_INS - {"/commanded_robot"} if is_shared() else STAND_INS
     publishers, _, services = rosgraph.Master("/test").getSystemState()
     for service, nodes in services:
-        if nodes[0] in STAND_INS:
+        if nodes[0] in dead:
             master = rosgraph.Master(nodes[0])
             master.unregisterService(service, master.lookupService(service))
     for topic, nodes in publishers:
-        for node in STAND_INS.intersection(nodes):
+        for node in dead.intersection(nodes):
             master = rosgraph.Master(node)
             master.unregisterPublisher(topic, master.lookupNode(node))
 

@@ -20,7 +20,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    BUSY, MASTER_IS_GONE, Controller, Package, Robot, forget_dead_entries, start_master)
+    BUSY, MASTER_IS_GONE, Controller, Package, forget_dead_entries, robot_for, start_master)
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY = "/textToSpeech/say_text"
@@ -77,8 +77,7 @@ class TestBlocked(unittest.TestCase):
         """Write the mission and start the robot."""
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(scenarioSpecification="m", **keys)
-        self.robot = Robot(modes or {})
-        self.addCleanup(self.robot.stop)
+        self.robot = robot_for(self, modes)
 
     def controller(self, *arguments):
         """Start the node, with its output read by this test."""
@@ -339,7 +338,6 @@ class TestBlocked(unittest.TestCase):
             for service in (ATTENTION, ANIMATION):
                 self.robot.wait_for_request(service, 1, state="disabled")
             self.assertNotIn("Traceback", controller.lines.text())
-            self.robot.stop()
 
     def test_without_files_the_computer_is_named_and_neither_master_nor_nodes_are_gone(self):
         self.prepare(TALKING)

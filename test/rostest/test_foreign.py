@@ -17,7 +17,7 @@ import rostest
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from behavior_controller.folders import RECORDS  # noqa: E402
 from behavior_controller.run.events import SafePart, SafeStateReported  # noqa: E402
-from robot import Controller, Package, Robot, forget_dead_entries, sentence  # noqa: E402
+from robot import Controller, Package, forget_dead_entries, robot_for, sentence  # noqa: E402
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY = "/textToSpeech/say_text"
@@ -142,9 +142,7 @@ class TestForeign(unittest.TestCase):
         self.package.write("src/odd/leaves.py", module)
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(scenarioSpecification="m", **keys)
-        robot = Robot(modes)
-        self.addCleanup(robot.stop)
-        return robot, self.second(*arguments)
+        return robot_for(self, modes), self.second(*arguments)
 
     def second(self, *arguments):
         """Start a node, as ``start`` does."""
@@ -175,7 +173,6 @@ class TestForeign(unittest.TestCase):
         self.assertEqual(len(found), 2, text)
         self.assertNotIn("Traceback", text)
         self.assertIn("Traceback", self.log_files())
-        robot.stop()
 
     def log_files(self):
         """Return all that the log files hold."""
@@ -266,7 +263,6 @@ class TestForeign(unittest.TestCase):
         self.assert_calm(robot)
         self.assertIn(sentence(SafeStateReported(OFF, 0.1)), controller.lines.text())
         self.assertEqual(controller.lines.text().count("stands still"), int(is_ticked))
-        robot.stop()
 
     def test_a_safe_state_that_is_not_reached_beside_a_leaf_that_blocks_is_told(self):
         robot, controller = self.start(LEAF.format("on_start(self):\n        time.sleep(600)"),
@@ -293,7 +289,6 @@ class TestForeign(unittest.TestCase):
         self.assertIn('{}="odd.leaves"'.format(kind), found[0])
         self.assertIn(words, found[0])
         self.assertNotIn("Traceback", controller.lines.text())
-        robot.stop()
 
     def test_a_declaration_that_ends_the_program_fails_at_the_calls_and_messages_that_it_reads(
             self):
@@ -327,7 +322,6 @@ class TestForeign(unittest.TestCase):
             self.assertEqual(controller.wait(30), code, controller.lines.text())
             self.assertIn(told, controller.lines.text())
             battery.kill()
-            robot.stop()
 
     def test_an_import_that_does_not_end_is_told_within_its_limit(self):
         began = time.monotonic()

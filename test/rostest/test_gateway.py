@@ -14,7 +14,7 @@ import rospy
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import BUSY, Robot, forget_dead_entries, places  # noqa: E402
+from robot import BUSY, forget_dead_entries, places, robot_for  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
@@ -52,10 +52,8 @@ class TestGateway(unittest.TestCase):
         forget_dead_entries()
 
     def robot(self, modes=None):
-        """Start a robot for this case."""
-        robot = Robot(modes)
-        self.addCleanup(robot.stop)
-        return robot
+        """Return a robot for this case."""
+        return robot_for(self, modes)
 
     def finish(self, call, seconds=30.0):
         """Act as the runner does until ``call`` has a result; return it and how long it took."""
@@ -228,7 +226,6 @@ class TestGateway(unittest.TestCase):
             failed = [part.service for part in report.parts if part.failure is not None]
             self.assertEqual(failed, [hanging] if hanging else [])
             gateway.close()
-            robot.stop()
         self.robot()
         self.assertIsInstance(self.ask(INTERFACE.safe_state[0]), Answer)  # with threads again
 

@@ -20,7 +20,8 @@ from behavior_controller.run.record.reader import read_record
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    BUSY, Controller, Package, Robot, forget_dead_entries, mission_starts, on_one_python, places)
+    BUSY, Controller, Package, Robot, forget_dead_entries, mission_starts, on_one_python, places,
+    robot_for)
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY, FACES, DRIVE = "/textToSpeech/say_text", "/faceDetection/data", "/robotNavigation/set_goal"
@@ -58,8 +59,7 @@ class TestMission(unittest.TestCase):
         """Run ``mission`` (leaves) against a robot; return both."""
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(scenarioSpecification="m", **keys)
-        robot = Robot(robot_modes)
-        self.addCleanup(robot.stop)
+        robot = robot_for(self, robot_modes)
         controller = Controller(self.package)
         self.addCleanup(controller.close)
         return robot, controller
@@ -95,7 +95,6 @@ class TestMission(unittest.TestCase):
                 self.assertRegex(text,
                                  r"(?m)^\w+ pass {}: {} after \d+\.\d s: ".format(number, outcome))
             self.assertRegex(text, r"(?m)^INFO ends: .*exit code {}".format(code))
-            robot.stop()
 
     def test_what_is_said_and_asked_reaches_the_robot(self):
         robot, controller = self.start(
@@ -277,7 +276,6 @@ class TestMission(unittest.TestCase):
         reported = [event for event in events if isinstance(event, SafeStateReported)]
         self.assertEqual([[part.failure for part in event.parts] for event in reported],
                          [[None, None]])
-        robot.stop()
 
     def test_a_part_of_the_safe_state_that_is_not_reached_is_named_at_the_end(self):
         robot, controller = self.start("<WelcomeSpeech/>", {ATTENTION: "hang", ANIMATION: "refuse"},
@@ -307,7 +305,6 @@ class TestMission(unittest.TestCase):
             robot.publish(SPEECH, text)
         self.assertEqual(controller.wait(20), 0, controller.lines.text())
         self.assertEqual(len(robot.requests(SAY)), 1)
-        robot.stop()
 
     def test_a_publisher_of_which_no_message_can_be_decoded_counts_as_absent(self):
         self.check_garbled(FACES)
@@ -327,7 +324,6 @@ class TestMission(unittest.TestCase):
         told = [line for _, line in controller.lines.all
                 if topic in line and "robot: " not in line]
         self.assertEqual(len(told), 2, controller.lines.text())
-        robot.stop()
 
     # ---------------------------------------------------------------------------- persistent causes
 
@@ -351,7 +347,6 @@ class TestMission(unittest.TestCase):
         for gap, least in zip(gaps, (pause, 2 * pause, 4 * pause)):
             self.assertGreaterEqual(gap, least)
         self.assertEqual(len(gaps), 3)
-        robot.stop()
 
     def test_a_node_that_is_gone_does_not_meet_the_next_visitor(self):
         robot, controller = self.start("<WelcomeSpeech/><LookUpHome/><Navigate/>", {DRIVE: "exit"},

@@ -21,10 +21,10 @@ from robot import (
     MASTER_IS_GONE,
     Controller,
     Package,
-    Robot,
     forget_dead_entries,
     mission_starts,
     registrations,
+    robot_for,
     run_master,
     sentence,  # noqa: E402
     start_master)
@@ -50,10 +50,8 @@ class TestMonitor(unittest.TestCase):
         self.addCleanup(forget_dead_entries)
         self.package = Package(os.path.join(self.folder, "package"))
 
-    def robot(self, modes=None, **environment):
-        robot = Robot(modes or {}, **environment)
-        self.addCleanup(robot.stop)
-        return robot
+    def robot(self, modes=None):
+        return robot_for(self, modes)
 
     def start(self, mission, environment=None, **keys):
         """Run ``mission`` (leaves) and wait until it has started."""
@@ -268,12 +266,11 @@ class TestMonitor(unittest.TestCase):
                 master.setParam(name, value)
                 self.addCleanup(lambda name=name: master.hasParam(name) and master.deleteParam(name
                                                                                                ))
-            robot = self.robot()
+            self.robot()
             controller = self.start(TALKING + "<LookUpHome/><Navigate/>", missionRuns="1")
             self.assertEqual(controller.wait(20), 0, controller.lines.text())
             self.assertNotIn("rror", controller.lines.text())
             self.assert_told_once(controller, "/use_sim_time is", "true or false")
-            robot.stop()
 
     def test_a_slow_master_is_told_and_no_topic_is_gone_that_was_not_looked_for(self):
         master, environment = self.faulty_master()

@@ -20,7 +20,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    Controller, Package, Robot, forget_dead_entries, on_one_python)
+    Controller, Package, forget_dead_entries, on_one_python, robot_for)
 
 NAME = "/behaviorController"
 SAY = "/textToSpeech/say_text"
@@ -43,8 +43,7 @@ class TestOneNode(unittest.TestCase):
         self.package = Package(os.path.join(folder, "package"))
         self.package.write("data/m.xml", MISSION)
         self.package.configure(scenarioSpecification="m")
-        self.robot = Robot()
-        self.addCleanup(self.robot.stop)
+        self.robot = robot_for(self)
         self.master = rosgraph.Master("/test")
 
     def start(self, *arguments):
@@ -313,14 +312,13 @@ class TestOneNode(unittest.TestCase):
         forget_dead_entries()
         found, text = self.tries("say", "Hello")
         self.assertEqual((found, "not there: no node offers this service" in text), (1, True), text)
-        self.addCleanup(Robot({SAY: "wrong"}).stop)
+        robot_for(self, {SAY: "wrong"})
         found, text = self.tries("say", "Hello")
         self.assertEqual((found, "of another type: " in text), (1, True), text)
 
     @on_one_python
     def test_a_robot_of_another_release_is_asked_in_its_types(self):
-        self.robot.stop()
-        self.robot = Robot({"interface": "release-1.1"})
+        self.robot = robot_for(self, {"interface": "release-1.1"})
         for words, service in ((["say", "Hello"], SAY), (["gesture", "welcome"], GESTURE),
                                (["attention", "location", "2", "-1", "1"], MODE)):
             found, text = self.tries(*words, "_robotInterface:=release-1.1")
@@ -330,9 +328,7 @@ class TestOneNode(unittest.TestCase):
 
     @on_one_python
     def test_the_action_of_a_robot_that_lacks_the_service_is_asked(self):
-        self.robot.stop()
-        forget_dead_entries()
-        self.robot = Robot({"interface": "release-1.1", SAY: "absent"})
+        self.robot = robot_for(self, {"interface": "release-1.1", SAY: "absent"})
         found, text = self.tries("say", "Hello", "_robotInterface:=release-1.1")
         self.assertEqual(found, 0, text)
         self.assertIn("the action {} is used in its place".format(SAY), text)

@@ -20,7 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import BUSY, Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import BUSY, Controller, Package, forget_dead_entries, robot_for  # noqa: E402
 
 NODE = "/behaviorController"
 DRIVE, SAY = "/robotNavigation/set_goal", "/textToSpeech/say_text"
@@ -73,8 +73,7 @@ class TestRosInterface(unittest.TestCase):
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(**dict(dict(scenarioSpecification="m", rosInterface="true",
                                            startBy="operator"), **values))
-        robot = Robot()
-        self.addCleanup(robot.stop)
+        robot = robot_for(self)
         self.now = Heard(NODE + "/state", String, lambda message: json.loads(message.data))
         self.addCleanup(self.now.close)
         self.diagnostics = Heard("/diagnostics", DiagnosticArray,

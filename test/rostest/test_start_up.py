@@ -21,7 +21,8 @@ from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    Controller, Package, Robot, forget_dead_entries, mission_starts, on_one_python)
+    Controller, Package, end_shared, forget_dead_entries, mission_starts, on_one_python,
+    robot_for)
 
 SPEAKS = "<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomeSpeech/></BehaviorTree></root>"
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
@@ -54,10 +55,8 @@ class TestStartUp(unittest.TestCase):
         self.package.configure()
 
     def robot(self, modes=None):
-        """Start a robot for this case."""
-        robot = Robot(modes)
-        self.addCleanup(robot.stop)
-        return robot
+        """Return a robot for this case."""
+        return robot_for(self, modes)
 
     def controller(self, *arguments, **environment):
         """Start the node for this case."""
@@ -101,6 +100,7 @@ class TestStartUp(unittest.TestCase):
 
     def check_manifest(self, text):
         """A package on the path has that package.xml; None: a pipe."""
+        end_shared()
         os.makedirs(os.path.join(self.folder, "other/half"))
         if text is None:
             os.mkfifo(os.path.join(self.folder, "other/half/package.xml"))
@@ -113,6 +113,7 @@ class TestStartUp(unittest.TestCase):
         self.assertNotIn("internal error", text)
 
     def test_everything_that_is_missing_is_listed_at_once(self):
+        end_shared()
         code, text = self.run_node()
         self.assertEqual(code, 1)
         for name, node in PARTS.items():
@@ -209,6 +210,7 @@ class TestStartUp(unittest.TestCase):
 
     @on_one_python
     def test_it_waits_for_nodes_that_come_late(self):
+        end_shared()
         self.package.configure(startupTimeout="30")
         controller = self.controller()
         controller.lines.wait_for(
@@ -218,6 +220,7 @@ class TestStartUp(unittest.TestCase):
         robot.wait_for_request("/overtAttention/set_mode", 10, state="scanning")
 
     def test_the_wait_for_nodes_ends(self):
+        end_shared()
         self.package.configure(startupTimeout="1.5")
         controller = self.controller()
         began = controller.lines.wait_for(lambda line: "waiting up to" in line, 15)[0]
@@ -226,6 +229,7 @@ class TestStartUp(unittest.TestCase):
         self.assertIn("/tabletEvent/prompt_and_get_response", controller.lines.text())
 
     def test_a_signal_ends_the_wait_for_nodes(self):
+        end_shared()
         self.package.configure(startupTimeout="60")
         controller = self.controller()
         controller.lines.wait_for(lambda line: "waiting up to" in line, 15)
@@ -342,6 +346,7 @@ class TestStartUp(unittest.TestCase):
 
     def check_launch(self, given, code):
         """roslaunch with these arguments: with code 2 the last one is refused by the node."""
+        end_shared()
         text = subprocess.run(["roslaunch", "cssr_system", "behaviorController.launch"] + given,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               universal_newlines=True, timeout=60).stdout

@@ -16,7 +16,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    Controller, Package, Robot, forget_dead_entries, mission_starts, start_master)
+    Controller, Package, forget_dead_entries, mission_starts, robot_for, start_master)
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
@@ -40,8 +40,7 @@ class TestStop(unittest.TestCase):
         """Run ``mission`` (leaves) against a robot; return both."""
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(scenarioSpecification="m", **keys)
-        robot = Robot(robot_modes)
-        self.addCleanup(robot.stop)
+        robot = robot_for(self, robot_modes)
         controller = Controller(self.package)
         self.addCleanup(controller.close)
         return robot, controller
@@ -67,7 +66,6 @@ class TestStop(unittest.TestCase):
             self.assertEqual(code, 0)
             self.assert_safe_state_once(robot)
             self.assertNotIn("Traceback", controller.lines.text())
-            robot.stop()
 
     def test_while_it_drives(self):
         robot, controller = self.start("<LookUpHome/><Navigate/>", {DRIVE: "hang"})
@@ -123,7 +121,6 @@ class TestStop(unittest.TestCase):
             # Python itself has a traceback for a signal before the first line of ours, "line 0"
             frame = 'File "{}[^"]*", line [1-9]'.format(re.escape(self.package.path("src")))
             self.assertNotRegex(controller.lines.text(), frame)
-            robot.stop()
 
     def interrupt(self, controller):
         """Stop it, and return the seconds that it took; Python can swallow a signal before the

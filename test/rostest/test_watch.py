@@ -19,7 +19,8 @@ import zmq
 from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402
+from robot import (  # noqa: E402
+    Controller, Package, forget_dead_entries, free_ports, robot_for)
 
 SAY = "/textToSpeech/say_text"
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>
@@ -49,8 +50,7 @@ class TestWatch(unittest.TestCase):
         self.groot2, self.page = free_ports()
 
     def start(self):
-        self.robot = Robot({SAY: "hang"})
-        self.addCleanup(self.robot.stop)
+        self.robot = robot_for(self, {SAY: "hang"})
         self.package.configure(scenarioSpecification="m", groot2Port=self.groot2,
                                monitorPort=self.page,
                                recordDirectory=os.path.join(self.folder, "record"), missionRuns=1)
