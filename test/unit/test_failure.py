@@ -53,6 +53,9 @@ class Asks(SyncActionLeaf):
     def callback(self):
         """Nothing."""
 
+    def act(self):
+        return owner(lambda: None)
+
 
 def leaves():
     tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence><Asks/><Asks/>"
@@ -84,6 +87,7 @@ def test_whose_a_callback_is_that_is_set_in_a_tick(monkeypatch, ask, expected):
 def test_a_callback_that_is_set_outside_of_a_tick_has_no_owner(callback):
     assert owner(callback) is None
     assert owner(OTHER.callback) is OTHER
+    assert OTHER.act() is OTHER  # set by one of its own, as a timer runs it
 
 
 def test_the_frame_is_that_of_the_nodes_code(monkeypatch):

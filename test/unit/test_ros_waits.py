@@ -6,14 +6,16 @@ import pytest
 
 rospy = pytest.importorskip("rospy", reason="needs ROS")
 
-from behavior_controller.bt.engine.clock import SimulatedClock  # noqa: E402
+from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.config import settings  # noqa: E402
 from behavior_controller.errors import NodesMissing  # noqa: E402
 from behavior_controller.missions import load  # noqa: E402
-from behavior_controller.robot.requests import SetAnimation, SetAttention  # noqa: E402
+from behavior_controller.robot.gateway import Call  # noqa: E402
+from behavior_controller.robot.requests import (  # noqa: E402
+    Answer, Say, SetAnimation, SetAttention)
 from behavior_controller.ros import (  # noqa: E402
-    node, service_client, simulated_time, startup_check)
+    node, service_client, simulated_time, startup_check, try_robot)
 from behavior_controller.ros.console import Console  # noqa: E402
 from behavior_controller.ros.master import Directory  # noqa: E402
 from behavior_controller.ros.outputs import Outputs  # noqa: E402
@@ -102,3 +104,10 @@ def test_while_the_simulated_time_is_awaited(master, wake, monkeypatch):
         awaited.await_first(0.6, lambda severity, text: None, wake, lambda: False)
     assert 0.6 <= time.monotonic() - began < 3.0
     assert CountedWakeUp.waits < 20
+
+
+def test_while_an_answer_is_awaited_after_it_was_told_how_far_the_robot_is(wake):
+    clock, call = Clock(), Call(Say("hello"), wake.emit, lambda: None)
+    clock.call_after(0.3, lambda: call.finish(Answer()))
+    try_robot._await(call, clock, wake)
+    assert CountedWakeUp.waits < 10
