@@ -16,7 +16,7 @@ from behavior_controller.ros.master import Directory  # noqa: E402
 from behavior_controller.ros.shortage import Shortage  # noqa: E402
 from behavior_controller.ros.subscriber import RosTopics  # noqa: E402
 from behavior_controller.ros.types import CLOCK  # noqa: E402
-from behavior_controller.ros.watchdog import LOST_AFTER, Monitor, SLOW_IN_A_ROW  # noqa: E402
+from behavior_controller.ros.watchdog import Monitor  # noqa: E402
 from behavior_controller.run.events import Events  # noqa: E402
 from behavior_controller.run.health import Health  # noqa: E402
 from ros_peers import Master, Publisher, Service, until  # noqa: E402
@@ -104,7 +104,7 @@ def test_a_server_that_goes_and_one_that_returns_are_told_once(master, watch):
 def test_one_that_never_was_there_is_told_only_if_it_is_needed(master, watch, service, may_lack,
                                                               is_told):
     watched = watch(release_1_1.INTERFACE)
-    watched.monitor.include([service], may_lack)
+    watched.monitor.include([service], **{"may_lack": True} if may_lack else {})
     until(lambda: master.calls.count(("lookupService", service.name)) > 2)
     assert [status for _, _, status in watched.told()] == [
         "gone: not advertised: no node offers this service"] * is_told
@@ -154,10 +154,10 @@ def test_a_service_and_its_action_stand_in_for_each_other(master, watch, offered
 
 
 @pytest.mark.parametrize("unanswered, slow, forgotten, expected", [
-    (LOST_AFTER - 1, SLOW_IN_A_ROW - 1, (), []),
-    (LOST_AFTER, 0, (), [(False, "does not answer")]),
-    (LOST_AFTER, SLOW_IN_A_ROW, (SPEECH.name,), [(False, "does not answer")]),
-    (0, SLOW_IN_A_ROW, (), [(False, "answers slowly")]), (0, 0, ("/other",), []),
+    (1, 3, (), []),
+    (2, 0, (), [(False, "does not answer")]),
+    (2, 4, (SPEECH.name,), [(False, "does not answer")]),
+    (0, 4, (), [(False, "answers slowly")]), (0, 0, ("/other",), []),
     (0, 0, (SPEECH.name,), [(False, "is a new one, or its memory was cleared: it does not know "
                                     "textToSpeech")])])
 def test_the_master(master, watch, directory, unanswered, slow, forgotten, expected):
@@ -176,7 +176,7 @@ def test_the_master(master, watch, directory, unanswered, slow, forgotten, expec
 def test_of_a_master_that_is_replaced_the_silence_ends_with_another(master, watch, directory):
     watched = watch()
     watched.monitor.include([SPEECH], may_lack=True)
-    directory.unanswered, directory.fault = LOST_AFTER, "does not answer"
+    directory.unanswered, directory.fault = 2, "does not answer"
     watched.monitor.start()
     watched.tells((master.uri, False, "does not answer"))
     directory._former, directory.unanswered = {("service", SPEECH.name): ("rosrpc://h:1",)}, 0
