@@ -48,11 +48,13 @@ class RpcPeer:
 
 
 class Master(RpcPeer):
-    """A master that knows ``services``, ``nodes`` and ``publishers``, and notes its ``calls``."""
+    """A master that knows ``services``, ``nodes``, ``publishers`` and ``parameters``, and notes its
+    ``calls``."""
 
     def __init__(self):
         super().__init__()
-        self.services, self.nodes, self.publishers, self.calls = {}, {}, {}, []
+        self.services, self.nodes, self.publishers, self.parameters = {}, {}, {}, {}
+        self.calls = []
         self.may_answer = threading.Event()
         self.may_answer.set()
 
@@ -61,14 +63,16 @@ class Master(RpcPeer):
         self.may_answer.wait(LIMIT)
         return {"lookupService": self._look_up(self.services, params),
                 "lookupNode": self._look_up(self.nodes, params),
+                "getParam": self._look_up(self.parameters, params),
                 "getSystemState": [1, "", [list(self.publishers.items()), [],
                                            [[name, ["/robot"]] for name in self.services]]],
+                "registerPublisher": [1, "", []],
                 "registerSubscriber": [1, "", []]}.get(method, [1, "", 1])
 
     @staticmethod
     def _look_up(table, params):
         found = table.get(params[1]) if len(params) == 2 else None
-        return [1, "", found] if found else [-1, "unknown", ""]
+        return [-1, "unknown", ""] if found is None else [1, "", found]
 
 
 class TcprosPeer:
@@ -97,7 +101,7 @@ class TcprosPeer:
     def _talk(self, connection):
         try:
             self.talk(connection)
-        except OSError:
+        except (OSError, struct.error):
             pass  # the other side has hung up
 
     def break_connections(self):

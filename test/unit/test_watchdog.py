@@ -1,5 +1,6 @@
 """The monitor, with servers and publishers in this process: what is reported of the robot, of its
 topics, of the master and of this computer, and what is no news."""
+import socket
 import time
 import types
 
@@ -15,11 +16,12 @@ from behavior_controller.ros import service_client, subscriber, watchdog  # noqa
 from behavior_controller.ros.master import Directory  # noqa: E402
 from behavior_controller.ros.shortage import Shortage  # noqa: E402
 from behavior_controller.ros.subscriber import RosTopics  # noqa: E402
+from behavior_controller.ros.tcpros import Connection, RECONNECT_PAUSE  # noqa: E402
 from behavior_controller.ros.types import CLOCK  # noqa: E402
 from behavior_controller.ros.watchdog import Monitor  # noqa: E402
 from behavior_controller.run.events import Events  # noqa: E402
 from behavior_controller.run.health import Health  # noqa: E402
-from ros_peers import Master, Publisher, Service, until  # noqa: E402
+from ros_peers import Master, Publisher, Service, shake_hands, until  # noqa: E402
 
 SPEECH = d543.INTERFACE.service(Say)
 SERVICE, ACTION = (release_1_1.INTERFACE.service(kind) for kind in (GoTo, GoToGoal))
@@ -97,6 +99,41 @@ def test_a_server_that_goes_and_one_that_returns_are_told_once(master, watch):
     other.close()
     watched.tells((SPEECH.name, False, "gone"), (SPEECH.name, True, "available again"),
                   (SPEECH.name, False, "gone"))
+
+
+def test_a_connection_is_kept_as_long_as_the_server_is_there(master, watch, monkeypatch):
+    made = []
+
+    class Made(Connection):
+        def __init__(self):
+            super().__init__()
+            made.append(self)
+
+    monkeypatch.setattr(watchdog, "Connection", Made)
+    monkeypatch.setattr(watchdog, "STEP_LIMIT", 0.1)
+    server, watched = Service(master, SPEECH), watch()
+    watched.monitor.include([SPEECH])
+    time.sleep(0.4)
+    assert len(server.connections) == 1
+    assert made[0]._socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    server.close()
+
+
+@pytest.mark.parametrize("is_there, pause", [(False, 0.1), (True, RECONNECT_PAUSE)])
+def test_a_server_that_cannot_be_used_is_tried_at_intervals(master, watch, monkeypatch, is_there,
+                                                           pause):
+    monkeypatch.setattr(watchdog, "RETRY_INTERVAL", 0.1)
+    server, watched = Service(master, SPEECH), watch()
+    if is_there:  # and ends each connection
+        header = server._header
+        server.talk = lambda each: (shake_hands(each, **header), each.close())
+    else:
+        server.close()
+    began, tries = time.monotonic(), server.connections if is_there else master.calls
+    watched.monitor.include([SPEECH])
+    until(lambda: len(tries) > 4)
+    assert time.monotonic() - began >= 4 * pause
+    server.close()
 
 
 @pytest.mark.parametrize("service, may_lack, is_told", [
