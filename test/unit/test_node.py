@@ -321,7 +321,7 @@ def test_a_hang_up_has_the_files_read_again(rig, change, words):
     assert node.process.poll() is None and node.stop()[0] in (0, 3)
 
 
-# ------------------------------------------------------------------------------------------ the rest
+# ----------------------------------------------------------------------------------------- the rest
 
 
 @pytest.mark.parametrize("value, words", [

@@ -9,18 +9,22 @@ import pytest
 
 rospy = pytest.importorskip("rospy", reason="needs ROS")
 
-from behavior_controller.bt.engine.clock import Clock  # noqa: E402
+from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
-from behavior_controller.robot.requests import Answer, Say  # noqa: E402
+from behavior_controller.robot import release_1_0, release_1_1  # noqa: E402
+from behavior_controller.robot.requests import (  # noqa: E402
+    Answer, GoTo, GoToGoal, Location, Prompt, Say, SetAttention, SetPose)
 from behavior_controller.ros import service_client  # noqa: E402
 from behavior_controller.ros.master import Directory  # noqa: E402
 from behavior_controller.ros.service_client import RosGateway  # noqa: E402
 from behavior_controller.ros.types import TYPES  # noqa: E402
+from behavior_controller.run.events import Events  # noqa: E402
 from behavior_controller.run.health import Health  # noqa: E402
 from ros_peers import (  # noqa: E402
     HANG, LIMIT, Master, Service, TcprosPeer, answer_of, hang, read_block, shake_hands, until)
+from shortages import no_files_left  # noqa: E402
 
 SPEECH = INTERFACE.service(Say)
 KIND = {"callerid": "/robot", "type": "cssr_system/textService", "md5sum": TYPES[SPEECH]._md5sum}
@@ -40,13 +44,13 @@ def service_threads():
 class Robot:
     """A gateway, and the master that it asks."""
 
-    def __init__(self):
-        self.deadline, self.clock, self.wake = 20.0, Clock(), WakeUp()
+    def __init__(self, interface=INTERFACE, substituted=()):
+        self.told, self.deadline, self.clock, self.wake = [], 20.0, Clock(), WakeUp()
         self.health = Health()
         self._others = service_threads()  # that other tests have left
         self.master = Master()
-        self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock,
-                                  self.wake.emit, self.health)
+        self.gateway = RosGateway(interface, lambda service: self.deadline, self.clock,
+                                  self.wake.emit, self.health, self.told.append, substituted)
         self.peers = [self.master]
 
     def say(self, words="hello"):
@@ -87,14 +91,25 @@ class Robot:
 
 
 @pytest.fixture
-def robot(monkeypatch):
+def robots(monkeypatch):
+    """Return what makes a robot with a gateway."""
     rospy.rostime.set_rostime_initialized(True)  # as the node does at its start
-    made = Robot()
-    monkeypatch.setenv("ROS_MASTER_URI", made.master.uri)
     monkeypatch.setattr(service_client, "DIRECTORY", Directory())
-    yield made
-    made.close()
-    assert made.rests()
+    made = []
+
+    def make(*arguments):
+        made.append(Robot(*arguments))
+        monkeypatch.setenv("ROS_MASTER_URI", made[-1].master.uri)
+        return made[-1]
+    yield make
+    for each in made:
+        each.close()
+        assert each.rests()
+
+
+@pytest.fixture
+def robot(robots):
+    return robots()
 
 
 # ------------------------------------------------------------------------------------ connections
@@ -261,3 +276,137 @@ def test_without_a_master_a_service_is_used_where_it_was_found_last(robot, was_f
         assert service_client.CONNECT_LIMIT - 0.1 < seconds < 6.0
         assert not server.requests
     assert robot.say()[0] == Answer()
+
+
+# ------------------------------------------------------------------ what stands in, and what is left
+
+GOAL = GoToGoal(Location(1.0, 2.0, 90.0))
+DRIVE, ACTION = (release_1_1.INTERFACE.service(kind) for kind in (GoTo, GoToGoal))
+IN_PLACE = ("no node offers the action /robotNavigation/set_goal: the service "
+            "/robotNavigation/set_goal is used in its place")
+
+
+@pytest.mark.parametrize("substituted, told", [((), [IN_PLACE]), ((ACTION,), [])])
+def test_a_service_stands_in_for_its_action_and_is_told_to_once(robots, substituted, told):
+    robot = robots(release_1_1.INTERFACE, substituted)
+    server = Service(robot.master, DRIVE)
+    robot.peers.append(server)
+    for _ in range(2):
+        assert robot.finish(robot.gateway.start(GOAL))[0] == Answer()
+    assert robot.told == told and len(server.requests) == 2
+
+
+def test_where_neither_an_action_nor_its_service_is_offered_nothing_is_told(robots):
+    robot = robots(release_1_1.INTERFACE)
+    failure = robot.finish(robot.gateway.start(GOAL))[0]
+    assert failure.cause is Cause.NOT_ADVERTISED and not robot.told
+
+
+def test_a_robot_without_the_action_is_asked_by_its_service(robot):
+    server = Service(robot.master, INTERFACE.service(GoTo))
+    robot.peers.append(server)
+    for _ in range(2):
+        assert robot.finish(robot.gateway.start(GOAL))[0] == Answer()
+    assert robot.told == ["the robot D5.4.3 has no action /robotNavigation/set_goal: its service "
+                          "is used in its place"]
+
+
+@pytest.mark.parametrize("request_, expected", [
+    (SetPose(Location(0.0, 0.0, 0.0)), None), (Prompt(("a", "b")), Cause.NOT_ADVERTISED)])
+def test_what_is_optional_and_not_offered_counts_as_done_unless_it_fails_without(
+        robots, request_, expected):
+    robot = robots(release_1_0.INTERFACE)
+    result = robot.finish(robot.gateway.start(request_))[0]
+    assert result == Answer() if expected is None else result.cause is expected
+
+
+def test_without_a_thread_only_the_safe_state_is_asked_for(robot, monkeypatch):
+    def fail(service):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(service_client, "_started", fail)
+    off = SetAttention("disabled")
+    robot.peers.append(Service(robot.master, INTERFACE.service(SetAttention)))
+    failure = robot.say()[0]
+    assert failure.cause is Cause.NOT_REACHABLE and failure.message == (
+        "no thread to ask with (can't start new thread)") and failure.resource == SPEECH.name
+    assert robot.finish(robot.gateway.start(off))[0] == Answer()
+    assert off not in robot.gateway.standby
+
+
+def test_calls_under_way_end_at_once_when_they_are_cut(robot):
+    robot.serves(HANG)
+    call = robot.gateway.start(Say("hello"))
+    until(lambda: robot.peers[-1].requests)
+    robot.gateway.cut()
+    failure, seconds = robot.finish(call)
+    assert failure.cause is Cause.CONNECTION_LOST and seconds < 2.0
+
+
+def test_feedback_is_handed_on_while_the_call_is_under_way(robot):
+    robot.serves(HANG, HANG)
+    call, told = robot.gateway.start(Say("hello")), []
+    call.on_feedback = told.append
+    until(lambda: robot.peers[-1].requests)
+    held = robot.gateway._under_way[call]
+    robot.gateway._hand_over(robot.gateway._report, call, "half")
+    robot.clock.run_due()
+    call.drop()
+    robot.gateway._hand_over(robot.gateway._report, call, "late")
+    robot.clock.run_due()
+    assert told == ["half"] and held.thread.service is SPEECH
+
+
+def test_a_call_without_an_answer_is_slow_first_and_then_failed(robot):
+    robot.serves(HANG, HANG, HANG)
+    robot.deadline, seen, events = 0.2, [], Events()
+    events.subscribe(lambda event: seen.append(event.status))
+    for _ in range(3):
+        assert robot.say("")[0].cause is Cause.NO_ANSWER
+    robot.health.publish(events)
+    assert seen == ["slow: no answer for 0.1 s", "failing: 3 calls in a row"]
+    robot.deadline = 20.0
+    robot.say("")
+    robot.health.publish(events)
+    assert seen[2:] == ["works again", "answers in time again"]
+
+
+def test_what_this_computer_could_not_ask_is_no_failure_of_the_server(robot):
+    robot.serves()
+    for _ in range(4):
+        with no_files_left():
+            assert robot.say("")[0].cause is Cause.NOT_REACHABLE
+    events, seen = Events(), []
+    events.subscribe(seen.append)
+    robot.health.publish(events)
+    assert not seen
+
+
+@pytest.mark.parametrize("request_, least", [(SetAttention("disabled"), 0.4), (Say("a"), 0.0)])
+def test_the_safe_state_has_its_seconds_of_the_process_however_fast_the_simulated_time_goes(
+        robot, request_, least):
+    clock = SimulatedClock(robot.wake.emit)
+    clock.set_to(1.0)
+    robot.peers.append(Service(robot.master, INTERFACE.service(type(request_)), HANG))
+    gateway = RosGateway(INTERFACE, lambda service: 0.4, clock, robot.wake.emit)
+    began, call = time.monotonic(), gateway.start(request_)
+    clock.set_to(100.0)
+    while call.result is None:
+        robot.wake.wait(0.05)
+        robot.wake.test_and_clear()
+        clock.run_due()
+        clock.process.run_due()
+        assert time.monotonic() - began < LIMIT
+    assert call.result.cause is Cause.NO_ANSWER and time.monotonic() - began >= least
+    assert least or time.monotonic() - began < 0.4
+    gateway.close()
+    for thread in gateway.standby.values():
+        thread.end()
+
+
+def test_what_takes_long_to_connect_to_is_prepared_once(robots):
+    robot = robots(release_1_1.INTERFACE)
+    for _ in range(2):
+        robot.gateway.prepare([SPEECH, ACTION])
+    assert {service: len(threads) for service, threads in robot.gateway._spare.items()
+            if threads} == {ACTION: 1}

@@ -96,7 +96,8 @@ def subscribe(master, *nodes):
      "node /p is listed as its publisher, but it has ended"),
     (ACTION, lambda master: None, Cause.NOT_ADVERTISED, "no node offers this action"),
     (ACTION, offers_action, None, ""),
-    (SIGN, lambda master: subscribe(master), Cause.NOT_ADVERTISED, startup_check.NO_SUBSCRIBER),
+    (SIGN, lambda master: subscribe(master), Cause.NOT_ADVERTISED,
+     "no node subscribes to this topic"),
     (SIGN, lambda master: subscribe(master, rospy.get_name()), Cause.NOT_ADVERTISED, "no node"),
     (SIGN, lambda master: subscribe(master, "/s", rospy.get_name()), None, "")])
 def test_what_is_missing_and_why(master, monkeypatch, offer, robot, cause, words):
