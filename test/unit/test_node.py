@@ -1,12 +1,7 @@
 """The whole node, as a process of its own, beside a robot and a master in this process."""
 import contextlib
 import os
-import re
-import shutil
 import signal
-import subprocess
-import sys
-import threading
 import time
 import xmlrpc.client
 
@@ -16,111 +11,17 @@ pytest.importorskip("rospy", reason="needs ROS")
 
 from std_srvs.srv import Trigger, TriggerResponse  # noqa: E402
 
-from behavior_controller import folders  # noqa: E402
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402
 from behavior_controller.robot.requests import Say, SetAnimation, SetAttention  # noqa: E402
 from behavior_controller.ros.master import Place  # noqa: E402
 from behavior_controller.ros.service_client import open_service  # noqa: E402
 from behavior_controller.ros.tcpros import Connection, open_publisher  # noqa: E402
-from ros_peers import (  # noqa: E402
-    HANG, LIMIT, Master, Publisher, Service, answer_of, read_block, until)
+from node_rig import Rig, SAYS  # noqa: E402
+from ros_peers import HANG, answer_of, read_block, until  # noqa: E402
 
 SPEECH = INTERFACE.service(Say)
 SAFE = [INTERFACE.service(kind) for kind in (SetAnimation, SetAttention)]
 ME = "/behaviorController"
-MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>
-<START_OF_TREE/>{}</Sequence></BehaviorTree></root>"""
-SAYS = "<WelcomeSpeech/>"
-RUN = """from behavior_controller import folders
-folders.share = lambda *_: {!r}
-from behavior_controller.ros import node
-{}
-node.run()"""
-
-
-class Rig:
-    """A robot that answers, and a folder with the files of the node."""
-
-    def __init__(self, folder):
-        self.folder, self.master, self.nodes = str(folder), Master(), []
-        self.services = {each: Service(self.master, each) for each in INTERFACE.services}
-        self.peers = [self.master, *self.services.values()]
-        for name in ("config", "data"):
-            shutil.copytree(os.path.join(folders.share(), name), os.path.join(self.folder, name))
-        self.mission(SAYS)
-
-    def mission(self, body):
-        with open(os.path.join(self.folder, "data", "m.xml"), "w", encoding="utf-8") as file:
-            file.write(MISSION.format(body))
-
-    def offers(self, service, *answers):
-        """Start the node of a service again, with these answers."""
-        self.services[service] = Service(self.master, service, *answers)
-        self.peers.append(self.services[service])
-        return self.services[service]
-
-    def publishes(self, topic):
-        publisher = Publisher(topic, "/p")
-        self.peers.append(publisher)
-        self.master.publishers[topic.name], self.master.nodes["/p"] = ["/p"], publisher.uri
-        return publisher
-
-    def start(self, *arguments, before="", **keys):
-        """Start the node; ``before`` is run in it before."""
-        keys = {"scenarioSpecification": "m", "missionRuns": 1, "groot2Port": 0, "monitorPort": 0,
-                "recordDirectory": "none", **keys}
-        self.nodes.append(Node(
-            [*("_{}:={}".format(*each) for each in keys.items()), *arguments],
-            RUN.format(self.folder, before), ROS_MASTER_URI=self.master.uri, ROS_HOME=self.folder))
-        return self.nodes[-1]
-
-    def close(self):
-        for node in self.nodes:
-            node.close()
-        for peer in self.peers:
-            peer.close()
-
-
-class Node:
-    """The process, and the lines that it writes, without their times."""
-
-    def __init__(self, arguments, program, **environment):
-        paths = [path for path in sys.path if path]
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", program, *arguments], stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, env=dict(
-                os.environ, PYTHONPATH=os.pathsep.join(paths), **environment))
-        self.lines = []
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self):
-        for line in self.process.stdout:
-            self.lines.append(re.sub(r"\[[\d:.]+\]: (behaviorController: )?", "", line.rstrip()))
-
-    def code(self):
-        """Return the exit code and the text, once it has ended."""
-        code = self.process.wait(LIMIT)
-        self._reader.join(LIMIT)
-        return code, "\n".join(self.lines)
-
-    def says(self, words, seconds=LIMIT):
-        """Wait for a line with these words, and return it."""
-        def found():
-            return [line for line in self.lines if words in line]
-        until(lambda: found() or self.process.poll() is not None, seconds)
-        assert found(), "\n".join(self.lines)
-        return found()[0]
-
-    def stop(self, number=signal.SIGINT):
-        """Send a signal; return the exit code, the text, and the seconds that the end took."""
-        sent = time.monotonic()
-        self.process.send_signal(number)
-        return (*self.code(), time.monotonic() - sent)
-
-    def close(self):
-        self.process.kill()
-        self.process.wait(LIMIT)
 
 
 @pytest.fixture
@@ -214,8 +115,8 @@ def test_a_stop_while_the_robot_is_awaited(rig):
 
 def test_a_leaf_that_blocks_does_not_keep_the_robot_from_the_safe_state(rig):
     rig.mission("<Sleep msec='1'/>")
-    node = rig.start(before="import time; from behavior_controller.bt.engine.builtins import Sleep"
-                            "\nSleep.on_start = lambda self: time.sleep(60)")
+    node = rig.start(run="import time; from behavior_controller.bt.engine.builtins import Sleep"
+                            "\nSleep.on_start = lambda self: time.sleep(60)\nnode.run()")
     node.says("a pass begins")
     time.sleep(0.5)
     code, text, seconds = node.stop()
@@ -224,7 +125,7 @@ def test_a_leaf_that_blocks_does_not_keep_the_robot_from_the_safe_state(rig):
 
 
 def test_an_internal_error_makes_the_robot_safe_and_shows_no_traceback(rig):
-    code, text = rig.start(before="node.Runner.run = lambda self: 1 / 0").code()
+    code, text = rig.start(run="node.Runner.run = lambda self: 1 / 0; node.run()").code()
     assert code == 4 and "internal error (ZeroDivisionError: division by zero)" in text, text
     assert "Traceback" not in text
     assert [len(rig.services[each].requests) for each in SAFE] == [1, 1]
@@ -295,7 +196,8 @@ def test_an_operator_starts_pauses_reloads_and_stops(rig):
     node.says("reloaded: this mission follows")
     connection = Connection()
     header = open_publisher(connection, uri_of(rig), ME + "/state")
-    assert header["latching"] == "1" and b"paused" in read_block(connection._socket)
+    assert header["latching"] == "1"
+    until(lambda: b"paused by the operator" in read_block(connection._socket))
     connection.hang_up()
     before = len(rig.services[SPEECH].requests)
     call(rig, "/start")

@@ -93,3 +93,63 @@ def test_what_a_robot_does_not_offer_is_told_and_nothing_is_asked(capsys, monkey
     monkeypatch.setattr(type(SETTINGS), "interface", mute)
     assert try_robot._try(SETTINGS, Say("x"), []) == 2
     assert capsys.readouterr().err == "tryRobot: the robot D5.4.3 does not offer this\n"
+
+
+# -------------------------------------------------------- the whole program, beside a robot in here
+
+
+@pytest.fixture
+def rig(tmp_path):
+    from node_rig import Rig  # not where there is no ROS
+    made = Rig(tmp_path)
+    yield made
+    made.close()
+
+
+TRY = "import sys; sys.exit(try_robot.main())"
+
+
+def test_the_robot_is_asked_and_its_answer_told(rig):
+    code, text = rig.start("say", "Good", "day", run=TRY).code()
+    assert code == 0, text
+    assert [request[8:] for request in rig.services[SPEECH].requests] == [b"Good day"]
+    asks, answer = text.splitlines()
+    assert asks == ("tryRobot: asks the service /textToSpeech/say_text: saying “Good day”; waits "
+                    "up to 60 s")
+    assert answer.startswith("tryRobot: /textToSpeech/say_text: done, after 0.")
+
+
+def test_a_ctrl_c_ends_the_wait_for_an_answer_and_says_what_may_be(rig):
+    from ros_peers import HANG, until
+    rig.offers(SPEECH, HANG)
+    node = rig.start("say", "Good", "day", run=TRY)
+    until(lambda: rig.services[SPEECH].requests)
+    code, text, seconds = node.stop()
+    assert code == 3 and seconds < 4.0, text
+    assert "connection lost: stopped by Ctrl-C" in text and "may still be saying" in text
+
+
+@pytest.mark.parametrize("arguments, code, words", [
+    (["_langauge:=English"], 2, "langauge"), (["_robotInterface:=release-3"], 2, "release-3"),
+    (["__name:=a b"], 2, "is not the name of a node")])
+def test_what_keeps_the_program_from_asking(rig, arguments, code, words):
+    found, text = rig.start("say", "x", *arguments, run=TRY).code()
+    assert found == code and words in text and "Traceback" not in text, text
+    assert not rig.services[SPEECH].requests
+
+
+def test_without_a_master_the_robot_is_asked_nothing(rig):
+    rig.master.close()
+    code, text = rig.start("say", "x", run=TRY).code()
+    assert code == 1 and "tryRobot: no ROS master at" in text, text
+
+
+def test_while_a_mission_uses_the_robot_nothing_is_asked(rig):
+    from ros_peers import RpcPeer
+    other = RpcPeer()
+    other.servicesInUse = lambda caller: (1, "", [True, [SPEECH.name]])
+    rig.master.publishers["/rosout"], rig.master.nodes["/c"] = ["/c"], other.uri
+    code, text = rig.start("say", "x", run=TRY).code()
+    assert code == 1 and "node /c already controls this robot" in text, text
+    assert not rig.services[SPEECH].requests
+    other.close()
