@@ -2,11 +2,13 @@
 import contextlib
 import dataclasses
 import struct
+import threading
 import time
+import types
 
 import pytest
 
-pytest.importorskip("rospy", reason="needs ROS")
+rospy = pytest.importorskip("rospy", reason="needs ROS")
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
@@ -14,11 +16,12 @@ from behavior_controller.robot import release_1_0  # noqa: E402
 from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH  # noqa: E402
 from behavior_controller.robot.requests import AttentionStatus  # noqa: E402
 from behavior_controller.ros import subscriber  # noqa: E402
+from behavior_controller.ros.master import Directory  # noqa: E402
 from behavior_controller.ros.subscriber import (  # noqa: E402
-    BUFFER_BYTES, FLOOD_GAP, PAUSE, PAUSE_WHEN_AWAITED, TopicBuffer)
+    BUFFER_BYTES, FLOOD_GAP, PAUSE, PAUSE_WHEN_AWAITED, RosTopics, TopicBuffer)
 from behavior_controller.ros.timeouts import start_thread  # noqa: E402
 from behavior_controller.ros.types import TYPES  # noqa: E402
-from ros_peers import Publisher, until  # noqa: E402
+from ros_peers import Master, Publisher, until  # noqa: E402
 
 
 def text(words):
@@ -351,3 +354,87 @@ def test_a_message_that_is_ignored_is_told_once_for_each_reason(reading):
             buffer.receive([text(words)])
     assert buffer.warnings == ["ignoring 'yes' on /speechEvent/text: one",
                                "ignoring 'yes' on /speechEvent/text: two"]
+
+
+# ---------------------------------------------------------------------------------- all of a robot
+
+
+@pytest.fixture
+def topics(monkeypatch):
+    """The topics of a robot of which the mission uses one, and the master that knows them."""
+    master, wake, ends = Master(), WakeUp(), threading.Event()
+    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    monkeypatch.setattr(subscriber, "DIRECTORY", Directory())
+    monkeypatch.setattr(subscriber, "RETRY_INTERVAL", 0.05)
+    monkeypatch.setattr(rospy, "is_shutdown", ends.is_set)
+    monkeypatch.setattr(rospy.core, "get_node_uri", lambda: master.uri)
+    made = RosTopics([SPEECH], wake.emit, print)
+    made.master, made.wake = master, wake
+    yield made
+    ends.set()
+    for buffer in made.buffers.values():
+        buffer.set_publishers([])
+        for link in buffer._links.values():
+            link.end()
+    master.close()
+
+
+def publishes(topics, topic, *publishers):
+    """Have the master list these as the topic's publishers."""
+    for each in publishers:
+        topics.master.nodes["/" + each.uri[-6:-1]] = each.uri
+    topics.master.publishers[topic.name] = ["/" + each.uri[-6:-1] for each in publishers]
+
+
+def test_the_publishers_that_the_master_lists_are_heard_and_new_topics_too(topics):
+    """A topic whose publisher cannot be looked up keeps none of the others from theirs."""
+    speech, faces = Publisher(SPEECH), Publisher(ATTENTION)
+    topics.master.publishers[FACES.name] = ["/unknown"]
+    publishes(topics, SPEECH, speech)
+    topics.subscribe()
+    until(lambda: topics.buffers[SPEECH].is_connected)
+    assert not topics.recent(ATTENTION)  # used by a leaf that has not declared it
+    publishes(topics, ATTENTION, faces)
+    until(lambda: topics.buffers[ATTENTION].is_connected)
+    assert ("registerSubscriber", SPEECH.name, SPEECH.type) in [
+        call[:3] for call in topics.master.calls]
+    speech.close()
+    publishes(topics, SPEECH)
+    until(lambda: not topics.buffers[SPEECH]._links)
+    faces.close()
+
+
+def test_a_key_has_one_alarm_on_one_topic(topics):
+    topics.wake_when("key", SPEECH, lambda value: True)
+    topics.wake_when("other", SPEECH, lambda value: value == "no")
+    topics.wake_when("key", ATTENTION, lambda value: True)
+    topics.buffers[SPEECH].hear("yes")
+    assert not topics.wake.is_set
+    topics.buffers[ATTENTION].hear(AttentionStatus(*SEEKING))
+    assert topics.wake.test_and_clear()
+    topics.buffers[SPEECH].hear("no")
+    assert topics.wake.is_set and topics.name(SPEECH) == SPEECH.name
+    assert topics.buffers[SPEECH].newest == "no" and topics.buffers[ATTENTION].newest
+    assert topics._buffer(FACES).newest is None
+
+
+def test_only_a_topic_with_an_action_listens_by_it(topics, monkeypatch):
+    asked = []
+    action = types.SimpleNamespace(is_under_way=True, is_there=True,
+                                   listen=lambda *how: asked.append(how))
+    topics.listen(SPEECH, 5.0)
+    assert not topics.is_hearing(SPEECH) and not topics.buffers[SPEECH].is_connected
+    topics.buffers[SPEECH].speech_action = action
+    topics.listen(SPEECH, 5.0)
+    topics.listen(SPEECH, 4.0, True)
+    assert asked == [(5.0, False), (4.0, True)] and topics.is_hearing(SPEECH)
+    assert topics.buffers[SPEECH].is_connected
+    action.is_under_way = False
+    assert not topics.is_hearing(SPEECH)
+
+
+def test_what_is_ignored_of_a_topic_that_is_not_used_is_nothing(topics):
+    topics.ignore(FACES, "why", bool)
+    assert FACES not in topics.buffers
+    topics.ignore(SPEECH, "why", bool)
+    assert topics.buffers[SPEECH].ignoring == ("why", bool)
