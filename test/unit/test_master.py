@@ -1,5 +1,6 @@
 """What is known of the robot while the master answers, is silent, or is another one."""
 import contextlib
+import types
 
 import pytest
 
@@ -9,7 +10,7 @@ from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.ros import master as ros_master  # noqa: E402
 from behavior_controller.ros.master import Directory, Place  # noqa: E402
 from behavior_controller.ros.tcpros import Trouble  # noqa: E402
-from ros_peers import Master  # noqa: E402
+from ros_peers import Master, TcprosPeer, hang  # noqa: E402
 
 SAY, THERE, ELSEWHERE = "/textToSpeech/say_text", "rosrpc://h:1", "rosrpc://h:2"
 FACES, NODE = "/faceDetection/data", "http://h:3/"
@@ -144,3 +145,110 @@ def test_what_this_node_subscribes_to_is_registered_where_it_is_not_listed(maste
     directory.subscribe(FACES, "t/T")
     directory.refresh()
     assert ("registerSubscriber", FACES, "t/T", "http://us:1/") in master.calls
+
+
+# ----------------------------------------------------------------------------- this node's own name
+
+US = "http://us:1/"
+
+
+@pytest.fixture
+def registering(master, monkeypatch):
+    """A directory that keeps this node registered; ``ended`` has the reasons to end it."""
+    monkeypatch.setattr(rospy.core, "get_node_uri", lambda: US)
+    found = Directory()
+    found.is_keeping_up, found.ended = True, []
+    monkeypatch.setattr(rospy, "signal_shutdown", found.ended.append)
+    found.subscribe(FACES, "t/T")
+    return found
+
+
+def registered(master):
+    return [call for call in master.calls if call[0].startswith("register")]
+
+
+@pytest.mark.parametrize("holder, ends", [(None, False), (US, False), ("http://other:1/", True)])
+def test_a_node_whose_name_another_has_registers_nothing_and_ends(master, registering, holder,
+                                                                  ends):
+    master.nodes[rospy.get_name()] = holder
+    registering.refresh()
+    assert bool(registered(master)) is not ends
+    assert registering.ended == [ros_master.NAME_IS_TAKEN] * ends
+
+
+def test_a_node_that_ends_registers_nothing(master, registering, monkeypatch):
+    monkeypatch.setattr(rospy.core, "is_shutdown_requested", lambda: True)
+    registering.refresh()
+    assert not registered(master) and not registering.ended
+
+
+def test_topics_are_registered_once_more(master, registering):
+    topics = [types.SimpleNamespace(reg_type=kind, resolved_name="/" + kind, type="t/T")
+              for kind in ("pub", "sub")]
+    registering.register(*topics)
+    assert registered(master) == [("registerPublisher", "/pub", "t/T", US),
+                                  ("registerSubscriber", "/sub", "t/T", US)]
+
+
+def test_rospy_is_told_of_the_publishers_that_a_registration_returns(master, registering,
+                                                                    monkeypatch):
+    told, answer = [], master._dispatch
+    monkeypatch.setattr(ros_master, "ask", lambda *what, seconds: told.append(what))
+    master._dispatch = lambda method, params: (
+        [1, "", [NODE]] if method == "registerSubscriber" else answer(method, params))
+    registering.refresh()
+    assert told == [(US, "publisherUpdate", FACES, [NODE])]
+    told.clear()
+    master._dispatch = answer
+    registering.refresh()
+    assert not told
+
+
+def test_of_a_master_that_has_forgotten_this_node_the_known_services_are_former_ones(
+        master, registering, monkeypatch):
+    master.services[SAY] = THERE
+    look_up(registering)
+    registering.refresh()
+    assert not registering.forgotten  # it lacks a subscription alone
+    del master.services[SAY]
+    monkeypatch.setattr(ros_master.get_topic_manager(), "get_publications",
+                        lambda: [["/rosout", "rosgraph_msgs/Log"]])
+    registering.refresh()
+    assert registering.forgotten == {SAY} and look_up(registering) == Place(THERE, False)
+    master.services[SAY] = ELSEWHERE
+    assert look_up(registering) == Place(ELSEWHERE, True)
+    registering.refresh()
+    assert not registering.forgotten
+
+
+@pytest.mark.parametrize("unanswered, expected", [(0, [("unregisterSubscriber", FACES, US)]),
+                                                  (1, [])])
+def test_at_its_end_the_node_unregisters_if_the_master_answers(master, registering, unanswered,
+                                                              expected):
+    registering.unanswered = unanswered
+    for _ in range(2):
+        registering.sign_off()
+    assert master.calls == 2 * expected
+    master.may_answer.clear()
+    registering.sign_off()  # within the limit of a question
+    assert not registering.registering.locked()
+
+
+@pytest.mark.parametrize("talk, expected", [
+    (lambda connection: connection.close(), True), (hang, False),
+    (lambda connection: connection.sendall(b"x") or hang(connection), False)])
+def test_whether_the_former_node_ends(monkeypatch, talk, expected):
+    monkeypatch.setattr(ros_master, "PARTING_LIMIT", 0.3)
+    peer = TcprosPeer(talk)
+    assert ros_master._ends("http://127.0.0.1:{}/".format(peer.port)) is expected
+    peer.close()
+    assert ros_master._ends("http://127.0.0.1:{}/".format(peer.port))
+
+
+@pytest.mark.parametrize("holder, expected", [(None, True), (US, True), ("http://o:1/", False),
+                                              ("silent", False)])
+def test_who_has_the_name(master, registering, monkeypatch, holder, expected):
+    master.nodes[rospy.get_name()] = holder
+    if holder == "silent":
+        master.close()
+    assert ros_master._has_name() is expected

@@ -3,6 +3,8 @@
 No thread and no master: the simulator's time goes on while the tick thread waits.
 """
 import argparse
+import struct
+import threading
 
 import pytest
 
@@ -17,8 +19,12 @@ from behavior_controller.missions.runner import Runner, Running
 from behavior_controller.robot.d543 import FACES, INTERFACE, SPEECH
 from behavior_controller.robot.gateway import FakeGateway, FakeTopics, since
 from behavior_controller.robot.requests import Answer, Faces
-from behavior_controller.ros import watchdog
+from behavior_controller.errors import NodesMissing
+from behavior_controller.ros import simulated_time, watchdog
+from behavior_controller.ros.master import Directory
+from behavior_controller.ros.simulated_time import SimulatedTime
 from behavior_controller.ros.subscriber import TopicBuffer
+from behavior_controller.ros.types import CLOCK
 from behavior_controller.run import events
 from behavior_controller.run.events import (
     Events, HealthChanged, Line, Noticed, PassFinished, PassStarted, SignOfLife)
@@ -29,6 +35,7 @@ from behavior_controller.run.record.codec import encode
 from behavior_controller.run.record.feed import Feed
 from behavior_controller.run.record.recorder import LineQueue, Record
 from behavior_controller.viewer.main import Viewer
+from ros_peers import Master, Publisher, until
 
 DOCUMENT = ("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence>{}</Sequence></BehaviorTree>"
             "</root>")
@@ -269,3 +276,76 @@ def test_that_the_time_stands_still_is_said_on_the_robots_line():
     line = robot_line(Run([Line(0.0, change)]).state)
     assert not line.is_well
     assert line.text.startswith("simulated time stands still since 14:03:12 · ")
+
+
+# ------------------------------------------------------------------------------ as it comes by ROS
+
+
+@pytest.fixture
+def clock_topic(monkeypatch):
+    """The topic, a publisher of it, and the times that rospy was set to."""
+    rospy = pytest.importorskip("rospy", reason="needs ROS")
+    set_to = []
+    monkeypatch.setattr(simulated_time, "DIRECTORY", Directory())
+    monkeypatch.setattr(rospy.rostime, "_set_rostime", lambda now: set_to.append(now.to_sec()))
+    publisher = Publisher(CLOCK, latching="1")
+    clock = SimulatedClock(lambda: None)
+    topic = SimulatedTime(clock, print)
+    topic.clock_, topic.set_to, topic.publisher = clock, set_to, publisher
+    yield topic
+    topic.set_publishers([])
+    for link in topic._links.values():
+        link.end()
+    publisher.close()
+
+
+def now_is(topic, seconds):
+    topic.publisher.send(struct.pack("<III", 8, seconds, 500_000_000))
+
+
+def test_the_time_goes_on_with_each_message_that_has_another_one(clock_topic):
+    clock_topic.set_publishers([clock_topic.publisher.uri])
+    now_is(clock_topic, 5)  # also with the first of a latching publisher
+    until(lambda: clock_topic.clock_.simulated == 5.5)
+    before = clock_topic.rhythm.last
+    now_is(clock_topic, 5)
+    now_is(clock_topic, 5)
+    now_is(clock_topic, 7)
+    until(lambda: clock_topic.clock_.simulated == 7.5)
+    assert clock_topic.set_to == [5.5, 7.5]
+    assert clock_topic.rhythm.count == 2 and clock_topic.rhythm.last > before
+
+
+@pytest.mark.parametrize("is_published, seconds, expected", [
+    (True, 0.0, [("info", "the mission goes by the simulated time on /clock")]),
+    (False, 5.0, [("info", "waiting up to 5 s for the time on /clock"),
+                  ("info", "the mission goes by the simulated time on /clock")])])
+def test_the_node_waits_for_the_first_time(clock_topic, monkeypatch, is_published, seconds,
+                                           expected):
+    master, lines = Master(), []
+    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    monkeypatch.setattr(simulated_time, "RETRY_INTERVAL", 0.05)
+    master.nodes["/s"] = clock_topic.publisher.uri
+
+    def tell(*line):
+        lines.append(line)
+        master.publishers["/clock"] = ["/s"]
+
+    if is_published:
+        master.publishers["/clock"] = ["/s"]
+    monkeypatch.setattr(simulated_time, "PROBE_LIMIT", 5.0)
+    threading.Thread(target=lambda: now_is(clock_topic, 1), daemon=True).start()
+    clock_topic.await_first(seconds, tell, WakeUp(), lambda: False)
+    assert lines == expected
+    master.close()
+
+
+def test_a_publisher_that_sends_no_time_is_told(clock_topic, monkeypatch):
+    master = Master()
+    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    monkeypatch.setattr(simulated_time, "RETRY_INTERVAL", 0.05)
+    monkeypatch.setattr(simulated_time, "PROBE_LIMIT", 0.3)
+    master.nodes["/s"], master.publishers["/clock"] = clock_topic.publisher.uri, ["/s"]
+    with pytest.raises(NodesMissing, match="no time comes on /clock: its publisher sends none"):
+        clock_topic.await_first(0.0, print, WakeUp(), lambda: False)
+    master.close()
