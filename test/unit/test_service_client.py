@@ -1,5 +1,6 @@
 """The gateway, with servers in this process: connections that are kept, hang or break, and what a
 server answers."""
+import queue
 import socket
 import struct
 import threading
@@ -12,13 +13,14 @@ rospy = pytest.importorskip("rospy", reason="needs ROS")
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402
+from behavior_controller.robot.declarations import Publication  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.robot import release_1_0, release_1_1  # noqa: E402
 from behavior_controller.robot.requests import (  # noqa: E402
     Answer, GoTo, GoToGoal, Location, Prompt, Say, SetAttention, SetPose)
 from behavior_controller.ros import service_client  # noqa: E402
 from behavior_controller.ros.master import Directory  # noqa: E402
-from behavior_controller.ros.service_client import RosGateway  # noqa: E402
+from behavior_controller.ros.service_client import PublisherThread, RosGateway  # noqa: E402
 from behavior_controller.ros.types import TYPES  # noqa: E402
 from behavior_controller.run.events import Events  # noqa: E402
 from behavior_controller.run.health import Health  # noqa: E402
@@ -410,3 +412,67 @@ def test_what_takes_long_to_connect_to_is_prepared_once(robots):
         robot.gateway.prepare([SPEECH, ACTION])
     assert {service: len(threads) for service, threads in robot.gateway._spare.items()
             if threads} == {ACTION: 1}
+
+
+# --------------------------------------------------------------------------------------- publishing
+
+SIGN = Publication(Say, "/sign", "sign", "std_msgs/String", lambda request: (request.text,), None,
+                   5.0, "nothing is shown")
+
+
+class Subscriber:
+    """A subscriber as rospy's publisher knows it; ``messages`` are those that it was sent."""
+
+    id = endpoint_id = "/s"
+
+    def __init__(self):
+        self.socket, self.end = socket.socketpair()
+        self.messages = []
+
+    def write_data(self, data):
+        self.messages.append(data)
+
+
+@pytest.fixture
+def publishing(robot, monkeypatch):
+    monkeypatch.setattr(service_client, "STEP_LIMIT", 0.3)
+    monkeypatch.setattr(rospy.topics, "is_initialized", lambda: True)
+    monkeypatch.setitem(TYPES, SIGN, TYPES[INTERFACE.topic("/speechEvent/text")])
+    thread = PublisherThread(SIGN)
+    results = queue.Queue()
+    thread.start()
+    until(lambda: thread._publisher)  # before any request, so that subscribers connect
+    thread.send = lambda: thread.carry(Say("hello"), results.put, lambda text: None)
+    thread.result = lambda: results.get(timeout=5.0)
+    yield thread
+    thread.end()
+    thread._publisher.impl.connections.clear()  # rospy has one list for each name
+
+
+def test_a_message_goes_to_a_subscriber_that_is_there_or_comes_in_time(publishing):
+    first = Subscriber()
+    publishing._publisher.impl.connections.append(first)
+    publishing.send()
+    assert publishing.result() == Answer()
+    first.end.close()  # rospy would count that one as connected
+    publishing.send()
+    other = Subscriber()
+    publishing._publisher.impl.connections.append(other)
+    assert publishing.result() == Answer()
+    assert [data[-5:] for data in other.messages] == [b"hello"]
+
+
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_without_a_subscriber_nothing_is_published(publishing, is_cut):
+    began = time.monotonic()
+    publishing.send()
+    if is_cut:
+        assert publishing.cut()
+    failure = publishing.result()
+    assert failure.cause is Cause.NOT_ADVERTISED and failure.resource == "/sign"
+    assert failure.message == "no node subscribes to this topic"
+    assert is_cut or time.monotonic() - began >= 0.3
+    # the next request is not cut
+    publishing._publisher.impl.connections.append(Subscriber())
+    publishing.send()
+    assert publishing.result() == Answer()
