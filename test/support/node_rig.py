@@ -30,11 +30,14 @@ class Rig:
         self.services = {each: Service(self.master, each) for each in INTERFACE.services}
         self.peers = [self.master, *self.services.values()]
         for name in ("config", "data"):
-            shutil.copytree(os.path.join(folders.share(), name), os.path.join(self.folder, name))
+            shutil.copytree(os.path.join(folders.share(), name), self.path(name))
         self.mission(SAYS)
 
+    def path(self, name):
+        return os.path.join(self.folder, name)
+
     def mission(self, body):
-        with open(os.path.join(self.folder, "data", "m.xml"), "w", encoding="utf-8") as file:
+        with open(self.path("data/m.xml"), "w", encoding="utf-8") as file:
             file.write(MISSION.format(body))
 
     def offers(self, service, *answers):

@@ -49,7 +49,7 @@ class RpcPeer:
 
 class Master(RpcPeer):
     """A master that knows ``services``, ``nodes``, ``publishers`` and ``parameters``, and notes its
-    ``calls``."""
+    ``calls``. Of a node that registers it notes the address alone."""
 
     def __init__(self):
         super().__init__()
@@ -60,6 +60,8 @@ class Master(RpcPeer):
 
     def _dispatch(self, method, params):
         self.calls.append((method,) + params[1:])
+        if method.startswith("register"):
+            self.nodes[params[0]] = params[-1]
         self.may_answer.wait(LIMIT)
         return {"lookupService": self._look_up(self.services, params),
                 "lookupNode": self._look_up(self.nodes, params),

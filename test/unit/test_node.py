@@ -2,7 +2,9 @@
 import contextlib
 import os
 import signal
+import struct
 import time
+import types
 import xmlrpc.client
 
 import pytest
@@ -13,11 +15,13 @@ from std_srvs.srv import Trigger, TriggerResponse  # noqa: E402
 
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402
 from behavior_controller.robot.requests import Say, SetAnimation, SetAttention  # noqa: E402
+from behavior_controller.ros import node  # noqa: E402
 from behavior_controller.ros.master import Place  # noqa: E402
 from behavior_controller.ros.service_client import open_service  # noqa: E402
 from behavior_controller.ros.tcpros import Connection, open_publisher  # noqa: E402
+from behavior_controller.ros.types import CLOCK  # noqa: E402
 from node_rig import Rig, SAYS  # noqa: E402
-from ros_peers import HANG, answer_of, read_block, until  # noqa: E402
+from ros_peers import HANG, TcprosPeer, answer_of, hang, read_block, until  # noqa: E402
 
 SPEECH = INTERFACE.service(Say)
 SAFE = [INTERFACE.service(kind) for kind in (SetAnimation, SetAttention)]
@@ -146,7 +150,6 @@ def test_what_other_nodes_ask_it(rig):
     assert ask(rig, "servicesInUse") == [1, "services", [True, asked]]
     # its name is its own: only a node that has taken it ends it
     taken = "[/x] Reason: new node registered with same name"
-    rig.master.nodes[ME] = uri_of(rig)
     assert ask(rig, "shutdown", taken)[1] == "the name is still taken by this node"
     assert node.process.poll() is None
     rig.master.nodes[ME] = "http://other:1/"
@@ -247,3 +250,97 @@ def test_the_log_file(rig, path, words):
     if not words:
         with open(path, encoding="utf-8") as file:
             assert "pass 1: SUCCESS" in file.read()
+
+
+def test_what_the_start_knows_of_others(rig):
+    """A former node that goes on beside this one, and a package that is not as it should be."""
+    former = TcprosPeer(hang)
+    rig.master.nodes[ME] = "http://127.0.0.1:{}/".format(former.port)
+    code, text = rig.start(run="from behavior_controller.ros import master\n"
+                               "master.PARTING_LIMIT = 0.3\n"
+                               "node.extensions.doubts.append('an odd package')\nnode.run()").code()
+    assert code == 0 and f"[WARN] the former node of the name {ME} (at http://127" in text, text
+    assert "[WARN] an odd package" in text
+    former.close()
+
+
+def test_after_a_start_that_is_refused_it_is_said_what_the_run_before_may_still_do(rig):
+    code, text = rig.start("walk", run="node.may_be_live = lambda *_: 'it drives'\n"
+                                       "node.run()").code()
+    assert code == 2 and text.endswith("[WARN] it drives"), text
+
+
+HANGS = """import time
+real, calls = node.read_plan, []
+def read(*arguments):
+    calls.append(1)
+    if len(calls) > {}:
+        time.sleep(60)
+    return real(*arguments)
+node.read_plan, node.START_STEP_LIMIT = read, 1.5
+node.run()"""
+
+
+@pytest.mark.parametrize("may_answer, code, words", [
+    (False, 1, "no longer answers: start it again"),
+    (True, 2, "configuration and mission (their files, or the parameters of the ROS master): no "
+              "answer within 1.5 s")])
+def test_what_hangs_ends_the_start(rig, may_answer, code, words):
+    if not may_answer:
+        rig.master.may_answer.clear()
+    found, text = rig.start(run=HANGS.format(0)).code()
+    rig.master.may_answer.set()
+    assert found == code and words in text, text
+
+
+def test_files_that_hang_are_read_once_and_the_mission_goes_on(rig):
+    node = rig.start(run=HANGS.format(1), missionRuns=0, rosInterface="true", startBy="operator")
+    node.says("waiting for the operator")
+    assert call(rig, "/reload")[0]
+    assert call(rig, "/reload") == (False, "the files are still being read since the call before")
+    node.process.send_signal(signal.SIGHUP)
+    node.says("SIGHUP ignored: the files are still being read since the one before")
+    assert call(rig, "/start")[0]
+    until(lambda: rig.services[SPEECH].requests)
+    assert node.stop()[0] == 0
+
+
+def test_a_robot_that_does_not_answer_delays_the_end_no_more_than_is_allowed(rig):
+    rig.offers(SPEECH, HANG)
+    rig.offers(SAFE[0], HANG)
+    node = rig.start()
+    until(lambda: rig.services[SPEECH].requests)
+    code, text, seconds = node.stop()
+    assert code in (0, 3) and 0.9 < seconds < 2.5, text
+    assert "stopping without the tree" not in text
+    assert len(rig.services[SAFE[1]].requests) == 1
+
+
+def test_a_mission_goes_by_the_time_of_its_topic(rig):
+    clock = rig.publishes(CLOCK)
+    rig.master.parameters["/use_sim_time"] = True
+    node = rig.start()
+    for seconds in range(5, 400):
+        if node.process.poll() is not None:
+            break
+        with contextlib.suppress(AssertionError, OSError):
+            until(lambda: clock.ready, 0.05)
+            clock.send(struct.pack("<III", 8, seconds, 0))
+        time.sleep(0.05)
+    code, text = node.code()
+    assert code == 0 and "the mission goes by the simulated time on /clock" in text, text
+
+
+@pytest.mark.parametrize("error, package, told", [
+    (SystemExit(), None, []), (ValueError("x"), None, ["internal ValueError('x')"]),
+    (ValueError("x"), "package p: x", ["error package p: x"]),
+    (RuntimeError("can't start new thread"), "p", ["internal RuntimeError(\"can't start new thread"
+                                                   "\")"])])
+def test_what_has_ended_a_thread(monkeypatch, error, package, told):
+    found = []
+    console = types.SimpleNamespace(
+        report_internal_error=lambda error: found.append(f"internal {error!r}"),
+        tell=lambda severity, text: found.append(f"{severity} {text}"))
+    monkeypatch.setattr(node.extensions, "thread_failure", lambda error: package)
+    node._report_thread(console, error)
+    assert found == told
