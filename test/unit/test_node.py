@@ -104,7 +104,7 @@ def test_a_stop_asks_for_the_safe_state_and_ends_in_time(rig, number):
     node = rig.start()
     until(lambda: rig.services[SPEECH].requests)
     code, text, seconds = node.stop(number)
-    assert code in (0, 3) and seconds < 2.5, text
+    assert code in (0, 3) and seconds < 4.0, text
     assert [len(rig.services[each].requests) for each in SAFE] == [1, 1]
 
 
@@ -124,7 +124,7 @@ def test_a_leaf_that_blocks_does_not_keep_the_robot_from_the_safe_state(rig):
     node.says("a pass begins")
     time.sleep(0.5)
     code, text, seconds = node.stop()
-    assert code == 4 and seconds < 2.5 and "stopping without the tree: " in text, text
+    assert code == 4 and seconds < 4.0 and "stopping without the tree: " in text, text
     assert [len(rig.services[each].requests) for each in SAFE] == [1, 1]
 
 
@@ -132,7 +132,18 @@ def test_an_internal_error_makes_the_robot_safe_and_shows_no_traceback(rig):
     code, text = rig.start(run="node.Runner.run = lambda self: 1 / 0; node.run()").code()
     assert code == 4 and "internal error (ZeroDivisionError: division by zero)" in text, text
     assert "Traceback" not in text
+    with open(text.partition("with the details in ")[2].split("\n")[0], encoding="utf-8") as file:
+        assert "Traceback" in file.read()
     assert [len(rig.services[each].requests) for each in SAFE] == [1, 1]
+
+
+def test_a_node_that_cannot_stop_is_ended_all_the_same(rig):
+    node = rig.start(run="import time; node.Runner.run = lambda self: time.sleep(60); node.run()")
+    until(lambda: calls(rig, "registerService"))
+    time.sleep(0.5)
+    code, text, seconds = node.stop()
+    assert code == 4 and 1.7 < seconds < 4.0, text
+    assert "[ERROR] did not stop in time: ending now; make sure that the robot has stopped" in text
 
 
 # ----------------------------------------------------------------------------- while others ask it
@@ -311,7 +322,7 @@ def test_a_robot_that_does_not_answer_delays_the_end_no_more_than_is_allowed(rig
     node = rig.start()
     until(lambda: rig.services[SPEECH].requests)
     code, text, seconds = node.stop()
-    assert code in (0, 3) and 0.9 < seconds < 2.5, text
+    assert code in (0, 3) and 0.9 < seconds < 4.0, text
     assert "stopping without the tree" not in text
     assert len(rig.services[SAFE[1]].requests) == 1
 

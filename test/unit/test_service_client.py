@@ -280,7 +280,7 @@ def test_without_a_master_a_service_is_used_where_it_was_found_last(robot, was_f
     assert robot.say()[0] == Answer()
 
 
-# ------------------------------------------------------------------ what stands in, and what is left
+# ---------------------------------------------------------------- what stands in, and what is left
 
 GOAL = GoToGoal(Location(1.0, 2.0, 90.0))
 DRIVE, ACTION = (release_1_1.INTERFACE.service(kind) for kind in (GoTo, GoToGoal))
