@@ -1,10 +1,12 @@
 """Records of whole days in virtual time: visitors of all kinds, a robot that needs time and
 sometimes fails."""
 import random
+from dataclasses import replace
 
 import pytest
 
 from behavior_controller import folders
+from behavior_controller.config import settings
 from behavior_controller.run.events import HealthChanged, PassFinished
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import GONE
@@ -13,6 +15,11 @@ from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, QueryKnowledge,
     Say, SetAttention)
 from behavior_controller.run.record import recorder as record_module
+from behavior_controller.run.record.recorder import RecordFiles, encoded
+from behavior_controller.simulation.configuration import REAL
+from behavior_controller.simulation.faults import KINDS as FAULTS, REFUSED, PlannedFault
+from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
+from behavior_controller.simulation.visitor import BEHAVIOURS
 from mission_rig import ENTRANCE, HOME, FileRecord, Rig, service_of, written
 
 NAMES = ("Robot arm", "Sea chest", "Loom", "Weather balloon", "Printing press")
@@ -115,3 +122,20 @@ def recorded_day(folder, monkeypatch, runs, kinds=KINDS):
     rig.mission.topics = record.topics(rig.topics)
     rig.run(day.step, runs=runs)
     return written(record)
+
+
+def record_simulated_runs(folder, runs):
+    """Record so many lab tours of the simulated robot, with three visitors each. Visitors and
+    failing calls are drawn; in each third run navigation refuses from some call on."""
+    stage, draw = LoadedMission(settings.defaults()), random.Random(1)
+    for number in range(runs):
+        first, *others = draw.choices(BEHAVIOURS, (6, 1, 1, 1, 2, 1), k=3)
+        lasting = PlannedFault("robotNavigation", draw.randint(1, 10), REFUSED, is_lasting=True)
+        test = replace(CALM, visitor_behaviour=first, call_times=REAL, random_seed=number,
+                       failure_rate=draw.uniform(0.0, 0.2), fault_kinds=FAULTS,
+                       planned_faults=() if number % 3 else (lasting,))
+        files = RecordFiles(str(folder), pytest.fail)
+        for at, event in stage.play(test, shortest_gap=STEP, then=others).events:
+            files.put(encoded(BEGAN + 9000.0 * number + at, event))
+        files.close()
+        files._thread.join()  # ``close`` waits a second at most

@@ -17,7 +17,7 @@ from browser import axe, findings
 from free_ports import free_port
 from mission_rig import Rig, refusal, visitor_who
 from page_rig import Situation, open_page, text, use_time_of, wait_until
-from recorded_tours import KINDS, recorded_day
+from recorded_tours import record_simulated_runs
 
 LANES = """
 return Object.fromEntries([...document.querySelectorAll("#lanes .values .lane:not([hidden])")].map(
@@ -113,9 +113,7 @@ def test_a_student_finds_the_failure_that_kept_the_robot_from_greeting(show, bro
 def _thirty(tmp_path_factory):
     """Return a folder of thirty runs of the simulated robot, with three visitors each."""
     place = str(tmp_path_factory.mktemp("records"))
-    with pytest.MonkeyPatch.context() as patch:
-        for number in range(30):
-            recorded_day(place, patch, 3, KINDS[number % 8:] + KINDS[:number % 8])
+    record_simulated_runs(place, 30)
     return place
 
 
