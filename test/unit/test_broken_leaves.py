@@ -180,7 +180,10 @@ def test_node_types_that_fail_where_they_make_a_node_are_faults_at_their_places(
     assert [(fault.line, fault.column, fault.text.split(" ")[0]) for fault in broken] == [
         (2, 31, "Broken"), (3, 1, "Unsettled"), (4, 1, "Nothing"), (4, 11, "Leaves")]
     assert all(error in fault.text for error, fault in zip(
-        ("ValueError: ", "KeyError: 'gripper'", "TypeError: ", "SystemExit: 3"), broken))
+        ("ValueError: ", "cannot be made: KeyError: 'gripper' (", "TypeError: ", "SystemExit: 3"),
+        broken))
+    assert {fault.hint for fault in broken} == {
+        "a mistake in the code of the node type, not in this file"}
     assert all(re.search(r"\(unit/\w+\.py:\d+\)", str(fault)) for fault in broken)
     assert len(raised.value.faults) == 5
 

@@ -1,5 +1,5 @@
-"""One small bad file for each rule, with the place and code of its fault, and unusual files that
-must load."""
+"""One small bad file for each rule, with the place, code and words of its fault, and unusual files
+that must load."""
 import time
 
 import pytest
@@ -7,45 +7,10 @@ import pytest
 from behavior_controller.bt.loader.structure import MOST_FINDINGS, MOST_NODES
 from behavior_controller.bt.loader.checks import check
 from behavior_controller.bt.mission import load_mission, load_text
-from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.bt.engine.node_types import Registry
-from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.errors import MissionError
-
-REGISTRY = Registry(builtin_specs() + [
-    NodeSpec("Navigate", Kind.ACTION, AlwaysSuccess),
-    NodeSpec("IsVisitorDiscovered", Kind.CONDITION, AlwaysSuccess),
-    NodeSpec("Old", Kind.ACTION, AlwaysSuccess, warning="Old is another spelling of Navigate"),
-    NodeSpec("Typed", Kind.ACTION, AlwaysSuccess,
-             (Port("number", "int"), Port("flag", "bool"), Port("list", "vec_int"),
-              Port("out", "double", Direction.INOUT), Port("text", "string"))),
-    NodeSpec("Attend", Kind.ACTION, AlwaysSuccess, names=("social", "seeking")),
-])
-
-
-def root(body, attributes='BTCPP_format="4" main_tree_to_execute="Main"'):
-    return "<root {}>\n{}\n</root>".format(attributes, body)
-
-
-def tree(body, name="Main"):
-    """Return a tree whose body begins in the third line of a file made with ``root``, at its fifth
-    column."""
-    return '  <BehaviorTree ID="{}">\n    {}\n  </BehaviorTree>'.format(name, body)
-
-
-def model(inside, tree_id="S"):
-    """Return a model; its content begins a new line."""
-    return '<TreeNodesModel><SubTree ID="{}">\n{}</SubTree></TreeNodesModel>'.format(
-        tree_id, inside)
-
-
-def main(body):
-    return root(tree(body))
-
-
-def checked(text, **options):
-    return check([parse(text, "m.xml")], REGISTRY, **options)
+from fault_words import unsaid
+from small_missions import LEAF, REGISTRY, chain, checked, main, model, root, tree
 
 
 def errors(found):
@@ -58,138 +23,195 @@ def told(text, **options):
             for fault in checked(text, **options).faults]
 
 
-LEAF = "<AlwaysSuccess/>"
 RULES = {
     # the document
-    "wrong root": ("<Root>\n</Root>", (1, 1), "wrong-root"),
-    "no tree": (root("", 'BTCPP_format="4"'), (1, 1), "no-tree"),
-    "SubTree below root":
-        (root(tree(LEAF) + "\n <TreeNodesModel/>\n <SubTree/>"), (6, 2), "id-missing"),
-    "two models":
-        (root(tree(LEAF) + "\n <TreeNodesModel/>\n <TreeNodesModel/>"), (6, 2), "two-models"),
-    "stray action below root":
-        (root(tree(LEAF) + "\n <TreeNodesModel/>\n <Action/>"), (6, 2), "id-missing"),
+    "wrong root": (
+        "<Root>\n</Root>", (1, 1), "wrong-root", "first element is <Root>", "must be <root>"),
+    "no tree": (root("", 'BTCPP_format="4"'), (1, 1), "no-tree", "no <BehaviorTree>"),
+    "SubTree below root": (
+        root(tree(LEAF) + "\n <TreeNodesModel/>\n <SubTree/>"), (6, 2), "id-missing",
+        "<SubTree> lacks the attribute ID"),
+    "two models": (
+        root(tree(LEAF) + "\n <TreeNodesModel/>\n <TreeNodesModel/>"), (6, 2), "two-models",
+        "only one <TreeNodesModel>"),
+    "stray action below root": (
+        root(tree(LEAF) + "\n <TreeNodesModel/>\n <Action/>"), (6, 2), "id-missing",
+        "<Action> lacks the attribute ID"),
     # trees
-    "tree without ID": (root(tree(LEAF) + "\n<BehaviorTree>{}</BehaviorTree>".format(LEAF)), (5, 1),
-                        "tree-without-id"),
-    "reserved ID": (root(tree(LEAF) + "\n" + tree(LEAF, "Root")), (5, 17), "reserved-id"),
-    "ID of a node": (root(tree(LEAF) + "\n" + tree(LEAF, "Navigate")), (5, 17), "id-of-a-node"),
-    "colon in an ID": (root(tree(LEAF) + "\n" + tree(LEAF, "a:b")), (5, 17), "id-letters"),
-    "empty tree": (root('  <BehaviorTree ID="Main"/>'), (2, 3), "tree-children"),
-    "two children": (main(LEAF + LEAF), (2, 3), "tree-children"),
+    "tree without ID": (
+        root(tree(LEAF) + "\n<BehaviorTree>{}</BehaviorTree>".format(LEAF)), (5, 1),
+        "tree-without-id", "<BehaviorTree> lacks the attribute ID"),
+    "reserved ID": (
+        root(tree(LEAF) + "\n" + tree(LEAF, "Root")), (5, 17), "reserved-id",
+        "Root is a reserved name"),
+    "ID of a node": (
+        root(tree(LEAF) + "\n" + tree(LEAF, "Navigate")), (5, 17), "id-of-a-node",
+        "Navigate is the name of a node type"),
+    "colon in an ID": (
+        root(tree(LEAF) + "\n" + tree(LEAF, "a:b")), (5, 17), "id-letters",
+        "the ID a:b contains ':'"),
+    "empty tree": (
+        root('  <BehaviorTree ID="Main"/>'), (2, 3), "tree-children",
+        '<BehaviorTree ID="Main"> has 0 children', "exactly 1"),
+    "two children": (
+        main(LEAF + LEAF), (2, 3), "tree-children", "has 2 children", "put a Sequence around them"),
     # the main tree
-    "unknown main tree": (root(tree(LEAF, "Mein")), (1, 24), "main-tree-unknown"),
-    "no main tree": (root(tree(LEAF, "A") + tree(LEAF, "B"),
-                          'BTCPP_format="4"'), (1, 1), "main-tree-missing"),
+    "unknown main tree": (
+        root(tree(LEAF, "Mein")), (1, 24), "main-tree-unknown", "no tree Main to execute",
+        "did you mean Mein?"),
+    "no main tree": (
+        root(tree(LEAF, "A") + tree(LEAF, "B"), 'BTCPP_format="4"'), (1, 1), "main-tree-missing",
+        "main_tree_to_execute is not given", "called by no other: A, B", "name the main tree"),
     # nodes
-    "unknown node": (main("<Navigat/>"), (3, 5), "unknown-node"),
-    "unknown node, other case": (main("<alwayssuccess/>"), (3, 5), "unknown-node"),
-    "unknown explicit node": (main('<Action name="x"\n  ID="Navigat"/>'), (4, 3), "unknown-node"),
-    "explicit without ID": (main("<Condition/>"), (3, 5), "id-missing"),
-    "ID in the compact form":
-        (main('<Sequence ID="x">{}</Sequence>'.format(LEAF)), (3, 15), "id-not-allowed"),
-    "a tree as a node": (root(tree("<Sub/>") + tree(LEAF, "Sub")), (3, 5), "tree-as-node"),
-    "a tree in a tree":
-        (main("<BehaviorTree ID=\"x\">{}</BehaviorTree>".format(LEAF)), (3, 5), "tree-in-tree"),
-    "an include in a tree": (main("<include path=\"x\"/>"), (3, 5), "unknown-node"),
-    "explicit below ReactiveSequence":
-        (main('<ReactiveSequence>\n<Action ID="Navigate"/></ReactiveSequence>'), (4, 1),
-         "explicit-in-reactive"),
-    "two AsyncSequences": (main("<ReactiveSequence>{0}{0}</ReactiveSequence>".format(
-        "<AsyncSequence>{}</AsyncSequence>".format(LEAF))), (3, 5), "two-async"),
-    "decorator without a child": (main("<Inverter/>"), (3, 5), "decorator-children"),
-    "decorator with two":
-        (main("<Inverter>{0}{0}</Inverter>".format(LEAF)), (3, 5), "decorator-children"),
-    "control without children": (main("<Fallback>\n</Fallback>"), (3, 5), "no-child"),
-    "TryCatch with one": (main("<TryCatch>{}</TryCatch>".format(LEAF)), (3, 5), "few-children"),
-    "a leaf with a child": (main("<Navigate>{}</Navigate>".format(LEAF)), (3, 5), "leaf-children"),
-    "a condition with a child": (main("<IsVisitorDiscovered>{}</IsVisitorDiscovered>".format(LEAF)),
-                                 (3, 5), "leaf-children"),
+    "unknown node": (
+        main("<Navigat/>"), (3, 5), "unknown-node", "unknown node Navigat",
+        "did you mean Navigate?"),
+    "unknown node, other case": (
+        main("<alwayssuccess/>"), (3, 5), "unknown-node", "did you mean AlwaysSuccess?"),
+    "unknown explicit node": (
+        main('<Action name="x"\n  ID="Navigat"/>'), (4, 3), "unknown-node", "unknown node Navigat",
+        "did you mean Navigate?"),
+    "explicit without ID": (
+        main("<Condition/>"), (3, 5), "id-missing", "<Condition> lacks the attribute ID"),
+    "ID in the compact form": (
+        main('<Sequence ID="x">{}</Sequence>'.format(LEAF)), (3, 15), "id-not-allowed",
+        "ID is not allowed in <Sequence>", 'write name="…"'),
+    "a tree as a node": (
+        root(tree("<Sub/>") + tree(LEAF, "Sub")), (3, 5), "tree-as-node",
+        "Sub is a tree, not a node", '<SubTree ID="Sub"/>'),
+    "a tree in a tree": (
+        main("<BehaviorTree ID=\"x\">{}</BehaviorTree>".format(LEAF)), (3, 5), "tree-in-tree",
+        "cannot stand inside another"),
+    "an include in a tree": (
+        main("<include path=\"x\"/>"), (3, 5), "unknown-node", "unknown node include",
+        "directly below <root>"),
+    "explicit below ReactiveSequence": (
+        main('<ReactiveSequence>\n<Action ID="Navigate"/></ReactiveSequence>'), (4, 1),
+        "explicit-in-reactive", "refuses <Action> directly below ReactiveSequence",
+        "write <Navigate/>"),
+    "two AsyncSequences": (
+        main("<ReactiveSequence>{0}{0}</ReactiveSequence>".format(
+        "<AsyncSequence>{}</AsyncSequence>".format(LEAF))),
+        (3, 5), "two-async", "more than one AsyncSequence"),
+    "decorator without a child": (
+        main("<Inverter/>"), (3, 5), "decorator-children", "Inverter has 0 children", "exactly 1"),
+    "decorator with two": (
+        main("<Inverter>{0}{0}</Inverter>".format(LEAF)), (3, 5), "decorator-children",
+        "Inverter has 2 children", "put a Sequence"),
+    "control without children": (
+        main("<Fallback>\n</Fallback>"), (3, 5), "no-child", "Fallback has no child"),
+    "TryCatch with one": (
+        main("<TryCatch>{}</TryCatch>".format(LEAF)), (3, 5), "few-children",
+        "TryCatch must have at least 2 children"),
+    "a leaf with a child": (
+        main("<Navigate>{}</Navigate>".format(LEAF)), (3, 5), "leaf-children",
+        "Navigate is a leaf"),
+    "a condition with a child": (
+        main("<IsVisitorDiscovered>{}</IsVisitorDiscovered>".format(LEAF)), (3, 5), "leaf-children",
+        "IsVisitorDiscovered is a leaf"),
     # ports and scripts
-    "unknown port": (main('<Typed\n  nummber="1"/>'), (4, 3), "unknown-port"),
-    "unknown port, none near": (main('<Typed zzz="1"/>'), (3, 12), "unknown-port"),
-    "a number": (main('<Typed number="two"/>'), (3, 12), "wrong-literal"),
-    "a number too large": (main('<Typed number="3000000000"/>'), (3, 12), "wrong-literal"),
-    "a truth": (main('<Typed text="a"\nflag="yes"/>'), (4, 1), "wrong-literal"),
-    "a list": (main('<Typed list="1;;2"/>'), (3, 12), "wrong-literal"),
-    "blanks around a reference": (main('<Typed number=" {k} "/>'), (3, 12), "wrong-literal"),
-    "script syntax": (main('<Navigate _skipIf="a &lt;"/>'), (3, 15), "script-syntax"),
-    "syntax in a condition of a SubTree":
-        (root(tree('<SubTree ID="S" _post="1 +"/>') + tree(LEAF, "S")), (3, 21), "script-syntax"),
-    "empty script": (main('<Navigate _post=""/>'), (3, 15), "script-syntax"),
-    "syntax in Script": (main('<Script code="1 +"/>'), (3, 13), "script-syntax"),
-    "syntax in Precondition":
-        (main('<Precondition if="("><Navigate/></Precondition>'), (3, 19), "script-syntax"),
-    "a very long script":
-        (main('<Script code="a:=1{}"/>'.format("+1" * 10_000)), (3, 13), "script-syntax"),
+    "unknown port": (
+        main('<Typed\n  nummber="1"/>'), (4, 3), "unknown-port", "Typed has no port nummber",
+        "did you mean number?"),
+    "unknown port, none near": (
+        main('<Typed zzz="1"/>'), (3, 12), "unknown-port",
+        "its ports: number, flag, list, out, text"),
+    "a number": (
+        main('<Typed number="two"/>'), (3, 12), "wrong-literal",
+        'port number of type int cannot be "two"'),
+    "a number too large": (
+        main('<Typed number="3000000000"/>'), (3, 12), "wrong-literal", "port number",
+        "out of bound"),
+    "a truth": (
+        main('<Typed text="a"\nflag="yes"/>'), (4, 1), "wrong-literal",
+        'port flag of type bool cannot be "yes"', "true false"),
+    "a list": (main('<Typed list="1;;2"/>'), (3, 12), "wrong-literal", "port list"),
+    "blanks around a reference": (
+        main('<Typed number=" {k} "/>'), (3, 12), "wrong-literal", "port number"),
+    "script syntax": (
+        main('<Navigate _skipIf="a &lt;"/>'), (3, 15), "script-syntax", "the script of _skipIf",
+        "position 3", "(a <)"),
+    "syntax in a condition of a SubTree": (
+        root(tree('<SubTree ID="S" _post="1 +"/>') + tree(LEAF, "S")), (3, 21), "script-syntax",
+        "the script of _post"),
+    "empty script": (
+        main('<Navigate _post=""/>'), (3, 15), "script-syntax", "the script of _post",
+        "Empty Script"),
+    "syntax in Script": (
+        main('<Script code="1 +"/>'), (3, 13), "script-syntax", "the script of code", "position 3"),
+    "syntax in Precondition": (
+        main('<Precondition if="("><Navigate/></Precondition>'), (3, 19), "script-syntax",
+        "the script of if"),
+    "a very long script": (
+        main('<Script code="a:=1{}"/>'.format("+1" * 10_000)), (3, 13), "script-syntax",
+        "20004 characters", "at most 20000"),
     # SubTrees
-    "SubTree without ID": (main("<SubTree/>"), (3, 5), "id-missing"),
-    "unknown tree":
-        (root(tree('<SubTree\nID="Sup"/>') + tree(LEAF, "Sub")), (4, 1), "unknown-tree"),
-    "unknown tree, none near": (main('<SubTree ID="Zzz"/>'), (3, 14), "unknown-tree"),
-    "SubTree of a node": (main('<SubTree ID="Navigate"/>'), (3, 14), "id-of-a-node"),
-    "SubTree with a child":
-        (root(tree('<SubTree ID="Sub">{}</SubTree>'.format(LEAF)) + tree(LEAF, "Sub")), (3, 5),
-         "leaf-children"),
-    "bad _autoremap": (root(tree('<SubTree ID="Sub" _autoremap="yes"/>') + tree(LEAF, "Sub")),
-                       (3, 23), "autoremap-value"),
-    "contains itself": (main('<SubTree ID="Main"/>'), (3, 14), "tree-circle"),
-    "contains itself by another":
-        (root(tree('<SubTree ID="B"/>') + "\n" + tree('<SubTree ID="Main"/>', "B")), (6, 14),
-         "tree-circle"),
+    "SubTree without ID": (
+        main("<SubTree/>"), (3, 5), "id-missing", "<SubTree> lacks the attribute ID"),
+    "unknown tree": (
+        root(tree('<SubTree\nID="Sup"/>') + tree(LEAF, "Sub")), (4, 1), "unknown-tree",
+        "there is no tree Sup", "did you mean Sub?"),
+    "unknown tree, none near": (
+        main('<SubTree ID="Zzz"/>'), (3, 14), "unknown-tree", "the trees: Main"),
+    "SubTree of a node": (
+        main('<SubTree ID="Navigate"/>'), (3, 14), "id-of-a-node", "name of a node type",
+        "<Navigate/>"),
+    "SubTree with a child": (
+        root(tree('<SubTree ID="Sub">{}</SubTree>'.format(LEAF)) + tree(LEAF, "Sub")), (3, 5),
+        "leaf-children", 'SubTree ID="Sub"> cannot have children'),
+    "bad _autoremap": (
+        root(tree('<SubTree ID="Sub" _autoremap="yes"/>') + tree(LEAF, "Sub")), (3, 23),
+        "autoremap-value", "bool conversion"),
+    "contains itself": (
+        main('<SubTree ID="Main"/>'), (3, 14), "tree-circle",
+        "the tree Main contains itself: Main > Main"),
+    "contains itself by another": (
+        root(tree('<SubTree ID="B"/>') + "\n" + tree('<SubTree ID="Main"/>', "B")), (6, 14),
+        "tree-circle", "Main > B > Main"),
     # models
-    "model without ID": (root(tree(LEAF) + "\n<TreeNodesModel>\n<SubTree/></TreeNodesModel>"),
-                         (6, 1), "id-missing"),
-    "model port without name":
-        (root(tree(LEAF) + "\n" + model("<input_port/>")), (6, 1), "model-port-name"),
-    "mandatory port":
-        (root(tree('<SubTree ID="S"/>') + tree(LEAF, "S") + model('<input_port name="who"/>')),
-         (3, 5), "model-port-missing"),
+    "model without ID": (
+        root(tree(LEAF) + "\n<TreeNodesModel>\n<SubTree/></TreeNodesModel>"), (6, 1), "id-missing",
+        "lacks the attribute ID"),
+    "model port without name": (
+        root(tree(LEAF) + "\n" + model("<input_port/>")), (6, 1), "model-port-name",
+        "<input_port> lacks the attribute name"),
+    "mandatory port": (
+        root(tree('<SubTree ID="S"/>') + tree(LEAF, "S") + model('<input_port name="who"/>')),
+        (3, 5), "model-port-missing", "asks for the port who", 'write who="{who}"'),
     # version 3
-    "SubTreePlus": (main('<SubTreePlus ID="X"/>'), (3, 5), "unknown-node"),
-    "SequenceStar": (main("<SequenceStar>{}</SequenceStar>".format(LEAF)), (3, 5), "unknown-node"),
-    "explicit SequenceStar":
-        (main('<Control ID="SequenceStar">{}</Control>'.format(LEAF)), (3, 14), "unknown-node"),
-    "the old spelling of Retry":
-        (main("<RetryUntilSuccesful>{}</RetryUntilSuccesful>".format(LEAF)), (3, 5), "unknown-node"
-         ),
-    "Parallel's threshold":
-        (main('<Parallel threshold="1">{}</Parallel>'.format(LEAF)), (3, 15), "unknown-port"),
-    "BlackboardCheckInt":
-        (main("<BlackboardCheckInt>{}</BlackboardCheckInt>".format(LEAF)), (3, 5), "unknown-node"),
-    "ConsumeQueue": (main("<ConsumeQueue>{}</ConsumeQueue>".format(LEAF)), (3, 5), "unknown-node"),
-    "ManualSelector":
-        (main("<ManualSelector>{}</ManualSelector>".format(LEAF)), (3, 5), "unknown-node"),
+    "SubTreePlus": (
+        main('<SubTreePlus ID="X"/>'), (3, 5), "unknown-node", "unknown node SubTreePlus",
+        "version 4 writes <SubTree>", "_autoremap"),
+    "SequenceStar": (
+        main("<SequenceStar>{}</SequenceStar>".format(LEAF)), (3, 5), "unknown-node",
+        "SequenceWithMemory"),
+    "explicit SequenceStar": (
+        main('<Control ID="SequenceStar">{}</Control>'.format(LEAF)), (3, 14), "unknown-node",
+        "SequenceWithMemory"),
+    "the old spelling of Retry": (
+        main("<RetryUntilSuccesful>{}</RetryUntilSuccesful>".format(LEAF)), (3, 5), "unknown-node",
+        "RetryUntilSuccessful"),
+    "Parallel's threshold": (
+        main('<Parallel threshold="1">{}</Parallel>'.format(LEAF)), (3, 15), "unknown-port",
+        "no port threshold", "success_count"),
+    "BlackboardCheckInt": (
+        main("<BlackboardCheckInt>{}</BlackboardCheckInt>".format(LEAF)), (3, 5), "unknown-node",
+        "_skipIf"),
+    "ConsumeQueue": (
+        main("<ConsumeQueue>{}</ConsumeQueue>".format(LEAF)), (3, 5), "unknown-node", "LoopString"),
+    "ManualSelector": (
+        main("<ManualSelector>{}</ManualSelector>".format(LEAF)), (3, 5), "unknown-node",
+        "Switch2"),
     # elsewhere
-    "Selector": (main("<Selector>{}</Selector>".format(LEAF)), (3, 5), "unknown-node"),
+    "Selector": (main("<Selector>{}</Selector>".format(LEAF)), (3, 5), "unknown-node", "Fallback"),
 }
 
 
 @pytest.mark.parametrize("rule", sorted(RULES))
 def test_each_rule_has_its_fault_at_its_place(rule):
-    text, place, code = RULES[rule]
+    text, place, code, *words = RULES[rule]
     assert told(text) == [place + (False, code)]
-
-
-def chain(length):
-    """Return trees of which each calls the next one twice; the first unfolds to 4 * 2 ** ``length``
-    - 3 nodes."""
-    twice = ('<BehaviorTree ID="T{0}"><Sequence><SubTree ID="T{1}"/><SubTree ID="T{1}"/></Sequence>'
-             '</BehaviorTree>')
-    trees = [twice.format(number, number + 1)
-             for number in range(length)] + [tree(LEAF, "T{}".format(length))]
-    return root("".join(trees), 'BTCPP_format="4" main_tree_to_execute="T0"')
-
-
-def circle(length):
-    return root(
-        "".join(
-            tree('<SubTree ID="T{}"/>'.format((number + 1) % length), "T{}".format(number))
-            for number in range(length)), 'BTCPP_format="4" main_tree_to_execute="T0"')
-
-
-MANY = "".join(tree(LEAF, "T{}".format(number)) for number in range(21))
-MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where"/>')
+    assert unsaid(words, checked(text).faults) == []
 
 
 @pytest.mark.parametrize("text, place",
@@ -212,46 +234,63 @@ def test_what_may_be_meant_for_an_entry_is_said_how_an_entry_is_written(port, en
     assert ("an entry is written" in fault.hint) is (entry is not None)
 
 
-def port_called(name):
-    return root(tree(LEAF) + "\n" + model('<input_port name="{}"/>'.format(name)))
-
-
-@pytest.mark.parametrize("name", ["", "1x", "a b", "_skipIf", "ID", "a:b", "a\x7f"])
-def test_names_of_ports_in_models(name):
-    assert told(port_called(name)) == [(6, 13, False, "model-port-name")]
+@pytest.mark.parametrize("name, words", [
+    ("", "cannot be empty"), ("1x", "cannot start with a digit"),
+    ("a b", "cannot contain blanks"), ("_skipIf", "reserved"), ("ID", "reserved"),
+    ("a:b", "cannot contain"), ("a\x7f", "cannot contain")])
+def test_names_of_ports_in_models(name, words):
+    text = root(tree(LEAF) + "\n" + model('<input_port name="{}"/>'.format(name)))
+    assert told(text) == [(6, 13, False, "model-port-name")]
+    assert unsaid([words], checked(text).faults) == []
 
 
 WARNINGS = {
-    "no format": (root(tree(LEAF), ""), (1, 1), "format-missing"),
-    "another format": (root(tree(LEAF), 'BTCPP_format="3"'), (1, 7), "other-format"),
-    "ignored below root": (root(tree(LEAF) + "\n<Includes/>"), (5, 1), "ignored-below-root"),
-    "a node below root": (root(tree(LEAF) + "\n<Action/>"), (5, 1), "ignored-below-root"),
-    "a node with an ID below root":
-        (root(tree(LEAF) + '<TreeNodesModel/>\n<Action ID="x"/>'), (5, 1), "ignored-below-root"),
-    "blank in an ID":
-        (root(tree('<SubTree ID="a b"/>') + "\n" + tree(LEAF, "a b")), (5, 17), "id-blanks"),
-    "dot in an ID":
-        (root(tree('<SubTree ID="a.b"/>') + "\n" + tree(LEAF, "a.b")), (5, 17), "id-blanks"),
-    "tree defined twice": (root(tree(LEAF) + "\n" + tree(LEAF)), (5, 17), "tree-twice"),
-    "__shared_blackboard":
-        (root(tree('<SubTree ID="S" __shared_blackboard="true"/>') + tree(LEAF, "S")), (3, 21),
-         "subtree-old"),
-    "__autoremap": (root(tree('<SubTree ID="S" __autoremap="true"/>') + tree(LEAF, "S")), (3, 21),
-                    "subtree-old"),
-    "warning of a node type": (main("<Old/>"), (3, 5), "node-type-warning"),
-    "unknown port in an unused tree":
-        (root(tree(LEAF) + "\n" + tree('<Typed nummber="1"/>', "B")), (6, 12), "unknown-port"),
-    "circle of unused trees":
-        (root(tree(LEAF) + "\n" + tree('<SubTree ID="B"/>', "B")), (6, 14), "tree-circle"),
-    "bad script in an unused tree":
-        (root(tree(LEAF) + "\n" + tree('<Script code="("/>', "B")), (6, 13), "script-syntax"),
+    "no format": (root(tree(LEAF), ""), (1, 1), "format-missing", 'lacks BTCPP_format="4"'),
+    "another format": (
+        root(tree(LEAF), 'BTCPP_format="3"'), (1, 7), "other-format", "BTCPP_format is 3"),
+    "ignored below root": (
+        root(tree(LEAF) + "\n<Includes/>"), (5, 1), "ignored-below-root",
+        "<Includes> below <root> is ignored", "did you mean include?"),
+    "a node below root": (
+        root(tree(LEAF) + "\n<Action/>"), (5, 1), "ignored-below-root",
+        "<Action> below <root> is ignored ()"),
+    "a node with an ID below root": (
+        root(tree(LEAF) + '<TreeNodesModel/>\n<Action ID="x"/>'), (5, 1), "ignored-below-root",
+        "<Action> below <root> is ignored"),
+    "blank in an ID": (
+        root(tree('<SubTree ID="a b"/>') + "\n" + tree(LEAF, "a b")), (5, 17), "id-blanks",
+        "the ID a b contains ' '", "4.10"),
+    "dot in an ID": (
+        root(tree('<SubTree ID="a.b"/>') + "\n" + tree(LEAF, "a.b")), (5, 17), "id-blanks",
+        "the ID a.b contains '.'"),
+    "tree defined twice": (
+        root(tree(LEAF) + "\n" + tree(LEAF)), (5, 17), "tree-twice", "Main is defined again",
+        "m.xml:2"),
+    "__shared_blackboard": (
+        root(tree('<SubTree ID="S" __shared_blackboard="true"/>') + tree(LEAF, "S")), (3, 21),
+        "subtree-old", "means nothing in version 4", '_autoremap="true"'),
+    "__autoremap": (
+        root(tree('<SubTree ID="S" __autoremap="true"/>') + tree(LEAF, "S")), (3, 21),
+        "subtree-old", "_autoremap"),
+    "warning of a node type": (
+        main("<Old/>"), (3, 5), "node-type-warning", "another spelling of Navigate"),
+    "unknown port in an unused tree": (
+        root(tree(LEAF) + "\n" + tree('<Typed nummber="1"/>', "B")), (6, 12), "unknown-port",
+        "did you mean number?"),
+    "circle of unused trees": (
+        root(tree(LEAF) + "\n" + tree('<SubTree ID="B"/>', "B")), (6, 14), "tree-circle",
+        "contains itself"),
+    "bad script in an unused tree": (
+        root(tree(LEAF) + "\n" + tree('<Script code="("/>', "B")), (6, 13), "script-syntax",
+        "script of code"),
 }
 
 
 @pytest.mark.parametrize("rule", sorted(WARNINGS))
 def test_what_loads_but_is_likely_a_mistake_is_a_warning(rule):
-    text, place, code = WARNINGS[rule]
+    text, place, code, *words = WARNINGS[rule]
     assert told(text) == [place + (True, code)]
+    assert unsaid(words, checked(text).faults) == []
     assert len(load_text(text, REGISTRY).warnings) == 1
 
 
@@ -259,8 +298,11 @@ OLD_REMAPPING = tree('<SubTree ID="S" inner="outer" n="1" _x="y" yes="true"/>') 
 
 
 def test_version_3_remapping_without_braces_is_a_warning_in_files_that_do_not_say_4():
-    found = told(root(OLD_REMAPPING, 'main_tree_to_execute="Main"'))
-    assert [fault for fault in found if fault[3] != "format-missing"] == [(3, 21, True, "unbraced")]
+    old = root(OLD_REMAPPING, 'main_tree_to_execute="Main"')
+    assert [fault for fault in told(old) if fault[3] != "format-missing"] == [
+        (3, 21, True, "unbraced")]
+    assert unsaid(['inner="outer" is the text outer in version 4 (the entry of that name is '
+                   'written {outer})'], checked(old).faults) == []
     assert told(root(OLD_REMAPPING)) == []
 
 
@@ -432,7 +474,7 @@ def test_a_number_that_is_not_read_to_its_end_is_told_with_what_is_read(
         body, column, rest, read_as):
     fault, = warned(main(body))
     assert (fault.line, fault.column, fault.code) == (3, column, "number-cut-short")
-    assert '"{}"'.format(rest) in fault.text and fault.text.endswith(" " + read_as)
+    assert fault.text.endswith(' is read only up to "{}": as {}'.format(rest, read_as))
     load_text(main(body), REGISTRY)
 
 
@@ -471,7 +513,8 @@ def test_a_text_where_an_element_is_due_is_told_at_its_place():
               (5, 32): "fourth", (5, 58): "fifth", (6, 29): "&amp;"}
     dropped = [fault for fault in warned(text) if fault.code == "stray-text"]
     assert [(fault.line, fault.column) for fault in dropped] == list(places)
-    assert all(fault.text.endswith(" " + said) for fault, said in zip(dropped, places.values()))
+    assert [fault.text for fault in dropped] == [
+        "this text is dropped: " + said for said in places.values()]
 
 
 def test_texts_without_end_are_no_trouble():
@@ -514,8 +557,8 @@ def test_the_length_of_a_script_has_an_end(length, is_taken):
 def test_a_thousand_faults_are_told(faults):
     found = checked(main("<Sequence>{}</Sequence>".format("<Nope/>" * faults))).faults
     assert len([fault for fault in found if fault.line]) == min(faults, 1000)
-    assert [(fault.file, fault.column, fault.text.split()[0]) for fault in found
-            if not fault.line] == [("m.xml", 0, "1")] * (faults > 1000)
+    assert [(fault.file, fault.column, fault.text) for fault in found
+            if not fault.line] == [("m.xml", 0, "1 more mistakes are not shown")] * (faults > 1000)
 
 
 @pytest.mark.parametrize("inside", ["<Old/>", "a text <Navigate/>"])

@@ -19,6 +19,7 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.missions.load import load_tree
+from fault_words import unsaid
 
 REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Act", Kind.ACTION, AlwaysSuccess),
@@ -70,52 +71,68 @@ def tree(name, body):
 RETRY = '<RetryUntilSuccessful num_attempts="3">{}</RetryUntilSuccessful>'
 CANNOT_BE_MEANT = {
     "retry what never fails": (
-        RETRY.format("<ForceSuccess><Act/></ForceSuccess>"), (2, 1), "never-repeats"),
+        RETRY.format("<ForceSuccess><Act/></ForceSuccess>"), (2, 1), "never-repeats",
+        "never retries", "ForceSuccess never fails"),
     "retry a leaf that never fails": (
         '<RetryUntilSuccessful num_attempts="3"><Begin/></RetryUntilSuccessful>', (2, 1),
-        "never-repeats"),
+        "never-repeats", "Begin never fails"),
     "repeat what never succeeds": (
         '<Repeat num_cycles="3"><ForceFailure><Act/></ForceFailure></Repeat>', (2, 1),
-        "never-repeats"),
+        "never-repeats", "never repeats", "never succeeds"),
     "fallback after a sure success": (
-        "<Fallback><Cond/><Script code=\"a:=1\"/>\n<Act/></Fallback>", (3, 1), "never-reached"),
+        "<Fallback><Cond/><Script code=\"a:=1\"/>\n<Act/></Fallback>", (3, 1), "never-reached",
+        "Act is never reached: Script before it never fails"),
     "reactive fallback after a sure success": (
-        "<ReactiveFallback><Begin/>\n<Act name=\"x\"/></ReactiveFallback>", (3, 1),
-        "never-reached"),
+        "<ReactiveFallback><Begin/>\n<Act name=\"x\"/></ReactiveFallback>", (3, 1), "never-reached",
+        "Act x is never reached: Begin before it never fails"),
     "sequence after a sure failure": (
-        "<Sequence><Act/><AlwaysFailure/>\n<Act/><Act/></Sequence>", (3, 1), "never-reached"),
+        "<Sequence><Act/><AlwaysFailure/>\n<Act/><Act/></Sequence>", (3, 1), "never-reached",
+        "Act is never reached: AlwaysFailure before it never succeeds"),
     "sequence after an endless loop": (
         "<Sequence><KeepRunningUntilFailure><Act/></KeepRunningUntilFailure>\n<Act/></Sequence>",
-        (3, 1), "never-reached"),
+        (3, 1), "never-reached", "never succeeds"),
     "a fallback that always ends well, retried": (
         '<RetryUntilSuccessful num_attempts="2"><Fallback><Act/><AlwaysSuccess/></Fallback>'
         '</RetryUntilSuccessful>',
-        (2, 1), "never-repeats"),
+        (2, 1), "never-repeats", "Fallback never fails"),
     "endless repeat without waiting": (
-        '<Repeat\n num_cycles="-1"><Script code="a:=1"/></Repeat>', (3, 2), "never-waits"),
+        '<Repeat\n num_cycles="-1"><Script code="a:=1"/></Repeat>', (3, 2), "never-waits",
+        "forever and never waits", "Sleep"),
     "endless retry without waiting": (
         '<RetryUntilSuccessful\n num_attempts="-1"><Cond/></RetryUntilSuccessful>', (3, 2),
-        "never-waits"),
-    "no round": ('<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), "never-run"),
-    "no attempt": ('<RetryUntilSuccessful num_attempts="-3"><Act/></RetryUntilSuccessful>', (2, 23),
-                   "never-run"),
+        "never-waits", "without waiting", "ReactiveFallback"),
+    "no round": (
+        '<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), "never-run", "never run", "-1: no limit"),
+    "no attempt": (
+        '<RetryUntilSuccessful num_attempts="-3"><Act/></RetryUntilSuccessful>', (2, 23),
+        "never-run", "never run"),
     "more successes than children": (
-        '<Parallel success_count="3"><Act/><Act/></Parallel>', (2, 11), "count-too-high"),
+        '<Parallel success_count="3"><Act/><Act/></Parallel>', (2, 11), "count-too-high",
+        "only 2 children"),
     "no success wanted": (
-        '<Parallel success_count="0"><Act/><Act/></Parallel>', (2, 11), "count-zero"),
-    "IfThenElse with one child": ("<IfThenElse><Cond/></IfThenElse>", (2, 1), "child-count"),
+        '<Parallel success_count="0"><Act/><Act/></Parallel>', (2, 11), "count-zero",
+        "decides the result"),
+    "IfThenElse with one child": (
+        "<IfThenElse><Cond/></IfThenElse>", (2, 1), "child-count",
+        "has 1 children; it must have 2 or 3"),
     "Switch without a default": (
         '<Switch2 variable="{given}" case_1="a" case_2="b"><Act/><Act/></Switch2>', (2, 1),
-        "child-count"),
-    "a port without a value": ("<Sleep/>", (2, 1), "port-missing"),
-    "a condition misspelled": ('<Act _skipif="true"/>', (2, 6), "condition-misspelt"),
-    "_autoremap on a node": ('<Act _autoremap="true"/>', (2, 6), "autoremap-misplaced"),
+        "child-count", "must have 3"),
+    "a port without a value": ("<Sleep/>", (2, 1), "port-missing", "Sleep needs the port msec"),
+    "a condition misspelled": (
+        '<Act _skipif="true"/>', (2, 6), "condition-misspelt", "_skipif is ignored",
+        "did you mean _skipIf?"),
+    "_autoremap on a node": (
+        '<Act _autoremap="true"/>', (2, 6), "autoremap-misplaced", "only on a <SubTree>"),
     "recovery that comes first": (
-        "<Fallback>\n<Recover/><Act/></Fallback>", (3, 1), "recovery-misplaced"),
+        "<Fallback>\n<Recover/><Act/></Fallback>", (3, 1), "recovery-misplaced",
+        "Recover comes first"),
     "recovery in a Sequence": (
-        "<Sequence><Act/>\n<Recover/></Sequence>", (3, 1), "recovery-misplaced"),
+        "<Sequence><Act/>\n<Recover/></Sequence>", (3, 1), "recovery-misplaced",
+        "no failure to look at", "into a Fallback"),
     "another kind than it says": (
-        '<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1), "kind-mismatch"),
+        '<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1), "kind-mismatch",
+        "Act is of kind Action, not Condition"),
     "the name from an entry of the robot": (
         '<SetBlackboard\noutput_key="{given}" value="1"/>', (3, 1), "name-from-entry"),
     "the name from an entry that nothing writes": (
@@ -125,54 +142,74 @@ CANNOT_BE_MEANT = {
     "read before it is set": (
         '<Sequence><In\nin="{x}"/><SetBlackboard output_key="x" value="1"/></Sequence>', (3, 1),
         "read-too-early"),
-    "read, never written": ('<In\nin="{goal}"/>', (3, 1), "never-written"),
-    "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), "never-written"),
+    "read, never written": (
+        '<In\nin="{goal}"/>', (3, 1), "never-written",
+        "the entry goal is read here, but nothing writes it"),
+    "read in a script": (
+        '<ScriptCondition code="lives > 1"/>', (2, 18), "never-written", "the entry lives"),
     "read in a condition": (
         '<Sequence><Script code="lifes := 1"/><Act _skipIf="lives == 0"/></Sequence>', (2, 43),
-        "never-written"),
+        "never-written", "the entry lives", "did you mean lifes?"),
     "read by default, never written": (
-        "<Sequence><Act/>\n<Drive/></Sequence>", (3, 1), "never-written"),
+        "<Sequence><Act/>\n<Drive/></Sequence>", (3, 1), "never-written",
+        "the entry goal is read here", "Aim writes it"),
     "read by default, one of two written": (
-        "<Sequence><Aim/>\n<Drive/></Sequence>", (3, 1), "never-written"),
+        "<Sequence><Aim/>\n<Drive/></Sequence>", (3, 1), "never-written",
+        "the entry pace is read here", "Hurry or Stroll writes it"),
     "an entry given in place of the default": (
-        '<Sequence><Aim/><Hurry/>\n<Drive target="{gaol}"/></Sequence>', (3, 8), "never-written"),
+        '<Sequence><Aim/><Hurry/>\n<Drive target="{gaol}"/></Sequence>', (3, 8), "never-written",
+        "the entry gaol is read here, but nothing writes it"),
     "an optional port's entry that the file gives": (
-        '<Stroll mood="{mod}"/>', (2, 9), "never-written"),
+        '<Stroll mood="{mod}"/>', (2, 9), "never-written", "the entry mod is read here"),
     "any node of a kind, by its type": (
-        '<Fallback><Begin/>\n<Action ID="Act"/></Fallback>', (3, 1), "never-reached"),
+        '<Fallback><Begin/>\n<Action ID="Act"/></Fallback>', (3, 1), "never-reached",
+        "Act is never reached"),
     "what TryCatch tries": (
-        "<TryCatch><AlwaysFailure/>\n<Act/><Act/></TryCatch>", (3, 1), "never-reached"),
+        "<TryCatch><AlwaysFailure/>\n<Act/><Act/></TryCatch>", (3, 1), "never-reached",
+        "Act is never reached"),
     "a watched entry without its second brace": (
         '<Sequence><SkipUnlessUpdated\nentry="{given"><Act/></SkipUnlessUpdated></Sequence>',
-        (3, 1), "braces-odd"),
-    "a brace is missing": ('<In in="{goal"/>', (2, 5), "braces-odd"),
-    "an entry in a text": ('<In in="go to {goal}"/>', (2, 5), "braces-odd"),
-    "a brace too many": ('<Sequence><Out out="{{x}"/></Sequence>', (2, 16), "braces-odd"),
+        (3, 1), "braces-odd", 'entry="{given" names no entry (write entry="{given}")'),
+    "a brace is missing": (
+        '<In in="{goal"/>', (2, 5), "braces-odd",
+        'in="{goal" is a text, no entry (the whole value is written {goal})'),
+    "an entry in a text": (
+        '<In in="go to {goal}"/>', (2, 5), "braces-odd",
+        'in="go to {goal}" is a text, no entry (a text is not filled in: a reference is the whole '
+        'value)'),
+    "a brace too many": (
+        '<Sequence><Out out="{{x}"/></Sequence>', (2, 16), "braces-odd",
+        'out="{{x}" is the entry called "{x" (write {x})'),
     "a brace too many at the end": (
-        '<Sequence><Out out="{x}}"/></Sequence>', (2, 16), "braces-odd"),
+        '<Sequence><Out out="{x}}"/></Sequence>', (2, 16), "braces-odd",
+        'out="{x}}" is the entry called "x}" (write {x})'),
     "a choice by a text with a brace": (
         '<Switch2 variable="{given" case_1="a" case_2="b"><Act/><Act/><Act/></Switch2>', (2, 10),
-        "braces-odd"),
+        "braces-odd", "is a text, no entry"),
     "a case in quotes": (
         "<Switch2 variable='{given}' case_1='a' case_2='b; '><Act/><Act/><Act/></Switch2>", (2, 40),
-        "switch-case"),
+        "switch-case", 'case_2="b; " is compared with all that stands in it (write case_2="b")'),
     "a case twice": (
         "<Switch2 variable='{given}' case_1='a' case_2='a'><Act/><Act/><Act/></Switch2>", (2, 40),
-        "switch-case"),
+        "switch-case", "case_2 is never chosen: case_1 is the same"),
     "an attribute whose value begins with a new line": (
-        '<Act _skipif="\ntrue"/>', (2, 6), "condition-misspelt"),
+        '<Act _skipif="\ntrue"/>', (2, 6), "condition-misspelt", "_skipif is ignored"),
     "an entry whose attribute begins with a new line": (
-        '<In in="\n{goal}"/>', (2, 5), "never-written"),
+        '<In in="\n{goal}"/>', (2, 5), "never-written", "the entry goal is read here"),
     "more successes than anything has children": (
-        '<Parallel success_count="1234567890"><Act/></Parallel>', (2, 11), "count-too-high"),
+        '<Parallel success_count="1234567890"><Act/></Parallel>', (2, 11), "count-too-high",
+        'success_count="1234567890", but there are only 1 children (it will fail when it is '
+        'ticked)'),
     "watched, never written": (
-        '<SkipUnlessUpdated entry="goal"><Act/></SkipUnlessUpdated>', (2, 20), "never-written")}
+        '<SkipUnlessUpdated entry="goal"><Act/></SkipUnlessUpdated>', (2, 20), "never-written",
+        "the entry goal")}
 
 
 @pytest.mark.parametrize("rule", sorted(CANNOT_BE_MEANT))
 def test_what_cannot_be_meant(rule):
-    body, place, code = CANNOT_BE_MEANT[rule]
+    body, place, code, *words = CANNOT_BE_MEANT[rule]
     assert warnings(body) == [place + (code,)]
+    assert unsaid(words, faults(body)) == []
 
 
 @pytest.mark.parametrize("body", [
@@ -219,71 +256,90 @@ def test_what_can_be_meant(body):
 
 
 SEQUENCE = '<Sequence>\n<Script code="{}"/>\n{}</Sequence>'
-SCRIPTS = {  # what the first Script says, and what follows it -> line and code of each warning
-    "the first word alone": (SEQUENCE.format("given := 1;\n given := True;\n given := null; given "
-                                             "== 1", ""), [
-        (4, "script-word")]),
+SCRIPTS = {  # body -> line and code of each warning, and its words
+    "the first word alone": (
+        SEQUENCE.format("given := 1;\n given := True;\n given := null; given == 1", ""),
+        [(4, "script-word")], "True means nothing in a script (write true)"),
     "a word that is an entry": (SEQUENCE.format("not := 1; given := not", ""), []),
-    "no effect": (SEQUENCE.format("given := 1;\n given == 1; given == 2", ""), [
-        (4, "script-no-effect")]),
+    "no effect": (
+        SEQUENCE.format("given := 1;\n given == 1; given == 2", ""), [(4, "script-no-effect")],
+        "a statement of code has no effect (a value is assigned with :=)"),
     "no effect, of an entry that is not written": (
         SEQUENCE.format("a := 1", '<Script code="lost == 1"/>'), [(4, "script-no-effect")]),
-    "two conditions": (SEQUENCE.format(
-        "given := 1", '<ScriptCondition code="given == 1\n given == 2\n given == 3"/>'), [
-        (4, "script-no-effect")]),
-    "no effect, and assigns": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1;\n '
-                                                             'given = 2"/>'), [
-        (4, "script-no-effect"),
-        (5, "condition-assigns")]),
-    "assigns among others": (SEQUENCE.format(
-        "given := 1", '<ScriptCondition code="given == 1 &amp;&amp; (given = 2)"/>'), [
-        (4, "condition-assigns")]),
+    "two conditions": (
+        SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1\n given == 2\n '
+                        'given == 3"/>'),
+        [(4, "script-no-effect")],
+        "a statement of code has no effect (&& or || joins two conditions)"),
+    "no effect, and assigns": (
+        SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1;\n given = 2"/>'),
+        [(4, "script-no-effect"), (5, "condition-assigns")],
+        "a statement of code has no effect (&& or || joins two conditions)",
+        "code assigns to given instead of comparing (write given == …)"),
+    "assigns among others": (
+        SEQUENCE.format("given := 1",
+                        '<ScriptCondition code="given == 1 &amp;&amp; (given = 2)"/>'),
+        [(4, "condition-assigns")],
+        "code assigns to given instead of comparing (write given == …)"),
     "assigns on purpose": (SEQUENCE.format("given := 1", '<ScriptCondition code="given = 2; (a := '
                                                          '3) == given"/>'), []),
     "an empty condition": (SEQUENCE.format("given := 1", '<ScriptCondition code=""/>'), []),
-    "not created, told once": (SEQUENCE.format("other := 1;\n count = 1", '<Script code="count += '
-                                                                          '1"/>'), [
-        (4, "not-created")]),
-    "not created, and not what is "
-    "meant": (SEQUENCE.format("count == 1", '<Script code="count = 1"/>'), [
-        (3, "script-no-effect"),
-        (4, "not-created")]),
-    "created under a similar name": (SEQUENCE.format("count := 1; cuont += 1", ""), [
-        (3, "not-created")]),
+    "not created, told once": (
+        SEQUENCE.format("other := 1;\n count = 1", '<Script code="count += 1"/>'),
+        [(4, "not-created")],
+        "count = …, but nothing creates the entry count (create it first: count := …)"),
+    "not created, and not what is meant": (
+        SEQUENCE.format("count == 1", '<Script code="count = 1"/>'),
+        [(3, "script-no-effect"), (4, "not-created")],
+        "a statement of code has no effect (a value is assigned with :=)",
+        "count = …, but nothing creates the entry count (create it first: count := …)"),
+    "created under a similar name": (
+        SEQUENCE.format("count := 1; cuont += 1", ""), [(3, "not-created")],
+        "cuont += …, but nothing creates the entry cuont (did you mean count?)"),
     "given": (SEQUENCE.format("given = 1; @given = 2", ""), []),
     "created by a port": (SEQUENCE.format("count = 1", '<In in="{count}"/>'), []),
-    "another kind": (SEQUENCE.format("a := 'x'; b := 2;\n a = 1", '<Script code="b = \'y\'"/>'), [
-        (4, "kind-changes"),
-        (5, "kind-changes")]),
+    "another kind": (
+        SEQUENCE.format("a := 'x'; b := 2;\n a = 1", '<Script code="b = \'y\'"/>'),
+        [(4, "kind-changes"), (5, "kind-changes")],
+        "a is assigned a number, but elsewhere a text (the first value decides the kind of an "
+        "entry)",
+        "b is assigned a text, but elsewhere a number (the first value decides the kind of an "
+        "entry)"),
     "another kind, in an entry of others": (SEQUENCE.format("x := 'a'; x = 1; given := 'a'; "
                                                             "given = 1",
                                                             '<Out out="{x}"/>'), []),
     "texts that are numbers, and what is not known": (
         SEQUENCE.format("a := 5; a = '6'; a = 'true'; a = 'false'; a = given; a = 'b' .. 'c'; a = "
                         "0x10", ""), []),
-    "texts that are no numbers": (SEQUENCE.format("a := 1;\n a = 'untrue'", '<Script code="b := 1;'
-                                                                            '\n b = \'m6\'"/>'), [
-        (4, "kind-changes"),
-        (6, "kind-changes")]),
-    "compared": (SEQUENCE.format("a := 1; b := 'x'; c := given; c = 1; d := a &lt; 2;\n d := a &gt;"
-                                 "= b;\n"
-                                 " d := (a - 1) != 'y'; d := c == b;\n d := 'z' == a * 2", ""), [
-        (4, "text-and-number"),
-        (5, "text-and-number"),
-        (6, "text-and-number")]),
-    "calculated": (SEQUENCE.format("a := 'x'; a += 'y'; b := a + 'z'; b := given + a; b := a .. 1;"
-                                   "\n a += 1;\n"
-                                   " b := a - a;\n b := given * a", ""), [
-        (4, "text-and-number"),
-        (5, "text-and-number"),
-        (6, "text-and-number")]),
+    "texts that are no numbers": (
+        SEQUENCE.format("a := 1;\n a = 'untrue'", '<Script code="b := 1;\n b = \'m6\'"/>'),
+        [(4, "kind-changes"), (6, "kind-changes")],
+        "a is assigned a text, but elsewhere a number (the first value decides the kind of an "
+        "entry)",
+        "b is assigned a text, but elsewhere a number (the first value decides the kind of an "
+        "entry)"),
+    "compared": (
+        SEQUENCE.format("a := 1; b := 'x'; c := given; c = 1; d := a &lt; 2;\n d := a &gt;"
+                        "= b;\n d := (a - 1) != 'y'; d := c == b;\n d := 'z' == a * 2", ""),
+        [(4, "text-and-number"), (5, "text-and-number"), (6, "text-and-number")],
+        "a >= b compares a text with a number (a text needs single quotes, a number none)",
+        "… != 'y' compares a text with a number (a text needs single quotes, a number none)",
+        "'z' == … compares a text with a number (a text needs single quotes, a number none)"),
+    "calculated": (
+        SEQUENCE.format("a := 'x'; a += 'y'; b := a + 'z'; b := given + a; b := a .. 1;"
+                        "\n a += 1;\n b := a - a;\n b := given * a", ""),
+        [(4, "text-and-number"), (5, "text-and-number"), (6, "text-and-number")],
+        "a += 1 calculates with a text (texts are joined with ..)",
+        "a - a calculates with a text (texts are joined with ..)",
+        "given * a calculates with a text (texts are joined with ..)"),
 }
 
 
 @pytest.mark.parametrize("rule", sorted(SCRIPTS))
 def test_what_is_said_of_a_script(rule):
-    body, expected = SCRIPTS[rule]
+    body, expected, *words = SCRIPTS[rule]
     assert [(line, code) for line, _, code in warnings(body)] == expected
+    assert unsaid(words, faults(body)) == []
 
 
 @pytest.mark.parametrize("written, is_told", [
@@ -344,6 +400,52 @@ def test_a_name_is_suggested_only_if_the_tree_itself_creates_it():
 
 
 # ----------------------------------------------------------------------------------------- subtrees
+
+
+@pytest.mark.parametrize("main, sub, model, words", [
+    ("<Act/>", "<Act/>", "", "the tree Sub is not used (the main tree is Main)"),
+    ('<Fallback><SubTree ID="Sub"/><Act/></Fallback>', "<ForceSuccess><Act/></ForceSuccess>", "",
+     "SubTree Sub before it never fails"),
+    ('<Sequence><SubTree ID="Sub"/><In in="{x}"/></Sequence>', '<Out out="{x}"/>', "",
+     "nothing writes it (the tree Sub writes one of its own; that of the whole mission is @x)"),
+    ('<SubTree ID="Sub"/>', '<In in="{given}"/>', "",
+     'the tree Sub needs the entry given, which this call does not give (write given="{@given}")'),
+    ('<SubTree ID="Sub" place="{given}"/>', '<In in="{target}"/>', "",
+     "the tree Sub uses no entry place (the tree Sub has target)"),
+    ('<SubTree ID="Sub" autoremap="true"/>', '<In in="{@given}"/>', "",
+     "autoremap is an entry of the tree Sub, and remaps nothing (did you mean _autoremap?)"),
+    ('<SubTree ID="Sub" result="said"/>', '<Out out="{result}"/>', "",
+     'result="said" is the text said: what the tree Sub writes there is lost (the entry is written '
+     '{said})'),
+    ("<Sequence><Script code='n := 3'/><SetBlackboard output_key='{n}' value='x'/>"
+     "<SubTree ID='Sub'/></Sequence>", "<Act/>", "",
+     'output_key="{n}" is the entry whose name n holds, which is a number (the entry itself is '
+     'written output_key="n")'),
+    ("<Sequence><Script code='n := 3'/><SetBlackboard output_key='n' value='x'/>"
+     "<SubTree ID='Sub'/></Sequence>", "<Act/>", "",
+     "the entry n was made by a script: this text empties it (write it with a script: n := …)"),
+    ("<Sequence><Script code='n := 3'/><SubTree ID='Sub' _skipIf='n'/></Sequence>", "<Act/>", "",
+     "n, which holds 3, is neither true nor false (compare it, as in n > 0)"),
+    ("<Sequence><Script code='n := 3'/><SubTree ID='Sub' n='{n}'/></Sequence>",
+     "<Switch2 variable='{n}' case_1='two' case_2='3'><Act/><Act/><Act/></Switch2>", "",
+     "case_1 is never chosen: n holds a number, and two is none (write the number)"),
+    ("<Sequence><Script code=\"place := 'lab'; place := hall\"/><SubTree ID='Sub'/></Sequence>",
+     "<Act/>", "", "the entry hall is read here, but nothing writes it (a text needs single "
+     "quotes: 'hall')"),
+    ('<SubTree ID="Sub" abd="1"/>', '<Out out="{abc}"/>', "",
+     "the tree Sub uses no entry abd (did you mean abc?)"),
+    ('<SubTree ID="Sub" xyz="1"/>', '<Out out="{abc}"/>', '<input_port name="abc" default="1"/>',
+     "the model of Sub has no port xyz (its ports: abc)"),
+    ('<SubTree ID="Sub" post="1"/>', '<Out out="{abc}"/>', "",
+     "post is an entry of the tree Sub, no condition (did you mean _post?)"),
+    ("<Sequence><Script code=\"place := 'lab'\"/><SubTree ID='Sub' target='{plce}'/></Sequence>",
+     "<ScriptCondition code=\"target == 'lab'\"/>", "", "the entry plce is named nowhere else"),
+    ('<SubTree ID="Sub" x="soon"/>', '<Drive target="{x}" speed="5"/>', "",
+     '"soon" cannot be of type int')])
+def test_what_is_said_of_a_tree_and_its_call(main, sub, model, words):
+    model = model and '<TreeNodesModel><SubTree ID="Sub">{}</SubTree></TreeNodesModel>'.format(
+        model)
+    assert unsaid([words], faults(main, tree("Sub", sub), model)) == []
 
 
 def test_an_unused_tree():

@@ -247,7 +247,7 @@ def test_a_substitute_that_does_not_exist_is_a_fault_of_the_node():
     fault, = raised.value.faults
     assert (fault.file, fault.line, fault.column, fault.code) == ("m.xml", 2, 11,
                                                                   "substitute-unknown")
-    assert "Slep" in fault.text
+    assert "the substitute Slep is not a node type" in fault.text
 
 
 @pytest.mark.parametrize("body, rest, code, words", [
