@@ -1,5 +1,6 @@
 """Which folder of both packages uses which, read from the sources."""
 import ast
+import functools
 import os
 from typing import Dict, Iterator, Set
 
@@ -9,8 +10,9 @@ COMMANDS = ("cli", "command", "replay_cli")
 """The modules beside the folders that use folders; the others there are the base, which all use."""
 
 
-def modules() -> Dict[str, ast.Module]:
-    """Return the syntax tree of each module of both packages, by its dotted name."""
+@functools.lru_cache(maxsize=None)
+def imported() -> Dict[str, Set[str]]:
+    """Return the modules of both packages that each of them imports, by their dotted names."""
     trees = {}
     for start in (os.path.join(ROOT, source) for source in SOURCES):
         for folder, _, files in os.walk(start):
@@ -18,17 +20,16 @@ def modules() -> Dict[str, ast.Module]:
                 name = os.path.relpath(path, start)[:-len(".py")].replace(os.sep, ".")
                 with open(path, encoding="utf-8") as text:
                     trees[name] = ast.parse(text.read())
-    return trees
+    return {name: set(_imported(tree, set(trees))) for name, tree in trees.items()}
 
 
 def used(depth: int = 1) -> Dict[str, Set[str]]:
     """Return the other folders that the modules of each folder import; a folder is at most ``depth``
     levels below its package."""
-    trees = modules()
     uses: Dict[str, Set[str]] = {}
-    for name, tree in trees.items():
-        others = {_folder(other, depth) for other in _imported(tree, set(trees))}
-        uses.setdefault(_folder(name, depth), set()).update(others)
+    for name, others in imported().items():
+        uses.setdefault(_folder(name, depth), set()).update(
+            _folder(other, depth) for other in others)
     return {folder: others - {folder} for folder, others in uses.items()}
 
 
