@@ -71,6 +71,12 @@ def faulty(visitors="engages"):
     return [*ONE, "--visitors", visitors]
 
 
+def planned(fault, *words):
+    """Return the words for the one play that shows the mistake: a rehearsal with every fault needs a
+    hundred."""
+    return ["asrEnabled:=true", "--visitors", "engages", "--planned", fault + ":refused", *words]
+
+
 FLAWED = [
     # what the visitor before leaves behind
     ("the list is retrieved once", calm("engages,noGaze"), "next-visitor",
@@ -87,7 +93,7 @@ FLAWED = [
        '\'yes\'"/><ScriptCondition code="@said == \'yes\'"/>')]),
     ("a tour that was broken off is remembered", calm("engages,leaves"), "next-visitor",
      [(START, "<START_OF_TREE/>" + once("<Script code=\"@tourBrokenOff := 'no'\"/>"))]),
-    ("a failure is remembered", faulty(), "next-visitor",
+    ("a failure is remembered", planned("textToSpeech:1", "--then", "engages"), "next-visitor",
      [(START, START + once('<Script code="@mute := 0"/>')),
       (WELCOME, '<Fallback _skipIf="@mute == 1"><WelcomeSpeech/>'
                 '<Script code="@mute := 1"/></Fallback>')]),
@@ -95,19 +101,20 @@ FLAWED = [
      [(START, START + once('<Script code="@met := 0"/>') + '<Script code="@met += 1"/>'),
       (WELCOME, f'<ForceSuccess _skipIf="@met == 3">{WELCOME}</ForceSuccess>')]),
     # a recovery around a step that matters
-    ("a recovery around the drive", faulty(), "left-out-step",
+    ("a recovery around the drive", planned("animateBehavior:9"), "left-out-step",
      [(OFF + STILL + safe("Navigate"),
        f"<Fallback>{steps(*TO_DRIVE)}{H}</Fallback>")]),
-    ("a recovery around the greeting", faulty(), "left-out-step",
+    ("a recovery around the greeting", planned("gestureExecution:1"), "left-out-step",
      [(safe("WelcomeGesture"), ""), (STILL + safe("EnableAnimateBehavior"), ""), (
          WELCOME, f"<Fallback>{steps('<WelcomeGesture/>', '<WelcomeSpeech/>')}{H}</Fallback>")]),
-    ("a failed gesture leaves out the words", faulty(), "left-out-step",
+    ("a failed gesture leaves out the words", planned("gestureExecution:8"), "left-out-step",
      [(PARALLEL, "<ForceSuccess>" + steps("<GoodbyeGesture/>", "<SayGoodByeSpeech/>")
        + "</ForceSuccess>")]),
-    ("a failed gesture leaves out the second description", faulty(), "left-out-step",
+    ("a failed gesture leaves out the second description", planned("gestureExecution:2"),
+     "left-out-step",
      [(POINT + safe("SocialOvertAttentionMode") + SECOND, "<ForceSuccess>" + steps(
          '<PerformDeicticGesture/>', '<DescribeExhibitSpeech name="2"/>') + "</ForceSuccess>")]),
-    ("the goodbye is left out when seeking fails", faulty(), "no-goodbye",
+    ("the goodbye is left out when seeking fails", planned("overtAttention:25+"), "no-goodbye",
      [(LOOK, "<ForceSuccess>" + steps(GAZE, safe("HereIsTheDoorSpeech"), PARALLEL)
        + "</ForceSuccess>"),
       (safe("EndTourSpeech"), ""),
@@ -163,6 +170,9 @@ FLAWED = [
      [as_fallback("LabTour")]),
     ("a Fallback of the way home", calm(), "not-home", [as_fallback("GoHome")]),
 ]
+
+SEARCHED = {"a Fallback of the steps of a drive", "a Fallback of the steps at the end"}
+"""The tours in which every visitor waits until the limit of a pass."""
 
 SOUND = [
     ("pointing before describing", [(FIRST + POINT, POINT + FIRST)]),
