@@ -55,7 +55,10 @@ def node(monkeypatch):
         time.sleep(0.01)
     handler.port = served.port
     yield handler
+    server = served.server
     served.shutdown("over")
+    # rospy only closes its socket, which the server would poll until the process ends
+    threading.Thread(target=server.shutdown, daemon=True).start()
 
 
 def post(port, *headers, body=CALL, path="/RPC2", method="POST"):
