@@ -113,7 +113,8 @@ def disproved(path):
     return wrong, has_tour
 
 
-@pytest.mark.parametrize("first", range(0, COUNT, 10))
+@pytest.mark.parametrize("first", [0, *(
+    pytest.param(first, marks=pytest.mark.long) for first in range(10, COUNT, 10))])
 def test_no_warning_is_disproved_by_a_play(first, tmp_path):
     tours = 0
     for number in range(first, min(first + 10, COUNT)):

@@ -37,8 +37,11 @@ def test_it_is_valid(robot):
     assert code == 0 and re.search(r"can be run, \d+ nodes, 0 warnings", text), text
 
 
-def test_a_rehearsal_with_every_fault_finds_nothing():
-    code, text = run("rehearseMission", "receptionist")
+@pytest.mark.parametrize("words", [
+    ["--kinds", "refused", "--visitors", "engages"], pytest.param([], marks=pytest.mark.long)],
+    ids=["a visitor", "all"])
+def test_a_rehearsal_with_every_fault_finds_nothing(words):
+    code, text = run("rehearseMission", "receptionist", *words)
     assert code == 0 and "nothing was found" in text, text
 
 
