@@ -15,6 +15,7 @@ use_ros() {
 use_workspace() {
   use_ros
   . "$BUILD/devel/setup.bash"
+  unset PYTHONDONTWRITEBYTECODE # or each of the many programs of a test compiles all modules again
   export ROS_HOME="$BUILD/ros" ROS_HOSTNAME=localhost PYTHONUNBUFFERED=1
   ROS_MASTER_URI="http://localhost:$(free_port)"
   export ROS_MASTER_URI

@@ -56,7 +56,7 @@ def run(words, folder, changes, before=""):
     """Return the exit code of a program, and what it prints."""
     changes = dict({"ROS_MASTER_URI": "http://localhost:1", "ROS_HOME": str(folder)}, **changes)
     variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)),
-                     PYTHONPYCACHEPREFIX=str(folder.parent / "cache"))
+                     PYTHONPYCACHEPREFIX=os.path.join(ROOT, "build", "pycache"))
     for name, value in changes.items():
         variables.pop(name, None)
         if value is not None:
