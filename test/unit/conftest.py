@@ -17,7 +17,7 @@ def show():
         each.page.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser():
     """A headless Chromium."""
     from browser import open_browser

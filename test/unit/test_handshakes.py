@@ -15,7 +15,6 @@ from rospy.impl import tcpros_base
 from behavior_controller.ros import handshakes
 from behavior_controller.ros.shortage import Shortage
 from behavior_controller.ros.tcpros import ask
-from browser import open_browser
 from shortages import no_files_left
 
 CALL = xmlrpc.client.dumps(("/page", "gone"), "shutdown").encode()
@@ -158,14 +157,12 @@ class _Site(http.server.BaseHTTPRequestHandler):
 
 
 @pytest.fixture
-def page():
+def page(browser):
     """A browser with a web page that is no friend of ours."""
     site = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Site)
     threading.Thread(target=site.serve_forever, daemon=True).start()
-    browser = open_browser()
     browser.get("http://127.0.0.1:{}/".format(site.server_port))
     yield browser
-    browser.quit()
     site.shutdown()
     site.server_close()
 

@@ -20,7 +20,6 @@ from behavior_controller.run.record.outset import Outset
 from behavior_controller.run.state import State
 from behavior_controller.text import Source
 from behavior_controller.viewer import status_tool
-from browser import open_browser
 from mission_rig import Rig
 from page_rig import Show, wait_until
 
@@ -166,8 +165,8 @@ def test_the_command_prints_the_list_under_a_headline():
         "✘ topic /x: no node publishes it"]
 
 
-def test_a_professor_sees_without_a_click_what_is_missing():
-    shown, browser = Show(Rig()), open_browser()
+def test_a_professor_sees_without_a_click_what_is_missing(browser):
+    shown = Show(Rig())
     try:
         browser.get(shown.url)
         for event in (MISSION, DRIVE, Checked("topic", "/x", MISSING, "no node publishes it")):
@@ -179,5 +178,4 @@ def test_a_professor_sees_without_a_click_what_is_missing():
         shown.rig.mission.events.emit(Checked("topic", "/x", READY, ""))
         wait_until(lambda: browser.find_element("id", "ready-title").text == "Ready")
     finally:
-        browser.quit()
         shown.page.close()

@@ -32,7 +32,7 @@ from behavior_controller.simulation.rehearsal.findings import KIND_BY_NAME
 from behavior_controller.simulation.rehearsal.html_report import to_html as rehearsal_html
 from behavior_controller.simulation.rehearsal.summary import FindingSummary, Share, VisitorRow
 from browser import (
-    IS_WHOLE, MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen)
+    IS_WHOLE, MODES, SCREENS, axe, findings, first, reset_screen, set_screen)
 from mission_rig import decode
 from recorded_tours import KINDS, recorded_day
 from page_rig import wait_until
@@ -760,14 +760,6 @@ def test_a_tree_of_many_levels_is_reported():
 
 
 @pytest.fixture(scope="module")
-def browser():
-    opened = open_browser()
-    opened.set_script_timeout(120)
-    yield opened
-    opened.quit()
-
-
-@pytest.fixture(scope="module")
 def address(day, tmp_path_factory):
     """Where the report of the day is: a file, and nothing else."""
     place = tmp_path_factory.mktemp("report") / "report.html"
@@ -780,6 +772,7 @@ def report(browser, address):
     """The browser with the report freshly opened; it must have nothing to complain about in the
     end."""
     browser.get("about:blank")  # else only the hash would change
+    browser.get_log("browser")  # the page of the test before may miss its server
     browser.get(address)
     yield browser
     reset_screen(browser)

@@ -19,7 +19,7 @@ from behavior_controller.run.statistics import Choice, FaultCount, NodeFigures, 
 from behavior_controller.viewer import web_page
 from behavior_controller.viewer.board import Board
 from behavior_controller.viewer.run_index import INDEX, RunIndex, all_runs
-from browser import MODES, axe, findings, open_browser, set_screen
+from browser import MODES, axe, findings
 from free_ports import free_port
 from page_rig import wait_until
 from recorded_tours import KINDS, recorded_day
@@ -307,13 +307,6 @@ def test_a_report_and_a_comparison_are_made_of_the_runs_in_the_list_alone(site, 
         assert error.value.code == 404, wrong
 
 
-@pytest.fixture(scope="module")
-def browser():
-    opened = open_browser()
-    yield opened
-    opened.quit()
-
-
 @pytest.fixture(name="listed")
 def _listed(browser, site):
     """Return the browser with the list, when all runs are read."""
@@ -364,10 +357,10 @@ def test_two_visits_are_compared_at_the_node_where_they_part(listed):
     assert "not reachable" in failed
 
 
-def test_the_list_fits_every_screen_and_axe_finds_nothing(listed):
+def test_the_list_fits_every_screen_and_axe_finds_nothing(listed, screen):
     for width in (320, 400, 800, 1280):
         for mode in MODES:
-            set_screen(listed, width, 800, mode)
+            screen(width, 800, mode)
             # a phone widens its window for what does not fit
             is_whole = "return Math.max(document.documentElement.scrollWidth, innerWidth)"
             assert listed.execute_script(is_whole) == width
