@@ -19,7 +19,6 @@ use_workspace() {
   export ROS_HOME="$BUILD/ros" ROS_HOSTNAME=localhost PYTHONUNBUFFERED=1
   ROS_MASTER_URI="http://localhost:$(free_port)"
   export ROS_MASTER_URI
-  unset PYTHONDONTWRITEBYTECODE # a third of the start of a node is to compile what no cache holds
 }
 
 free_port() {
