@@ -30,7 +30,8 @@ def open_browser(width=1280, height=800):
     from selenium.webdriver.chrome.service import Service
     for is_last in (False, True):  # on a busy computer it may end while it starts
         try:
-            opened = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+            service = Service(shutil.which("chromedriver"))
+            opened = webdriver.Chrome(service=service, options=options)
             opened.set_script_timeout(120)  # axe-core takes its time
             return opened
         except Exception:

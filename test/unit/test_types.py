@@ -52,7 +52,8 @@ def changed(declared, **fields):
      "not have: 'textServiceResponse' object has no attribute 'text'"),
     (changed(SPEECH, read=lambda message: message.text), "reads a field that std_msgs/String does"),
     (changed(ACTION, answer=lambda result: result.text), "reads a field that cssr_system/driveTo"),
-    (changed(ACTION, feedback=lambda feedback: feedback.text), "reads a field that cssr_system/dri"),
+    (changed(ACTION, feedback=lambda feedback: feedback.text),
+     "reads a field that cssr_system/dri"),
     (changed(SAY, fields=lambda request: request.text), "returned ''; cssr_system/textService has "
      "the fields message: return a tuple with a value for each"),
     (changed(SPOKEN, fields=lambda request: (1.0,)), "cssr_system/sayText has the fields "),
