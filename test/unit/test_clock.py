@@ -1,4 +1,6 @@
 """Timers run in order, at their own time, once, and not after they were cancelled."""
+import weakref
+
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 
 
@@ -30,6 +32,20 @@ def test_a_cancelled_timer_does_not_run_and_is_not_waited_for():
     clock.call_after(3.0, lambda: None)
     assert clock.next_due() == 3.0
     clock.advance(5.0)
+
+
+def test_cancelled_timers_are_not_kept_until_they_are_due():
+    clock, seen = ManualClock(), []
+    for number in range(5):
+        clock.call_after(5.0 - number, lambda number=number: seen.append(number))
+    timers = [clock.call_after(60.0, lambda: None) for _ in range(1000)]
+    kept = [weakref.ref(timer) for timer in timers]
+    while timers:
+        timers.pop().cancel()
+        clock.call_after(60.0, lambda: None).cancel()
+    assert sum(timer() is not None for timer in kept) < 100
+    clock.advance(10.0)
+    assert seen == [4, 3, 2, 1, 0]
 
 
 def test_a_timer_may_start_and_cancel_timers():

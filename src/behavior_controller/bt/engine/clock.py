@@ -16,6 +16,10 @@ from behavior_controller.bt.engine.failure import failure_of, owner_of
 from behavior_controller.thread_check import tick_thread_only
 
 
+FEW_TIMERS = 64
+"""So many timers may wait to be due though they were cancelled; of more, half."""
+
+
 class Timer:
     """A callback that is due at ``due`` seconds, unless it is cancelled before."""
 
@@ -48,6 +52,7 @@ class Clock:
         self.held_at: Optional[float] = None
         """The moment of the traversal under way, or None; for any thread."""
         self._queue: List[Tuple[float, int, Timer]] = []
+        self._room = FEW_TIMERS  # the length of the queue at which cancelled timers are taken out
         self._order = itertools.count()
         self._posted: Deque[Tuple[Callable[[], None], Any]] = collections.deque()
         self._running: Any = None  # the owner of the callback that runs
@@ -76,6 +81,10 @@ class Clock:
         """
         owner = None if is_foreign else owner_of(callback) or self._running
         timer = Timer((self.source if is_foreign else self.now)() + seconds, callback, owner)
+        if len(self._queue) >= self._room:
+            self._queue = [entry for entry in self._queue if entry[2].callback is not None]
+            heapq.heapify(self._queue)
+            self._room = FEW_TIMERS + 2 * len(self._queue)
         heapq.heappush(self._queue, (timer.due, next(self._order), timer))
         return timer
 
