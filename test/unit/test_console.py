@@ -16,6 +16,7 @@ from behavior_controller.run.events import Line
 from behavior_controller.run.health import GONE
 from behavior_controller.run.history import Run
 from behavior_controller.run.moment import robot_line
+from behavior_controller.run.record import recorder
 from behavior_controller.run.record.recorder import Record
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location
@@ -184,6 +185,18 @@ def test_a_heartbeat_is_the_line_of_the_card(told, console, monkeypatch, happene
     clock.advance(10.0)
     console.drain(5)
     assert told[-1] == "behaviorController: running. " + line
+
+
+def test_a_heartbeat_knows_more_than_fits_between_two(told, console, monkeypatch):
+    monkeypatch.setattr(recorder, "MOST_FOR_DISK", 5)
+    clock, record = ManualClock(), Record()
+    console.start_heartbeat(clock, console, record)
+    for event in (*DRIVES, *8 * [Tick(0.0, True, [])]):
+        record(event)
+        record.hand_over()
+        clock.advance(1.0)
+        console.drain(5)
+    assert "driving to Robot arm" in told[-1]
 
 
 @pytest.mark.parametrize("seconds, lines", [

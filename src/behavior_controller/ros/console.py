@@ -196,11 +196,14 @@ class Console:
         run, state = LineQueue(), State()
         record.add(run)
 
-        def write(at: float) -> None:
+        def follow() -> None:
             nonlocal state
-            self._log_robot(at)
             for line in run.take():
                 state = fold(state, line.time, line.event)
+
+        def write(at: float) -> None:
+            self._log_robot(at)
+            follow()
             self._log(at, "info", f"running. {card_line(card(state), unix_now())}")
 
         def beat() -> None:
@@ -211,7 +214,8 @@ class Console:
             clock.call_after(HEARTBEAT_INTERVAL, beat)
 
         clock.call_after(HEARTBEAT_INTERVAL, beat)
-        _watch_pulse(clock, emit)
+        # what ten seconds of a busy mission bring would delay the tick thread
+        _watch_pulse(clock, emit, lambda: self._lines.put(follow))
 
 
 def _make_safe(record: logging.LogRecord) -> bool:
@@ -226,8 +230,9 @@ def _make_safe(record: logging.LogRecord) -> bool:
     return True
 
 
-def _watch_pulse(clock: Clock, emit: Callable[[Event], None]) -> None:
-    """Have an event emitted after each time in which the tick thread has stood still."""
+def _watch_pulse(clock: Clock, emit: Callable[[Event], None], pulse: Callable[[], None]) -> None:
+    """Have an event emitted after each time in which the tick thread has stood still, and call
+    ``pulse`` every ``PULSE`` seconds."""
     last = clock.source()
 
     def look() -> None:
@@ -235,6 +240,7 @@ def _watch_pulse(clock: Clock, emit: Callable[[Event], None]) -> None:
         still, last = clock.source() - last - PULSE, clock.source()
         if still >= HANGS:
             emit(Noticed("warning", f"the controller stood still for {still:.0f} s"))
+        pulse()
         clock.call_after(PULSE, look)
 
     clock.call_after(PULSE, look)
