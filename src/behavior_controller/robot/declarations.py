@@ -294,6 +294,7 @@ class Interface:
     def __post_init__(self) -> None:
         self._by_request: Dict[type, Service] = {
             service.request: service for service in self.services}
+        self._kinds: Dict[type, Optional[type]] = {}
         for one, other in itertools.combinations(self.services, 2):
             kind, name = one.request, one.request.__name__
             if other.request is kind:
@@ -315,7 +316,10 @@ class Interface:
     def _kind(self, request: type) -> Optional[type]:
         """Return the kind of request as which a service carries out ``request``: that kind itself,
         or else the one from which it is derived, as for the goal of an action."""
-        return next((kind for kind in request.__mro__ if kind in self._by_request), None)
+        if request not in self._kinds:  # each request of a run asks several times
+            self._kinds[request] = next(
+                (kind for kind in request.__mro__ if kind in self._by_request), None)
+        return self._kinds[request]
 
     def service(self, request: type) -> Service:
         """Return the service for a kind of request. Raises LookupError, which names it, if none is
