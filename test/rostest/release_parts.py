@@ -6,6 +6,8 @@ import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from cssr_system.msg import recogniseSpeechActionGoal, recogniseSpeechActionResult
 
+from robot import NodeCase
+
 ACTION = "/speechEvent/recognise_speech_action"
 ENVIRONMENT = """robotLocationDescription 1 the door
 robotLocationPose 1 2.5 -1.25 90
@@ -22,6 +24,17 @@ CULTURE = "phraseLanguage English\n" + "".join("utilityPhraseEnglish{0} phrase {
                                                for n in range(1, 8))
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>{}
 </Sequence></BehaviorTree></root>"""
+
+
+class ReleaseCase(NodeCase):
+    """A test case of the node, which has the knowledge files of a robot of a release."""
+
+    def setUp(self):
+        super().setUp()
+        for name, text in (("environment", ENVIRONMENT), ("culture", CULTURE)):
+            self.package.write("config/{}KnowledgeBaseConfiguration.ini".format(name),
+                               "knowledgeBase {}.dat\n".format(name))
+            self.package.write("data/{}.dat".format(name), text)
 
 
 class EndingServer:

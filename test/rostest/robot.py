@@ -10,6 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import unittest
@@ -52,6 +53,11 @@ SETTLE = 0.02
 
 LIVE_MODES = {"done", "refuse", "odd", "raise", "hang", "exit"}
 """The modes of a service that may change while the robot runs."""
+
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
+  <BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree>
+</root>
+"""
 
 BUSY = 4
 """How many times as long as on a quiet machine a wait for a line may take."""
@@ -314,6 +320,15 @@ class Package:
         """Return the path of a file or folder of the package."""
         return os.path.join(self.folder, name)
 
+    def command(self, name):
+        """Return the words that run a program of the package, in its ``environment``."""
+        return [sys.executable, self.path("src/behavior_controller/" + name)]
+
+    def environment(self, **more):
+        """Return the environment in which the modules of this package are found."""
+        paths = [self.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
+        return dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **more)
+
     def write(self, name, text):
         """Write a file, in place of a link."""
         with contextlib.suppress(FileNotFoundError):
@@ -337,14 +352,11 @@ class Controller:
 
     def __init__(self, package, *arguments, stdin=subprocess.DEVNULL, preexec_fn=None,
                  **environment):
-        paths = [package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **environment)
         self.started = time.monotonic()
         self.process = subprocess.Popen(
-            [sys.executable,
-             package.path("src/behavior_controller/behaviorController")] + list(arguments),
-            stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            universal_newlines=True, env=environment, preexec_fn=preexec_fn)
+            package.command("behaviorController") + list(arguments), stdin=stdin,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+            env=package.environment(**environment), preexec_fn=preexec_fn)
         self.lines = Lines(self.process.stdout)
 
     def viewer(self):
@@ -381,3 +393,29 @@ class Controller:
             self.process.kill()
         self.process.wait(10)
         self.process.stdout.close()
+
+
+class NodeCase(unittest.TestCase):
+    """A test case of the node. Each case has a copy of the package."""
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.addCleanup(forget_dead_entries)
+        self.package = Package(os.path.join(self.folder, "package"))
+
+    def prepare(self, mission, **keys):
+        """Write the mission of these leaves, and a configuration that chooses it."""
+        self.package.write("data/m.xml", MISSION.format(mission))
+        self.package.configure(scenarioSpecification="m", **keys)
+
+    def controller(self, *arguments, **environment):
+        """Start the node for this case."""
+        controller = Controller(self.package, *arguments, **environment)
+        self.addCleanup(controller.close)
+        return controller
+
+    def start(self, mission, modes=None, **keys):
+        """Run the mission of these leaves against a robot in these modes; return both."""
+        self.prepare(mission, **keys)
+        return robot_for(self, modes), self.controller()

@@ -6,12 +6,10 @@ import os
 import pty
 import re
 import resource
-import shutil
 import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import unittest
@@ -20,7 +18,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    BUSY, MASTER_IS_GONE, Controller, Package, forget_dead_entries, robot_for, start_master)
+    BUSY, MASTER_IS_GONE, NodeCase, robot_for, start_master)
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY = "/textToSpeech/say_text"
@@ -48,14 +46,12 @@ threading.Thread.start = start_if_allowed"""
 """A system that gives no more threads while a file exists."""
 
 
-class TestBlocked(unittest.TestCase):
+class TestBlocked(NodeCase):
     """Each case has a copy of the package; some have their own master, which they may freeze."""
 
     def setUp(self):
+        super().setUp()
         self.master = None
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.package = Package(os.path.join(self.folder, "package"))
         self.environment = {"ROS_HOME": os.path.join(self.folder, "ros")}
 
     def own_master(self):
@@ -67,9 +63,7 @@ class TestBlocked(unittest.TestCase):
 
     def tearDown(self):
         """Clean up first: no other clean-up may wait for a frozen master."""
-        if self.master is None:
-            forget_dead_entries()
-        else:
+        if self.master is not None:
             self.master.kill()
             self.master.wait()
 
@@ -81,19 +75,14 @@ class TestBlocked(unittest.TestCase):
 
     def controller(self, *arguments):
         """Start the node, with its output read by this test."""
-        controller = Controller(self.package, *arguments, **self.environment)
-        self.addCleanup(controller.close)
-        return controller
+        return super().controller(*arguments, **self.environment)
 
     def start_process(self, *arguments, **options):
         """Start the node with the output that ``options`` of Popen say."""
-        environment = dict(os.environ, **self.environment)
-        environment["PYTHONPATH"] = self.package.path("src") + os.pathsep + environment.get(
-            "PYTHONPATH", "")
         process = subprocess.Popen(
-            [sys.executable,
-             self.package.path("src/behavior_controller/behaviorController")] + list(arguments),
-            stdin=options.pop("stdin", subprocess.DEVNULL), env=environment, **options)
+            self.package.command("behaviorController") + list(arguments),
+            stdin=options.pop("stdin", subprocess.DEVNULL),
+            env=self.package.environment(**self.environment), **options)
         self.addCleanup(process.wait, 10)
         self.addCleanup(process.kill)
         return process

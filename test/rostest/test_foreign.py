@@ -4,20 +4,17 @@ name them?"""
 import itertools
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-import unittest
 
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from behavior_controller.folders import RECORDS  # noqa: E402
 from behavior_controller.run.events import SafePart, SafeStateReported  # noqa: E402
-from robot import Controller, Package, forget_dead_entries, robot_for, sentence  # noqa: E402
+from robot import NodeCase, robot_for, sentence  # noqa: E402
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY = "/textToSpeech/say_text"
@@ -121,16 +118,10 @@ KINDS = ("leaves", "interface", "phrases")
 BROKEN_MODULES = (("raise SystemExit(0)", "SystemExit: 0"), ("SPECS = (", "SyntaxError"))
 
 
-class TestForeign(unittest.TestCase):
+class TestForeign(NodeCase):
     """Each case writes a package with the leaf FixtureOdd, which does something that a leaf must
     not do.
     """
-
-    def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
 
     def start(self, module, mission="<FixtureOdd name=\"grip\"/>", kind="leaves", modes=None,
               arguments=(), **keys):
@@ -146,11 +137,8 @@ class TestForeign(unittest.TestCase):
 
     def second(self, *arguments):
         """Start a node, as ``start`` does."""
-        node = Controller(self.package, *arguments,
-                          ROS_PACKAGE_PATH=os.path.join(self.folder, "other"),
-                          ROS_HOME=os.path.join(self.folder, "ros"))
-        self.addCleanup(node.close)
-        return node
+        return self.controller(*arguments, ROS_PACKAGE_PATH=os.path.join(self.folder, "other"),
+                               ROS_HOME=os.path.join(self.folder, "ros"))
 
     def assert_calm(self, robot):
         """Expect the requests of the safe state as the last two."""

@@ -3,13 +3,10 @@
 import json
 import os
 import re
-import shutil
 import signal
 import statistics
 import sys
-import tempfile
 import time
-import unittest
 
 import rosgraph
 import rostest
@@ -20,16 +17,11 @@ from behavior_controller.run.record.reader import read_record
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    BUSY, Controller, Package, Robot, forget_dead_entries, mission_starts, on_one_python, places,
-    robot_for)
+    BUSY, MISSION, NodeCase, Robot, mission_starts, on_one_python, places)
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY, FACES, DRIVE = "/textToSpeech/say_text", "/faceDetection/data", "/robotNavigation/set_goal"
 SPEECH = "/speechEvent/text"
-MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
-  <BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree>
-</root>
-"""
 GREET_AND_PART = """<Repeat num_cycles="-1"><Sequence>
   <ReactiveFallback><IsVisitorDiscovered/><Sleep msec="600000"/></ReactiveFallback>
   <WelcomeSpeech/>
@@ -46,23 +38,8 @@ ANSWERED = """<ReactiveFallback><IsYesNoUttered/><Sleep msec="600000"/></Reactiv
 <IsVisitorResponseYes/><WelcomeSpeech/>"""
 
 
-class TestMission(unittest.TestCase):
+class TestMission(NodeCase):
     """Each case runs its own mission."""
-
-    def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
-
-    def start(self, mission, robot_modes=None, **keys):
-        """Run ``mission`` (leaves) against a robot; return both."""
-        self.package.write("data/m.xml", MISSION.format(mission))
-        self.package.configure(scenarioSpecification="m", **keys)
-        robot = robot_for(self, robot_modes)
-        controller = Controller(self.package)
-        self.addCleanup(controller.close)
-        return robot, controller
 
     def lines(self, controller):
         """Return what the node wrote, without time stamps."""

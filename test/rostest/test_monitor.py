@@ -2,13 +2,10 @@
 """Is each fault of the robot noticed within two seconds, reported once, and survived while the
 mission runs?"""
 import os
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-import unittest
 
 import rosgraph
 import rostest
@@ -19,8 +16,8 @@ from behavior_controller.robot.gateway import Cause, Failure  # noqa: E402
 from faulty_master import FaultyMaster  # noqa: E402
 from robot import (
     MASTER_IS_GONE,
-    Controller,
-    Package,
+    MISSION,
+    NodeCase,
     forget_dead_entries,
     mission_starts,
     registrations,
@@ -33,32 +30,20 @@ SAY, DRIVE, KNOWLEDGE = ("/textToSpeech/say_text", "/robotNavigation/"
                                                    "set_goal", "/knowledgeBase/query")
 FACES, ATTENTION, SPEECH = "/faceDetection/data", "/overtAttention/mode", "/speechEvent/text"
 LIMIT = 2.0
-MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
-  <BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree>
-</root>
-"""
 WAITING = "<ReactiveFallback><IsVisitorDiscovered/><Sleep msec=\"600000\"/></ReactiveFallback>"
 TALKING = "<WelcomeSpeech/><Sleep msec=\"300\"/>"
 
 
-class TestMonitor(unittest.TestCase):
+class TestMonitor(NodeCase):
     """Each case runs its own mission."""
-
-    def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
 
     def robot(self, modes=None):
         return robot_for(self, modes)
 
     def start(self, mission, environment=None, **keys):
         """Run ``mission`` (leaves) and wait until it has started."""
-        self.package.write("data/m.xml", MISSION.format(mission))
-        self.package.configure(scenarioSpecification="m", startupCheck="all", **keys)
-        controller = Controller(self.package, **(environment or {}))
-        self.addCleanup(controller.close)
+        self.prepare(mission, startupCheck="all", **keys)
+        controller = self.controller(**(environment or {}))
         controller.lines.wait_for(lambda line: mission_starts() in line, 20)
         return controller
 

@@ -3,28 +3,22 @@
 import contextlib
 import http.client
 import os
-import shutil
 import signal
 import socket
-import subprocess
 import sys
-import tempfile
 import time
-import unittest
 import urllib.parse
 import xmlrpc.client
-from unittest import mock
 
 import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    Controller, Package, forget_dead_entries, on_one_python, robot_for)
+    NodeCase, on_one_python, robot_for)
 
 NAME = "/behaviorController"
 SAY = "/textToSpeech/say_text"
-GESTURE, MODE = "/gestureExecution/perform_gesture", "/overtAttention/set_mode"
 SERVICES = (SAY, "/animateBehaviour/set_activation", "/overtAttention/set_mode")
 MISSION = """<root BTCPP_format="4"><BehaviorTree ID="M"><Repeat num_cycles="-1"><Sequence>
 <WelcomeSpeech/><ForceSuccess><IsVisitorDiscovered/></ForceSuccess><Sleep msec="200"/></Sequence></Repeat></BehaviorTree></root>"""
@@ -33,28 +27,19 @@ ROUNDS = 3
 START_LIMIT = 20.0
 
 
-class TestOneNode(unittest.TestCase):
+class TestOneNode(NodeCase):
     """A node speaks in each case; others are started beside it."""
 
     def setUp(self):
-        folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(folder, "package"))
+        super().setUp()
         self.package.write("data/m.xml", MISSION)
         self.package.configure(scenarioSpecification="m")
         self.robot = robot_for(self)
         self.master = rosgraph.Master("/test")
 
-    def start(self, *arguments):
-        """Start a node beside those that run."""
-        node = Controller(self.package, *arguments)
-        self.addCleanup(node.close)
-        return node
-
     def running(self):
         """Start a node, and return it when it is registered and speaks."""
-        node = self.start()
+        node = self.controller()
         self.robot.wait_for_request(SAY, START_LIMIT, start=len(self.robot.lines.all))
         self.assert_registered()
         return node
@@ -90,7 +75,7 @@ class TestOneNode(unittest.TestCase):
                             (2, ["_language:=Klingon"]), (2, ["__nam:=x"]),
                             (2, ["_robot:=1 robot"]), (2, ["_robot:=robot1", "__ns:=/hall"]),
                             (1, ["__name:=other", SAY + ":=/voice/say"])):
-            failing = self.start(*words)
+            failing = self.controller(*words)
             self.assertEqual(failing.wait(START_LIMIT), code, failing.lines.text())
             self.assert_speaks(running)
         self.assertNotIn("another node", running.lines.text())
@@ -98,7 +83,7 @@ class TestOneNode(unittest.TestCase):
     @on_one_python
     def test_a_start_that_waits_for_nodes_leaves_the_running_one_alone(self):
         running = self.running()
-        waiting = self.start("_startupTimeout:=60", SAY + ":=/voice/say")
+        waiting = self.controller("_startupTimeout:=60", SAY + ":=/voice/say")
         waiting.lines.wait_for(lambda line: "waiting up to" in line and "/voice/say" in line,
                                START_LIMIT)
         self.assert_speaks(running)
@@ -106,17 +91,17 @@ class TestOneNode(unittest.TestCase):
         self.assert_speaks(running)
 
     def test_a_name_of_its_own(self):
-        other = self.start("__name:=other", "__ns:=/hall")
+        other = self.controller("__name:=other", "__ns:=/hall")
         other.lines.wait_for(lambda line: " starts, " in line, START_LIMIT)
         self.assertIsNotNone(self.master.lookupNode("/hall/other"))
-        refused = self.start("__name:=hall/other")
+        refused = self.controller("__name:=hall/other")
         self.assertEqual(refused.wait(START_LIMIT), 2)
         self.assertIn("argument __name:=hall/other", refused.lines.text())
 
     def test_parameters_below_the_name_that_it_is_given(self):
         self.addCleanup(self.master.deleteParam, "/hall")
         self.master.setParam("/hall/other", {"language": "Klingon"})
-        node = self.start("__name:=other", "__ns:=/hall")
+        node = self.controller("__name:=other", "__ns:=/hall")
         self.assertEqual(node.wait(START_LIMIT), 2)
         self.assertIn("Klingon", node.lines.text())
 
@@ -152,7 +137,7 @@ class TestOneNode(unittest.TestCase):
     def test_the_newer_one_stays_and_the_older_one_says_why_it_goes(self):
         older = self.running()
         for _ in range(ROUNDS):
-            newer = self.start()
+            newer = self.controller()
             self.assertEqual(older.wait(START_LIMIT), 0)
             self.assertIn("another node was started under the name " + NAME, older.lines.text())
             self.assertIn("exit code 0", older.lines.text())
@@ -163,7 +148,7 @@ class TestOneNode(unittest.TestCase):
 
     def test_the_newer_one_asks_for_nothing_before_the_older_one_has_ended(self):
         older = self.running()
-        newer = self.start("_verboseMode:=true")
+        newer = self.controller("_verboseMode:=true")
         self.assertEqual(older.wait(START_LIMIT), 0)
         calm = max(request["time"] for request in self.robot.requests()
                    if request["fields"].get("state") == "disabled")
@@ -174,7 +159,7 @@ class TestOneNode(unittest.TestCase):
     def test_an_older_one_that_does_not_end_is_reported(self):
         older = self.running()
         older.process.send_signal(signal.SIGSTOP)
-        newer = self.start()
+        newer = self.controller()
         newer.lines.wait_for(lambda line: "[WARN]" in line and "does not end" in line, START_LIMIT)
         older.process.send_signal(signal.SIGCONT)
         self.assertEqual(older.wait(START_LIMIT), 0)
@@ -184,7 +169,7 @@ class TestOneNode(unittest.TestCase):
     def test_of_several_that_start_at_once_one_stays(self):
         nodes = [self.running()]
         for _ in range(ROUNDS):
-            nodes += [self.start() for _ in range(AT_ONCE)]
+            nodes += [self.controller() for _ in range(AT_ONCE)]
             for node in nodes:
                 node.lines.wait_for(lambda line: " starts, " in line or "another node" in line,
                                     START_LIMIT)
@@ -211,19 +196,19 @@ class TestOneNode(unittest.TestCase):
         below = ["/robot2{0}:={0}".format(name) for name in (*SERVICES, "/faceDetection/data")]
         for words in (["__name:=other"], ["__ns:=/hall"], ["_robot:=robot2", *below],
                       ["_robot:=robot2"] + [word.replace("/robot2", "") for word in below]):
-            self.assert_refused(self.start(*words), NAME)
+            self.assert_refused(self.controller(*words), NAME)
             self.assert_speaks(running)
 
     def test_a_killed_controller_is_in_nobodys_way(self):
         killed = self.running()
         killed.process.kill()
         killed.wait(10)
-        other = self.start("__name:=other")
+        other = self.controller("__name:=other")
         other.lines.wait_for(lambda line: " starts, " in line, START_LIMIT)
         self.assertIsNotNone(self.master.lookupNode(NAME), "its entry is left")
 
     def test_of_several_names_that_start_at_once_one_stays(self):
-        nodes = {"/n{}".format(number): self.start("__name:=n{}".format(number))
+        nodes = {"/n{}".format(number): self.controller("__name:=n{}".format(number))
                  for number in range(AT_ONCE)}
         for node in nodes.values():
             node.lines.wait_for(lambda line: " starts, " in line or "already controls" in line,
@@ -240,133 +225,6 @@ class TestOneNode(unittest.TestCase):
         running.process.send_signal(signal.SIGHUP)
         running.lines.wait_for(lambda line: "refused, the running mission stays" in line
                                and "robot robot1 cannot follow" in line, START_LIMIT)
-        self.assert_speaks(running)
-
-    # ------------------------------------------------------------------------------------- tryRobot
-
-    def tries(self, *words, during=lambda process: ""):
-        """Run tryRobot, and return its exit code and its lines; ``during`` returns the first ones.
-        """
-        paths = [self.package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
-        with subprocess.Popen(
-                [sys.executable, self.package.path("src/behavior_controller/tryRobot"), *words],
-                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
-                env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths))) as process:
-            text = during(process) + process.stdout.read()  # with what its buffer has
-        return process.returncode, text
-
-    @on_one_python
-    def test_ctrl_c_ends_a_try_and_a_mission_waits_for_its_end(self):
-        def interrupt(process):
-            self.robot.wait_for_request(GESTURE, START_LIMIT)
-            refused = self.start()
-            self.assertEqual(refused.wait(START_LIMIT), 1, refused.lines.text())
-            self.assertIn("node /tryRobot already controls this robot", refused.lines.text())
-            process.send_signal(signal.SIGINT)
-            lines = [process.stdout.readline()]
-            while lines[-1] and "stopped by Ctrl-C" not in lines[-1]:
-                lines.append(process.stdout.readline())
-            process.send_signal(signal.SIGINT)  # somebody is impatient
-            return "".join(lines)
-
-        self.robot.set_mode(GESTURE, "hang")
-        found, text = self.tries("gesture", "welcome", during=interrupt)
-        self.assertEqual(found, 3, text)
-        self.assertIn("stopped by Ctrl-C", text)
-        self.assertIn("may still be making iconic gesture 1: keep the stop button at hand", text)
-        self.assertNotIn("asked nothing", text)
-        self.assertNotIn("Traceback", text)
-        self.running()
-
-    @on_one_python
-    def test_one_request_is_sent_and_its_answer_is_told(self):
-        for words, service, code, said in (
-                (["say", "Good", "morning"], SAY, 0, "saying “Good morning”"),
-                (["gesture", "goodbye"], GESTURE, 0, "making iconic gesture 3"),
-                (["attention", "scanning"], MODE, 0, "tryRobot attention disabled"),
-                (["attention", "disabled"], MODE, 0, "switching attention off")):
-            before = len(self.robot.requests())
-            found, text = self.tries(*words)
-            self.assertEqual(found, code, text)
-            self.assertIn("tryRobot: asks the service {}: ".format(service), text)
-            self.assertIn(said, text)
-            self.assertIn("{}: done, after ".format(service), text)
-            asked = self.robot.requests()[before:]
-            self.assertEqual([each["service"] for each in asked], [service])
-        self.assertEqual(self.robot.requests(SAY)[-1]["fields"]["message"], "Good morning")
-
-    @on_one_python
-    def test_what_a_robot_does_not_do_is_told_with_its_reason(self):
-        for mode, code, said in (
-                ("refuse", 3, "refused: answered gesture_success = 0"),
-                ("raise", 3, "exception in the server: "),
-                ("hang", 3, "no answer in time: waited 2 s"),
-                ("exit", 3, "connection lost: ")):
-            self.robot.set_mode(GESTURE, mode)
-            found, text = self.tries("gesture", "welcome", "_gestureExecutionDeadline:=2")
-            self.assertEqual(found, code, text)
-            self.assertIn("{}: {}".format(GESTURE, said), text)
-            self.assertEqual("keep the stop button at hand" in text, mode != "refuse")
-        found, text = self.tries("gesture", "welcome")  # the robot's process has died
-        self.assertEqual((found, "not there: the master lists it, but" in text), (1, True), text)
-        forget_dead_entries()
-        found, text = self.tries("say", "Hello")
-        self.assertEqual((found, "not there: no node offers this service" in text), (1, True), text)
-        robot_for(self, {SAY: "wrong"})
-        found, text = self.tries("say", "Hello")
-        self.assertEqual((found, "of another type: " in text), (1, True), text)
-
-    @on_one_python
-    def test_a_robot_of_another_release_is_asked_in_its_types(self):
-        self.robot = robot_for(self, {"interface": "release-1.1"})
-        for words, service in ((["say", "Hello"], SAY), (["gesture", "welcome"], GESTURE),
-                               (["attention", "location", "2", "-1", "1"], MODE)):
-            found, text = self.tries(*words, "_robotInterface:=release-1.1")
-            self.assertEqual(found, 0, text)
-            self.assertEqual(self.robot.requests()[-1]["service"], service)
-        self.assertEqual(self.robot.requests(SAY)[-1]["fields"]["language"], "English")
-
-    @on_one_python
-    def test_the_action_of_a_robot_that_lacks_the_service_is_asked(self):
-        self.robot = robot_for(self, {"interface": "release-1.1", SAY: "absent"})
-        found, text = self.tries("say", "Hello", "_robotInterface:=release-1.1")
-        self.assertEqual(found, 0, text)
-        self.assertIn("the action {} is used in its place".format(SAY), text)
-        self.assertEqual([request["service"] for request in self.robot.requests()],
-                         ["action " + SAY])
-
-    @on_one_python
-    def test_without_a_master_one_line_says_so(self):
-        for words, code in ((["say", "Hello"], 1), (["gesture", "wave"], 2), (["--help"], 0)):
-            found, text = self.tries(*words, "__master:=http://localhost:9")
-            self.assertEqual(found, code, text)
-            self.assertNotIn("Traceback", text)
-        with mock.patch.dict(os.environ, ROS_MASTER_URI="http://localhost:9"):
-            found, text = self.tries("say", "Hello")
-        self.assertEqual((found, text.count("\n")), (1, 1), text)
-        self.assertIn("no ROS master at http://localhost:9", text)
-
-    @on_one_python
-    def test_names_are_those_of_the_robot_and_of_remappings(self):
-        for words, name in ((["_robot:=lab"], "/lab" + SAY), (["robot:=lab"], "/lab" + SAY),
-                            ([SAY + ":=/voice/say"], "/voice/say"),
-                            (["robot:=lab", SAY + ":=/voice/say"], "/voice/say")):
-            found, text = self.tries("say", "Hello", *words)
-            self.assertEqual(found, 1, text)
-            self.assertIn("tryRobot: asks the service {}: ".format(name), text)
-            self.assertIn("{}: not there".format(name), text)
-        found, text = self.tries("say", "Hello", "_missionRuns:=many")
-        self.assertEqual((found, "missionRuns" in text), (2, True), text)
-
-    @on_one_python
-    def test_while_a_mission_uses_the_robot_nothing_is_tried(self):
-        running = self.running()
-        for words in (["say", "Hello"], ["gesture", "welcome"], ["attention", "social"]):
-            found, text = self.tries(*words)
-            self.assertEqual(found, 1, text)
-            self.assertIn("node {} already controls this robot".format(NAME), text)
-            self.assertNotIn("asks the service", text)
-        self.assertEqual(self.robot.requests(GESTURE), [])
         self.assert_speaks(running)
 
     # ------------------------------------------------------------------------- the master's request

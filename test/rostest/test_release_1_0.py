@@ -5,10 +5,8 @@ import dataclasses
 import io
 import os
 import re
-import shutil
 import signal
 import sys
-import tempfile
 import time
 import unittest
 
@@ -17,8 +15,8 @@ import rostest
 from actionlib_msgs.msg import GoalStatus
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from release_parts import ACTION, CULTURE, ENVIRONMENT, MISSION, EndingServer  # noqa: E402
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from release_parts import ACTION, MISSION, EndingServer, ReleaseCase  # noqa: E402
+from robot import Robot, forget_dead_entries, robot_for  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
@@ -331,34 +329,23 @@ class TestHearing(unittest.TestCase):
         self.assertNotIn('"goal"', robot.lines.text())
 
 
-class TestStart(unittest.TestCase):
+class TestStart(ReleaseCase):
     """The messages of the start about the robot, and a mission on it."""
 
     def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
-        for name, text in (("environment", ENVIRONMENT), ("culture", CULTURE)):
-            self.package.write("config/{}KnowledgeBaseConfiguration.ini".format(name),
-                               "knowledgeBase {}.dat\n".format(name))
-            self.package.write("data/{}.dat".format(name), text)
+        super().setUp()
         self.package.write("data/small.xml", MISSION.format(
             "<LookUpHome/><Navigate/><RetrieveListOfExhibits/><SelectExhibit/>"
             "<DescribeExhibitSpeech name='1'/><WelcomeSpeech/>"))
 
     def robot(self, modes):
-        robot = Robot(modes)
-        self.addCleanup(robot.stop)
-        return robot
+        return robot_for(self, modes)
 
     def controller(self, *arguments, **values):
         self.package.configure(**dict(
             dict(robotInterface="release-1.0", scenarioSpecification="small", missionRuns=1,
                  startupCheck="all"), **values))
-        controller = Controller(self.package, *arguments)
-        self.addCleanup(controller.close)
-        return controller
+        return super().controller(*arguments)
 
     def run_node(self, **values):
         controller = self.controller(**values)

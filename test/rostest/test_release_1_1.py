@@ -3,9 +3,7 @@
 stand in for an action, and is a robot of another release told as such?"""
 import os
 import re
-import shutil
 import sys
-import tempfile
 import time
 import unittest
 
@@ -13,8 +11,8 @@ import rospy
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from release_parts import CULTURE, ENVIRONMENT, MISSION, EndingServer  # noqa: E402
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from release_parts import MISSION, EndingServer, ReleaseCase  # noqa: E402
+from robot import Controller, Robot, forget_dead_entries  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
@@ -226,18 +224,11 @@ class TestHearing(unittest.TestCase):
             "the action {} failed: the goal was not acknowledged in 2 s".format(ACTION)])
 
 
-class TestStart(unittest.TestCase):
+class TestStart(ReleaseCase):
     """The messages of the start about the robot, and a mission on it."""
 
     def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
-        for name, text in (("environment", ENVIRONMENT), ("culture", CULTURE)):
-            self.package.write("config/{}KnowledgeBaseConfiguration.ini".format(name),
-                               "knowledgeBase {}.dat\n".format(name))
-            self.package.write("data/{}.dat".format(name), text)
+        super().setUp()
         self.mission("<PerformIconicGesture name='welcome'/>")
 
     def mission(self, body):

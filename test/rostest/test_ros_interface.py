@@ -6,10 +6,8 @@ import json
 import os
 import socket
 import sys
-import tempfile
 import threading
 import time
-import unittest
 from urllib.parse import urlsplit
 
 import rosgraph
@@ -20,7 +18,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import BUSY, Controller, Package, forget_dead_entries, robot_for  # noqa: E402
+from robot import BUSY, NodeCase, robot_for  # noqa: E402
 
 NODE = "/behaviorController"
 DRIVE, SAY = "/robotNavigation/set_goal", "/textToSpeech/say_text"
@@ -60,16 +58,12 @@ class Heard:
         self._subscriber.unregister()
 
 
-class TestRosInterface(unittest.TestCase):
+class TestRosInterface(NodeCase):
     """A node with ``rosInterface``, and the commanded robot."""
 
     def start(self, mission, **values):
         """Return the robot and the node, which waits for the operator unless ``values`` say
         otherwise."""
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(folder.name)
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(**dict(dict(scenarioSpecification="m", rosInterface="true",
                                            startBy="operator"), **values))
@@ -79,8 +73,7 @@ class TestRosInterface(unittest.TestCase):
         self.diagnostics = Heard("/diagnostics", DiagnosticArray,
                                  lambda message: {each.name: each.level for each in message.status})
         self.addCleanup(self.diagnostics.close)
-        controller = Controller(self.package)
-        self.addCleanup(controller.close)
+        controller = self.controller()
         self.now.lines = self.diagnostics.lines = controller.lines
         return robot, controller
 

@@ -3,13 +3,10 @@
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-import unittest
 
 import rosgraph
 import rospy
@@ -17,7 +14,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from free_ports import free_port  # noqa: E402
-from robot import BUSY, Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import BUSY, NodeCase, Robot  # noqa: E402
 from simulator import Simulator  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
@@ -27,7 +24,7 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
 """
 
 
-class TestSimulatedTime(unittest.TestCase):
+class TestSimulatedTime(NodeCase):
     """Each case has its own simulator, robot and node."""
 
     @classmethod
@@ -36,10 +33,7 @@ class TestSimulatedTime(unittest.TestCase):
         rospy.init_node("simulator", disable_rostime=True)
 
     def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
+        super().setUp()
         self.master = rosgraph.Master("/test")
         self.master.setParam("/use_sim_time", True)
 
@@ -54,9 +48,7 @@ class TestSimulatedTime(unittest.TestCase):
         self.package.configure(scenarioSpecification="m", **keys)
         self.robot = Robot(robot_modes)
         self.addCleanup(self.robot.stop)
-        controller = Controller(self.package, *arguments)
-        self.addCleanup(controller.close)
-        return controller
+        return self.controller(*arguments)
 
     def wait_for(self, controller, words, seconds=20.0, start=0):
         """Return the time of the first line with these words, and its text."""
@@ -76,11 +68,9 @@ class TestSimulatedTime(unittest.TestCase):
 
     def command(self, name, *arguments):
         """Return what one of the package's commands prints, which must not fail."""
-        paths = [self.package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
         done = subprocess.run(
-            [sys.executable, self.package.path("src/behavior_controller/" + name), *arguments],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60,
-            env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths)))
+            [*self.package.command(name), *arguments], env=self.package.environment(), timeout=60,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
         self.assertEqual(done.returncode, 0, done.stdout)
         return done.stdout
 

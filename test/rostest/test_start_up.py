@@ -4,14 +4,11 @@ code?"""
 import datetime
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import time
-import unittest
 import xmlrpc.client
 
 import rosgraph
@@ -21,8 +18,7 @@ from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    Controller, Package, end_shared, forget_dead_entries, mission_starts, on_one_python,
-    robot_for)
+    NodeCase, end_shared, mission_starts, on_one_python, robot_for)
 
 SPEAKS = "<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomeSpeech/></BehaviorTree></root>"
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
@@ -44,25 +40,16 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
 """
 
 
-class TestStartUp(unittest.TestCase):
+class TestStartUp(NodeCase):
     """Each case has a copy of the package, and a robot if it needs one."""
 
     def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
+        super().setUp()
         self.package.configure()
 
     def robot(self, modes=None):
         """Return a robot for this case."""
         return robot_for(self, modes)
-
-    def controller(self, *arguments, **environment):
-        """Start the node for this case."""
-        controller = Controller(self.package, *arguments, **environment)
-        self.addCleanup(controller.close)
-        return controller
 
     def run_node(self, *arguments, **environment):
         """Run the node to its end; return the exit code and what it wrote, without time stamps."""

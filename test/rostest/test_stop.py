@@ -3,47 +3,24 @@
 state once?"""
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-import unittest
 
 import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import (  # noqa: E402
-    Controller, Package, forget_dead_entries, mission_starts, robot_for, start_master)
+from robot import NodeCase, mission_starts, start_master  # noqa: E402
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
 LIMIT = 2.0
-MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
-  <BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree>
-</root>
-"""
 
 
-class TestStop(unittest.TestCase):
+class TestStop(NodeCase):
     """Each case runs its own mission up to a certain moment."""
-
-    def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
-
-    def start(self, mission, robot_modes=None, **keys):
-        """Run ``mission`` (leaves) against a robot; return both."""
-        self.package.write("data/m.xml", MISSION.format(mission))
-        self.package.configure(scenarioSpecification="m", **keys)
-        robot = robot_for(self, robot_modes)
-        controller = Controller(self.package)
-        self.addCleanup(controller.close)
-        return robot, controller
 
     def assert_safe_state_once(self, robot):
         """Expect that the last two requests, and no others, switched attention and animation off.

@@ -8,17 +8,14 @@ import os
 import pty
 import random
 import select
-import shutil
 import signal
 import socket
 import struct
 import subprocess
 import sys
-import tempfile
 import termios
 import threading
 import time
-import unittest
 import urllib.request
 
 import rostest
@@ -26,7 +23,7 @@ import zmq
 
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import BUSY, Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402
+from robot import BUSY, NodeCase, Robot, free_ports  # noqa: E402
 
 SAY, FACES = "/textToSpeech/say_text", "/faceDetection/data"
 NO_FACE = [], [], []
@@ -78,14 +75,11 @@ class Browser:
                              and words in parts["now"]["card"]["what"])
 
 
-class TestViewer(unittest.TestCase):
+class TestViewer(NodeCase):
     """A visitor comes and goes; the viewer of the node that greets him has its troubles."""
 
     def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
+        super().setUp()
         self.package.write("data/m.xml", MISSION)
         self.groot2, self.port = free_ports()
         self.package.configure(scenarioSpecification="m", groot2Port=self.groot2,
@@ -107,8 +101,7 @@ class TestViewer(unittest.TestCase):
 
     def start(self, *arguments):
         """Start a node, and return it when its page is served."""
-        node = Controller(self.package, *arguments)
-        self.addCleanup(node.close)
+        node = self.controller(*arguments)
         node.lines.wait_for(self.tells_page, 20)
         return node
 
@@ -220,8 +213,7 @@ class TestViewer(unittest.TestCase):
             os.setsid()
             fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
 
-        node = Controller(self.package, preexec_fn=take_terminal, stdin=terminal)
-        self.addCleanup(node.close)
+        node = self.controller(preexec_fn=take_terminal, stdin=terminal)
         os.close(terminal)
         node.lines.wait_for(self.tells_page, 20)
         browser, viewer = self.assert_shows_the_mission(), os.pidfd_open(node.viewer())
@@ -258,8 +250,7 @@ class TestViewer(unittest.TestCase):
 
     def test_the_page_of_a_node_that_takes_over(self):
         older = self.running()
-        newer = Controller(self.package)
-        self.addCleanup(newer.close)
+        newer = self.controller()
         self.assertEqual(older.wait(20), 0)
         ended = time.monotonic()
         told, _ = newer.lines.wait_for(self.tells_page, 20)

@@ -4,13 +4,10 @@ replayed?"""
 import json
 import os
 import resource
-import shutil
 import socket
 import struct
 import subprocess
 import sys
-import tempfile
-import unittest
 import urllib.request
 
 import rostest
@@ -20,7 +17,7 @@ from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import (  # noqa: E402
-    Controller, Package, forget_dead_entries, free_ports, robot_for)
+    NodeCase, free_ports, robot_for)
 
 SAY = "/textToSpeech/say_text"
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>
@@ -38,14 +35,11 @@ def descriptors(process):
     return len(os.listdir("/proc/{}/fd".format(process)))
 
 
-class TestWatch(unittest.TestCase):
+class TestWatch(NodeCase):
     """One mission that hangs in its last leaf while it is monitored."""
 
     def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.addCleanup(forget_dead_entries)
-        self.package = Package(os.path.join(self.folder, "package"))
+        super().setUp()
         self.package.write("data/m.xml", MISSION)
         self.groot2, self.page = free_ports()
 
@@ -54,8 +48,7 @@ class TestWatch(unittest.TestCase):
         self.package.configure(scenarioSpecification="m", groot2Port=self.groot2,
                                monitorPort=self.page,
                                recordDirectory=os.path.join(self.folder, "record"), missionRuns=1)
-        self.node = Controller(self.package)
-        self.addCleanup(self.node.close)
+        self.node = self.controller()
         self.robot.wait_for_request(SAY, 20)
 
     def start_with_page(self):
@@ -80,12 +73,8 @@ class TestWatch(unittest.TestCase):
     def command(self, name, *arguments):
         """Run one of the package's commands and return its exit code and what it printed."""
         done = subprocess.run(
-            [sys.executable, self.package.path("src/behavior_controller/" + name)] +
-            list(arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            universal_newlines=True, timeout=30, env=dict(
-                os.environ,
-                PYTHONPATH=os.pathsep.join([self.package.path("src")] +
-                                           os.environ.get("PYTHONPATH", "").split(os.pathsep))))
+            [*self.package.command(name), *arguments], env=self.package.environment(), timeout=30,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
         return done.returncode, done.stdout
 
     def groot2_client(self):
