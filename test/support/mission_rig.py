@@ -5,6 +5,7 @@ import random
 import pytest
 
 from behavior_controller import folders
+from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.run import events
 from behavior_controller.missions import runner
 from behavior_controller.missions.load import describe
@@ -110,6 +111,25 @@ class Rig(Trial):
 def one_leaf(element, answer=lambda request: NotImplemented, **changed):
     """Return a rig whose mission is this one element."""
     return Rig(element, answer, **changed)
+
+
+WOKEN, ASLEEP, NO_TIMER = True, False, None
+
+
+def follow(rig, topic, steps):
+    """Go through steps: seconds pass; a status is that of a tick; the tree was ``WOKEN`` since the
+    last look, or is ``ASLEEP``; no time is waited for; anything else comes on the topic."""
+    for number, step in enumerate(steps):
+        if isinstance(step, bool):
+            assert rig.tree.wake.test_and_clear() is step, number
+        elif isinstance(step, float):
+            rig.clock.advance(step)
+        elif step in (RUNNING, SUCCESS, FAILURE):
+            assert rig.tick() is step, number
+        elif step is NO_TIMER:
+            assert rig.clock.next_due() is None, number
+        else:
+            rig.topics.publish(topic, step)
 
 
 def write(rig, **entries):

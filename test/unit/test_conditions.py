@@ -8,7 +8,7 @@ from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH
 from behavior_controller.robot.requests import Answer, AttentionStatus, Faces
 from behavior_controller.leaves.base import BEFORE_QUESTION, NOT_ASKED
-from mission_rig import one_leaf, refusal
+from mission_rig import ASLEEP, NO_TIMER, WOKEN, follow, one_leaf, refusal
 
 FACE, NO_FACE = Faces(("7",), (False,)), Faces((), ())
 
@@ -17,46 +17,61 @@ def woken(rig):
     return rig.tree.wake.test_and_clear()
 
 
-def test_a_face_is_a_visitor_and_an_empty_message_is_none():
-    rig = one_leaf("<IsVisitorDiscovered/>")
-    assert rig.tick() is FAILURE
-    rig.topics.publish(FACES, NO_FACE)
-    assert not woken(rig)
-    assert rig.tick() is FAILURE
-    rig.topics.publish(FACES, FACE)
-    assert woken(rig)
-    assert rig.tick() is SUCCESS
+SEEN = "<IsVisitorDiscovered/>"
+STEPS = {  # of a state, which counts for 2 s (topicMaxAge)
+    "a face is a visitor and an empty message is none":
+        [FAILURE, NO_FACE, ASLEEP, FAILURE, FACE, WOKEN, SUCCESS],
+    "a visitor who goes wakes the tree":
+        [FACE, SUCCESS, FACE, ASLEEP, NO_FACE, WOKEN, FAILURE],
+    "a message that grows too old wakes the tree and counts no more":
+        [FACE, SUCCESS, 1.9, ASLEEP, 0.2, WOKEN, FAILURE],
+    "a message counts until it is older than allowed": [FACE, 2.0, SUCCESS],
+    "a newer message puts the end off":
+        [FACE, SUCCESS, 1.5, FACE, SUCCESS, 1.5, ASLEEP, 0.4, ASLEEP, 0.2, WOKEN],
+    "only the newest message counts": [FACE, NO_FACE, FAILURE]}
 
 
-def test_a_visitor_who_goes_wakes_the_tree():
-    rig = one_leaf("<IsVisitorDiscovered/>")
-    rig.topics.publish(FACES, FACE)
-    assert rig.tick() is SUCCESS
-    rig.topics.publish(FACES, FACE)
-    assert not woken(rig)
-    rig.topics.publish(FACES, NO_FACE)
-    assert woken(rig)
-    assert rig.tick() is FAILURE
+@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+def test_a_condition_on_a_state(steps):
+    follow(one_leaf(SEEN), FACES, steps)
 
 
-def test_a_message_that_grows_too_old_wakes_the_tree_and_counts_no_more():
-    rig = one_leaf("<IsVisitorDiscovered/>")
-    rig.topics.publish(FACES, FACE)
-    assert rig.tick() is SUCCESS
-    rig.clock.advance(1.9)
-    assert not woken(rig)
-    rig.clock.advance(0.2)  # topicMaxAge is 2 s
-    assert woken(rig)
-    assert rig.tick() is FAILURE
-    assert reported(rig,
-                    "IsVisitorDiscovered") == ["no face seen; the newest message is too old"]
+@pytest.mark.parametrize("mission, steps", [
+    ("<IsYesNoUttered/>", ["yes", SUCCESS, FAILURE]),
+    ("<IsYesNoUttered/>", ["yes", 60.0, SUCCESS]),
+    ("<Sequence><IsYesNoUttered/><IsVisitorResponseYes/></Sequence>",
+     ["yes", 0.001, "hm", 0.001, "no", 0.001, "yes", SUCCESS, FAILURE, SUCCESS, FAILURE])],
+    ids=["one utterance answers one question", "none grows old", "in their order"])
+def test_a_condition_on_utterances(mission, steps):
+    follow(one_leaf(mission), SPEECH, steps)
 
 
-def test_a_message_counts_until_it_is_older_than_allowed():
-    rig = one_leaf("<IsVisitorDiscovered/>")
-    rig.topics.publish(FACES, FACE)
-    rig.clock.advance(2.0)  # topicMaxAge
-    assert rig.tick() is SUCCESS
+ONCE = [RUNNING, 2.9, RUNNING, 0.2, FAILURE]
+ITSELF = [RUNNING, 3.9, RUNNING, 0.2, FAILURE, RUNNING, FACE, SUCCESS]
+REST = "<ForceFailure><Sleep msec='4000'/></ForceFailure>"
+
+
+@pytest.mark.parametrize("mission, steps", [
+    (SEEN, [RUNNING, 2.9, RUNNING, FACE, WOKEN, SUCCESS, 0.2, ASLEEP]),
+    (SEEN, [RUNNING, 1.0, RUNNING, 2.0, WOKEN, FAILURE, NO_TIMER, RUNNING, 3.0, WOKEN, FAILURE]),
+    # asked once
+    ("<Sequence>" + SEEN + "<AlwaysSuccess/></Sequence>", ONCE),
+    ("<WhileDoElse><AlwaysSuccess/>" + SEEN + "</WhileDoElse>", ONCE),
+    ("<ReactiveSequence><AlwaysSuccess/>" + SEEN + "</ReactiveSequence>", ONCE),
+    ("<Inverter>" + SEEN + "</Inverter>", ONCE[:3]),
+    # the mission waits itself
+    ("<ReactiveFallback>" + SEEN + REST + "</ReactiveFallback>", ITSELF),
+    ("<ReactiveFallback><Sequence><AlwaysSuccess/>" + SEEN + "</Sequence>" + REST
+     + "</ReactiveFallback>", ITSELF),
+    ("<Inverter><ReactiveSequence><Inverter>" + SEEN + "</Inverter><Sleep msec='4000'/>"
+     "</ReactiveSequence></Inverter>", ITSELF),
+    ("<WhileDoElse>" + SEEN + "<AlwaysSuccess/>" + REST + "</WhileDoElse>", ITSELF)])
+def test_a_condition_wait_of_three_seconds(mission, steps):
+    follow(one_leaf(mission, conditionWait=3.0), FACES, steps)
+
+
+def test_a_condition_wait_may_be_short():
+    follow(one_leaf(SEEN, conditionWait=0.25), FACES, [RUNNING, 0.25, FAILURE])
 
 
 def test_the_tree_is_woken_when_the_message_has_just_grown_too_old():
@@ -66,19 +81,6 @@ def test_the_tree_is_woken_when_the_message_has_just_grown_too_old():
     rig.clock.advance(rig.clock.next_due() - rig.clock.now())
     assert rig.clock.now() == pytest.approx(1002.0, abs=0.01)
     assert rig.tick() is FAILURE
-
-
-def test_a_newer_message_puts_the_end_off():
-    rig = one_leaf("<IsVisitorDiscovered/>")
-    for _ in range(2):
-        rig.topics.publish(FACES, FACE)
-        assert rig.tick() is SUCCESS
-        rig.clock.advance(1.5)
-    woken(rig)
-    rig.clock.advance(0.4)
-    assert not woken(rig)
-    rig.clock.advance(0.2)
-    assert woken(rig)
 
 
 @pytest.mark.parametrize(
@@ -258,47 +260,6 @@ def test_a_retry_of_the_question_that_failed_does_so_too():
     assert len(rig.gateway.requests) == 2 and status is FAILURE
 
 
-def test_one_utterance_answers_one_question():
-    rig = one_leaf("<IsYesNoUttered/>")
-    rig.topics.publish(SPEECH, "yes")
-    assert rig.tick() is SUCCESS
-    assert rig.tick() is FAILURE
-
-
-def test_an_utterance_does_not_grow_old():
-    rig = one_leaf("<IsYesNoUttered/>")
-    rig.topics.publish(SPEECH, "yes")
-    rig.clock.advance(60.0)
-    assert rig.tick() is SUCCESS
-
-
-def test_with_a_condition_wait_the_evidence_may_come_later():
-    rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=3.0)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(2.9)
-    assert rig.tick() is RUNNING
-    rig.topics.publish(FACES, FACE)
-    assert woken(rig)
-    assert rig.tick() is SUCCESS
-    rig.clock.advance(0.2)
-    assert not woken(rig)
-
-
-def test_a_condition_wait_ends_exactly_then_and_begins_anew():
-    rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=3.0)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(1.0)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(2.0)
-    assert woken(rig)
-    assert rig.tick() is FAILURE
-    assert rig.clock.next_due() is None
-    assert rig.tick() is RUNNING
-    rig.clock.advance(3.0)
-    assert woken(rig)
-    assert rig.tick() is FAILURE
-
-
 def test_the_robot_listens_as_long_as_the_condition_waits():
     rig = one_leaf("<IsYesNoUttered/>", conditionWait=3.0)
     told = []
@@ -325,25 +286,6 @@ def test_a_wait_that_ends_with_wrong_data_leaves_no_timer():
                                                                           None)
 
 
-def test_a_condition_wait_may_be_short():
-    rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=0.25)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(0.25)
-    assert rig.tick() is FAILURE
-
-
-@pytest.mark.parametrize("mission", [
-    "<Sequence><IsVisitorDiscovered/><AlwaysSuccess/></Sequence>",
-    "<Inverter><IsVisitorDiscovered/></Inverter>",
-    "<WhileDoElse><AlwaysSuccess/><IsVisitorDiscovered/></WhileDoElse>"
-])
-def test_a_condition_that_is_asked_once_waits(mission):
-    rig = one_leaf(mission, conditionWait=3.0)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(2.9)
-    assert rig.tick() is RUNNING
-
-
 def test_a_halted_wait_begins_anew():
     rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=3.0)
     rig.tick()
@@ -354,35 +296,6 @@ def test_a_halted_wait_begins_anew():
     assert rig.tick() is RUNNING
     rig.clock.advance(2.0)
     assert rig.tick() is RUNNING
-
-
-@pytest.mark.parametrize("wait", [
-    "<ReactiveFallback><IsVisitorDiscovered/><ForceFailure><Sleep msec='4000'/></ForceFailure>"
-    "</ReactiveFallback>",
-    "<ReactiveFallback><Sequence><AlwaysSuccess/><IsVisitorDiscovered/></Sequence><ForceFailure>"
-    "<Sleep msec='4000'/></ForceFailure></ReactiveFallback>",
-    "<Inverter><ReactiveSequence><Inverter><IsVisitorDiscovered/></Inverter><Sleep msec='4000'/>"
-    "</ReactiveSequence></Inverter>",
-    "<WhileDoElse><IsVisitorDiscovered/><AlwaysSuccess/><ForceFailure><Sleep msec='4000'/>"
-    "</ForceFailure></WhileDoElse>"])
-def test_where_the_mission_waits_itself_a_condition_wait_changes_nothing(wait):
-    rig = one_leaf(wait, conditionWait=3.0)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(3.9)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(0.2)
-    assert rig.tick() is FAILURE
-    assert rig.tick() is RUNNING
-    rig.topics.publish(FACES, FACE)
-    assert rig.tick() is SUCCESS
-
-
-def test_the_last_child_of_a_reactive_control_may_wait():
-    rig = one_leaf("<ReactiveSequence><AlwaysSuccess/><IsVisitorDiscovered/></ReactiveSequence>",
-                   conditionWait=3.0)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(3.1)
-    assert rig.tick() is FAILURE
 
 
 def reported(rig, node):
@@ -459,19 +372,6 @@ def test_the_first_answer_among_the_utterances_since_the_question_counts(utteran
     hear(rig, *utterances)
     rig.clock.advance(1.0)
     assert rig.tick() is result
-
-
-def test_each_utterance_answers_one_question_in_their_order():
-    rig = one_leaf("<Sequence><IsYesNoUttered/><IsVisitorResponseYes/></Sequence>")
-    hear(rig, "yes", "hm", "no", "yes")
-    assert [rig.tick() for _ in range(4)] == [SUCCESS, FAILURE, SUCCESS, FAILURE]
-
-
-def test_of_a_state_only_the_newest_message_counts():
-    rig = one_leaf("<IsVisitorDiscovered/>")
-    rig.topics.publish(FACES, FACE)
-    rig.topics.publish(FACES, NO_FACE)
-    assert rig.tick() is FAILURE
 
 
 def test_why_an_answer_is_ignored_is_known_at_each_time():

@@ -11,7 +11,7 @@ from behavior_controller.run.events import Line, LeafFinished, StepStarted
 from behavior_controller.run.history import Run
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.run.story import how_it_ended
-from mission_rig import FileRecord, one_leaf, written
+from mission_rig import NO_TIMER, WOKEN, FileRecord, follow, one_leaf, written
 
 FACE, NO_FACE = Faces(("7",), (False,)), Faces((), ())
 NO_MESSAGE = "Seen: no message on /faceDetection/data yet"
@@ -48,36 +48,21 @@ def test_the_first_message_answers_and_wakes_the_tree(faces, result):
     assert messages(rig) == ([] if result is SUCCESS else ["Seen does not hold"])
 
 
-def test_without_a_message_it_says_so_and_waits_no_second_time():
-    rig = one_leaf("<Seen/>")
-    assert rig.tick() is RUNNING
-    rig.clock.advance(MAX_AGE - 0.1)
-    assert rig.tick() is RUNNING
-    rig.tree.wake.test_and_clear()
-    rig.clock.advance(0.2)
-    assert rig.tree.wake.test_and_clear()
-    assert rig.tick() is FAILURE
-    assert rig.tick() is FAILURE
-    assert messages(rig) == [NO_MESSAGE]
-    assert rig.clock.next_due() is None
-    rig.topics.publish(FACES, FACE)
-    assert rig.tick() is SUCCESS
-
-
-def test_all_conditions_on_a_topic_wait_together():
-    rig = one_leaf("<Fallback><Seen/><Near/></Fallback>")
-    assert rig.tick() is RUNNING
-    rig.clock.advance(MAX_AGE + 0.1)
-    assert rig.tick() is FAILURE
-    assert messages(rig) == [NO_MESSAGE, NO_MESSAGE.replace("Seen", "Near")]
-
-
-def test_a_message_that_has_become_too_old_is_not_waited_for():
-    rig = one_leaf("<Near/>")
-    rig.topics.publish(FACES, FACE)
-    rig.clock.advance(MAX_AGE + 0.1)
-    assert rig.tick() is FAILURE
-    assert messages(rig) == ["nobody is near; the newest message is too old"]
+@pytest.mark.parametrize("mission, given, steps, told", [
+    # no second time
+    ("<Seen/>", {}, [RUNNING, 1.9, RUNNING, 0.2, WOKEN, FAILURE, FAILURE, NO_TIMER, FACE, SUCCESS],
+     [NO_MESSAGE]),
+    # all conditions on a topic together
+    ("<Fallback><Seen/><Near/></Fallback>", {}, [RUNNING, 2.1, FAILURE],
+     [NO_MESSAGE, NO_MESSAGE.replace("Seen", "Near")]),
+    # what has become too old is not waited for
+    ("<Near/>", {}, [FACE, 2.1, FAILURE], ["nobody is near; the newest message is too old"]),
+    ("<Seen/>", {"topicMaxAge": 0.5}, [RUNNING, 0.6, FAILURE], [NO_MESSAGE]),
+    ("<Seen/>", {"conditionWait": 5.0}, [RUNNING, 4.9, RUNNING, 0.2, FAILURE], [NO_MESSAGE])])
+def test_without_a_message_it_waits_so_long_and_says_so(mission, given, steps, told):
+    rig = one_leaf(mission, **given)
+    follow(rig, FACES, steps)
+    assert messages(rig) == told
 
 
 @pytest.mark.parametrize("mission", ["<Said/>", "<IsVisitorDiscovered/>"])
@@ -98,22 +83,6 @@ def test_a_guard_waits_before_what_it_guards_begins():
     rig.topics.publish(FACES, FACE)
     assert rig.tick() is SUCCESS
     assert not rig.requests
-
-
-def test_the_wait_is_that_of_topic_max_age():
-    rig = one_leaf("<Seen/>", topicMaxAge=0.5)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(0.6)
-    assert rig.tick() is FAILURE
-
-
-def test_a_longer_condition_wait_goes_on_after_it():
-    rig = one_leaf("<Seen/>", conditionWait=5.0)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(4.9)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(0.2)
-    assert rig.tick() is FAILURE
 
 
 def test_halted_it_leaves_no_timer():
