@@ -72,71 +72,101 @@ def visit(exhibit):
 FAREWELL = (["say End", "query entrance"] + drive(ENTRANCE) + GAZE
             + ["say Door", "deictic 1 3000 at {:g} {:g} {:g}".format(*ENTRANCE.gesture),
                "iconic 3 3000 at 0 0 0", "say Bye"])
-TOUR = ["query exhibits"] + visit(EXHIBITS[0]) + visit(EXHIBITS[1]) + FAREWELL + ["query home"
-                                                                                  ] + drive(HOME)
+SAFE, GO_HOME = ["attention disabled", "animation disabled"], ["query home"] + drive(HOME)
+FIRST, SECOND = visit(EXHIBITS[0]), visit(EXHIBITS[1])
+TOUR = ["query exhibits"] + FIRST + SECOND + FAREWELL + GO_HOME
+ASKED = MEETING + ["say Query"]
+UP_TO_THE_TOUR = ASKED + ["query exhibits"]
+WHOLE = ASKED + TOUR
 
 
 def asked(rig):
     return [named(request) for request in rig.requests]
 
 
-def test_a_visitor_who_says_yes_gets_the_whole_tour():
-    rig = Rig()
-    assert rig.run(visitor_who(says="yes")) == 0
-    assert asked(rig) == MEETING + ["say Query"] + TOUR
-    assert [event.outcome for event in rig.of(PassFinished)] == ["SUCCESS"]
-    assert rig.of(Recovered) == []
+def never_reaching(place):
+    goal = "go to {:g} {:g} {:g}".format(*place.location)
+    return goal, lambda request: refusal(request) if named(request) == goal else NotImplemented
 
 
-def test_without_speech_recognition_the_tablet_asks():
-    rig = Rig(asrEnabled=False)
-    assert rig.run(visitor_who()) == 0
-    assert asked(rig) == MEETING + ["say Query", "say Press", "prompt Yes|No"] + TOUR
+def gaze_except_at(*stops):
+    """Return a visitor who says yes and looks at the robot but at these stops, the first exhibit
+    being stop 1."""
+    def act(rig):
+        drives = sum(isinstance(request, GoTo) for request in rig.requests)
+        visitor_who(says="yes", gazes=drives not in stops)(rig)
+    return act
 
 
-def test_a_visitor_who_says_no_gets_no_tour():
-    rig = Rig()
-    assert rig.run(visitor_who(says="no")) == 0
-    assert asked(rig) == MEETING + ["say Query", "say Another"]
+def knowing(exhibits, answer=lambda request: NotImplemented):
+    """Return a robot whose knowledge base has these exhibits, and that answers as ``answer``
+    otherwise."""
+    return lambda request: Answer(exhibits=exhibits) if request == QueryKnowledge(
+        "exhibits") else answer(request)
 
 
-def test_a_visitor_who_presses_no_gets_no_tour():
-    rig = Rig(
-        asrEnabled=False, answer=lambda request: Answer("No")
-        if isinstance(request, Prompt) else NotImplemented)
-    assert rig.run(visitor_who()) == 0
-    assert asked(rig) == MEETING + ["say Query", "say Press", "prompt Yes|No", "say Another"]
+def leaves_at(stop):
+    """Return a visitor who says yes and is gone when the robot has driven that often."""
+    def act(rig):
+        drives = sum(isinstance(request, GoTo) for request in rig.requests)
+        if drives < stop:
+            visitor_who(says="yes")(rig)
+        else:
+            rig.clock.advance(0.5)
+            rig.topics.publish(FACES, Faces((), ()))
+            rig.topics.publish(ATTENTION, AttentionStatus("seeking", 0))
+    return act
 
 
-def test_a_silent_visitor_is_asked_three_times_and_then_let_go():
-    rig = Rig()
-    assert rig.run(visitor_who()) == 0
-    assert asked(rig) == MEETING + ["say Query"] + 3 * ["say SayYesNo"] + ["say Another"]
+def pressing(text):
+    """Return a robot by tablet whose visitor presses this."""
+    return {"asrEnabled": False,
+            "answer": lambda request: Answer(text) if isinstance(request, Prompt)
+            else NotImplemented}
 
 
-def test_who_presses_nothing_is_asked_three_times_and_then_let_go():
-    rig = Rig(asrEnabled=False, answer=lambda request: Answer("")
-              if isinstance(request, Prompt) else NotImplemented)
-    assert rig.run(visitor_who()) == 0
-    assert asked(rig) == MEETING + ["say Query"
-                                    ] + 3 * ["say Press", "prompt Yes|No"] + ["say Another"]
+(GOAL_1, NEVER_1), (GOAL_2, NEVER_2) = map(never_reaching, EXHIBITS)
+YES, NO, SILENT = visitor_who(says="yes"), visitor_who(says="no"), visitor_who()
+NO_GAZE, WAITS = visitor_who(says="yes", gazes=False), {"conditionWait": 5.0}
+PRESS = ["say Press", "prompt Yes|No"]
+VISITS = {  # the visitor, the robot, the exit code, all requests
+    "yes": (YES, {}, 0, WHOLE),
+    "yes by tablet": (SILENT, {"asrEnabled": False}, 0, ASKED + PRESS + TOUR),
+    "no": (NO, {}, 0, ASKED + ["say Another"]),
+    "no by tablet": (SILENT, pressing("No"), 0, ASKED + PRESS + ["say Another"]),
+    "silent": (SILENT, {}, 0, ASKED + 3 * ["say SayYesNo"] + ["say Another"]),
+    "presses nothing": (SILENT, pressing(""), 0, ASKED + 3 * PRESS + ["say Another"]),
+    "does not look": (NO_GAZE, {}, 3, MEETING[:-1]),
+    # a condition wait does not disturb a mission that waits itself
+    "yes, with a wait": (YES, WAITS, 0, WHOLE),
+    "silent, with a wait": (SILENT, WAITS, 0, ASKED + 3 * ["say SayYesNo"] + ["say Another"]),
+    "does not look, with a wait": (visitor_who(gazes=False), WAITS, 3, MEETING[:-1]),
+    "looks away at an exhibit": (
+        gaze_except_at(1), {}, 0, UP_TO_THE_TOUR + FIRST[:5] + SECOND + FAREWELL + GO_HOME),
+    "leaves on the way to the door": (
+        leaves_at(3), {}, 3, UP_TO_THE_TOUR + FIRST + SECOND + FAREWELL[:6] + GO_HOME),
+    # the tour ends at home, as a failure
+    "an exhibit out of reach": (
+        YES, {"answer": NEVER_1}, 3, UP_TO_THE_TOUR + FIRST[:3] + 3 * [GOAL_1] + SAFE + GO_HOME),
+    "the last one out of reach": (
+        YES, {"answer": NEVER_2}, 3,
+        UP_TO_THE_TOUR + FIRST + SECOND[:3] + 3 * [GOAL_2] + SAFE + GO_HOME),
+    "the only one out of reach": (
+        YES, {"answer": knowing(EXHIBITS[:1], NEVER_1)}, 3,
+        UP_TO_THE_TOUR + FIRST[:3] + 3 * [GOAL_1] + SAFE + GO_HOME),
+    "no exhibits": (
+        YES, {"answer": knowing(())}, 3, ASKED + 3 * ["query exhibits"] + SAFE + GO_HOME)}
 
 
-def test_a_visitor_who_does_not_look_is_not_asked():
-    rig = Rig()
-    assert rig.run(visitor_who(says="yes", gazes=False)) == 3
-    assert asked(rig) == MEETING[:-1]
-    assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE"]
-
-
-@pytest.mark.parametrize("says, gazes, expected", [
-    ("yes", True, MEETING + ["say Query"] + TOUR),
-    (None, True, MEETING + ["say Query"] + 3 * ["say SayYesNo"] + ["say Another"]),
-    (None, False, MEETING[:-1])])
-def test_a_condition_wait_does_not_disturb_a_mission_that_waits_itself(says, gazes, expected):
-    rig = Rig(conditionWait=5.0)
-    rig.run(visitor_who(says=says, gazes=gazes), is_stopped=lambda: rig.clock.now() > 2000.0)
+@pytest.mark.parametrize("name", VISITS)
+def test_what_a_visitor_gets(name):
+    visitor, robot, code, expected = VISITS[name]
+    rig = Rig(**robot)
+    assert rig.run(visitor, is_stopped=lambda: rig.clock.now() > 2000.0) == code
     assert asked(rig) == expected
+    assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE" if code else "SUCCESS"]
+    if name == "yes":
+        assert rig.of(Recovered) == []
 
 
 def test_the_next_visitor_starts_afresh():
@@ -149,7 +179,7 @@ def test_the_next_visitor_starts_afresh():
         visitor_who(says=said[0])(rig)
 
     assert rig.run(visitor, runs=2) == 0
-    assert asked(rig) == MEETING + ["say Query"] + TOUR + MEETING + ["say Query", "say Another"]
+    assert asked(rig) == WHOLE + ASKED + ["say Another"]
 
 
 def test_a_yes_from_before_the_question_is_no_answer():
@@ -171,36 +201,10 @@ def test_a_speech_that_is_refused_for_good_is_tried_twice_and_left_out(words):
     rig = Rig(answer=answer)
     assert rig.run(visitor_who(says="yes")) == 0
     expected = []
-    for name in MEETING + ["say Query"] + TOUR:
+    for name in WHOLE:
         expected += 2 * [name] if name == "say " + words else [name]
     assert asked(rig) == expected
     assert {event.success for event in rig.of(Recovered)} == {True}
-
-
-SAFE = ["attention disabled", "animation disabled"]
-
-
-def never_reaching(place):
-    goal = "go to {:g} {:g} {:g}".format(*place.location)
-    return goal, lambda request: refusal(request) if named(request) == goal else NotImplemented
-
-
-def test_an_exhibit_that_cannot_be_reached_ends_the_tour_at_home_as_a_failure():
-    goal, answer = never_reaching(EXHIBITS[0])
-    rig = Rig(answer=answer)
-    assert rig.run(visitor_who(says="yes")) == 3
-    before = ["query exhibits"] + visit(EXHIBITS[0])[:3]
-    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"
-                                                                                 ] + drive(HOME)
-
-
-def test_the_last_exhibit_out_of_reach_ends_the_tour_at_home_as_a_failure_too():
-    goal, answer = never_reaching(EXHIBITS[1])
-    rig = Rig(answer=answer)
-    assert rig.run(visitor_who(says="yes")) == 3
-    before = ["query exhibits"] + visit(EXHIBITS[0]) + visit(EXHIBITS[1])[:3]
-    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"
-                                                                                 ] + drive(HOME)
 
 
 def test_navigation_that_works_at_the_second_attempt_changes_nothing_else():
@@ -216,12 +220,11 @@ def test_navigation_that_works_at_the_second_attempt_changes_nothing_else():
     rig = Rig(answer=answer)
     assert rig.run(visitor_who(says="yes")) == 0
     first = "go to {:g} {:g} {:g}".format(*EXHIBITS[0].location)
-    whole = MEETING + ["say Query"] + TOUR
+    whole = list(WHOLE)
     whole.insert(whole.index(first), first)
     assert asked(rig) == whole
 
 
-WHOLE = MEETING + ["say Query"] + TOUR
 # the pairs in Parallel
 ABREAST = ("animation enabled", "attention scanning"), ("iconic 3 3000 at 0 0 0", "say Bye")
 
@@ -255,55 +258,13 @@ def test_any_single_failure_is_made_good_or_left_out(number, cause):
     assert [(event.failure.cause, event.success) for event in rig.of(Recovered)] == [(cause, True)]
 
 
-def test_an_empty_list_of_exhibits_is_no_tour_and_no_success():
-    rig = Rig(answer=lambda request: Answer()
-              if request == QueryKnowledge("exhibits") else NotImplemented)
-    assert rig.run(visitor_who(says="yes")) == 3
-    assert asked(rig) == (MEETING + ["say Query"] + 3 * ["query exhibits"] + SAFE + ["query home"] +
-                          drive(HOME))
-
-
-def gaze_except_at(*stops):
-    """Return a visitor who says yes and looks at the robot but at these stops, the first exhibit
-    being stop 1."""
-    def act(rig):
-        drives = sum(isinstance(request, GoTo) for request in rig.requests)
-        visitor_who(says="yes", gazes=drives not in stops)(rig)
-    return act
-
-
-def knowing(exhibits, answer=lambda request: NotImplemented):
-    """Return a robot whose knowledge base has these exhibits, and that answers as ``answer``
-    otherwise."""
-    return lambda request: Answer(exhibits=exhibits) if request == QueryKnowledge(
-        "exhibits") else answer(request)
-
-
-GO_HOME = ["query home"] + drive(HOME)
-
-
-def test_a_visitor_who_looks_away_at_an_exhibit_sees_the_next_one():
-    rig = Rig()
-    assert rig.run(gaze_except_at(1)) == 0
-    tour = ["query exhibits"] + visit(EXHIBITS[0])[:5] + visit(EXHIBITS[1])
-    assert asked(rig) == MEETING + ["say Query"] + tour + FAREWELL + GO_HOME
-
-
 def test_a_tour_at_which_nobody_looks_is_no_success():
     rig = Rig()
     assert rig.run(gaze_except_at(1, 2)) == 3
-    tour = ["query exhibits"] + visit(EXHIBITS[0])[:5] + visit(EXHIBITS[1])[:5]
-    assert asked(rig) == MEETING + ["say Query"] + tour + SAFE + GO_HOME
+    tour = ["query exhibits"] + FIRST[:5] + SECOND[:5]
+    assert asked(rig) == ASKED + tour + SAFE + GO_HOME
     assert [(event.policy, event.success) for event in rig.of(Recovered)] == [
         ("skip", True), ("give up: every stop would be left out", False)]
-
-
-def test_the_only_exhibit_out_of_reach_is_no_success():
-    goal, answer = never_reaching(EXHIBITS[0])
-    rig = Rig(answer=knowing(EXHIBITS[:1], answer))
-    assert rig.run(visitor_who(says="yes")) == 3
-    tour = ["query exhibits"] + visit(EXHIBITS[0])[:3]
-    assert asked(rig) == MEETING + ["say Query"] + tour + 3 * [goal] + SAFE + GO_HOME
 
 
 def test_one_exhibit_left_out_and_the_last_one_out_of_reach_is_no_success():
@@ -339,38 +300,15 @@ def test_a_mission_that_goes_on_in_spite_of_all_still_ends():
     assert rig.tree.blackboard.get("leftOutExhibits") == [0, 1]
 
 
-def leaves_at(stop):
-    """Return a visitor who says yes and is gone when the robot has driven that often."""
-    def act(rig):
-        drives = sum(isinstance(request, GoTo) for request in rig.requests)
-        if drives < stop:
-            visitor_who(says="yes")(rig)
-        else:
-            rig.clock.advance(0.5)
-            rig.topics.publish(FACES, Faces((), ()))
-            rig.topics.publish(ATTENTION, AttentionStatus("seeking", 0))
-    return act
-
-
-UP_TO_THE_TOUR = MEETING + ["say Query", "query exhibits"]
-
-
 @pytest.mark.parametrize("stop, before", [
-    (1, visit(EXHIBITS[0])[:5]),
-    (2, visit(EXHIBITS[0]) + visit(EXHIBITS[1])[:5]),
+    (1, FIRST[:5]),
+    (2, FIRST + SECOND[:5]),
 ])
 def test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(stop, before):
     rig = Rig()
     assert rig.run(leaves_at(stop)) == 3
     assert asked(rig) == UP_TO_THE_TOUR + before + SAFE + GO_HOME
     assert rig.of(Recovered)[-1].node == "IsVisitorDiscovered"
-
-
-def test_a_visitor_who_left_on_the_way_to_the_door_is_not_told_goodbye():
-    rig = Rig()
-    assert rig.run(leaves_at(3)) == 3
-    assert asked(rig) == UP_TO_THE_TOUR + visit(EXHIBITS[0]) + visit(
-        EXHIBITS[1]) + FAREWELL[:6] + GO_HOME
 
 
 def test_a_visitor_who_does_not_look_at_the_door_is_told_goodbye():
@@ -397,12 +335,12 @@ def test_no_recovery_gives_a_tour_to_who_said_no():
 
 
 @pytest.mark.parametrize("shown", [
-    test_an_exhibit_that_cannot_be_reached_ends_the_tour_at_home_as_a_failure,
-    test_an_empty_list_of_exhibits_is_no_tour_and_no_success,
+    lambda: test_what_a_visitor_gets("an exhibit out of reach"),
+    lambda: test_what_a_visitor_gets("no exhibits"),
     test_a_tour_at_which_nobody_looks_is_no_success,
     lambda: test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(
         1,
-        visit(EXHIBITS[0])[:5]),
+        FIRST[:5]),
     test_no_recovery_gives_a_tour_to_who_said_no,
 ])
 def test_a_recovery_that_always_succeeds_is_noticed(monkeypatch, shown):
