@@ -1,5 +1,17 @@
 """What tests share: missions on pages, a browser, and the record of a tour that was killed."""
+import os
+
+import hypothesis
 import pytest
+from hypothesis.configuration import set_hypothesis_home_dir
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+
+set_hypothesis_home_dir(os.path.join(ROOT, "build", "hypothesis"))
+ALWAYS = dict(deadline=None, database=None, suppress_health_check=list(hypothesis.HealthCheck))
+hypothesis.settings.register_profile("the same", derandomize=True, **ALWAYS)
+hypothesis.settings.register_profile("others", **ALWAYS)  # --hypothesis-profile others
+hypothesis.settings.load_profile("the same")
 
 
 @pytest.fixture
