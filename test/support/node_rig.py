@@ -83,7 +83,8 @@ class Node:
 
     def _read(self):
         for line in self.process.stdout:
-            self.lines.append(re.sub(r"\[[\d:.]+\]: (behaviorController: )?", "", line.rstrip()))
+            self.lines.append(re.sub(r"\[\d\d:\d\d:\d\d\.\d{3}\]: (behaviorController: )?", "",
+                                     line.rstrip()))
 
     def code(self):
         """Return the exit code and the text, once it has ended."""

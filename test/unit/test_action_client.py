@@ -6,6 +6,7 @@ server in test/rostest/actions.test.
 import queue
 import socket
 import threading
+import time
 import types
 
 import pytest
@@ -217,11 +218,48 @@ def test_the_topics_of_a_server_that_does_not_connect_are_registered_again_ever_
         now[0] = tenth / 10
         thread._connect()
     assert registered == [(1.0, 5), (3.0, 5), (7.0, 5)]  # seconds after 1, 2 and 4 more
-    thread._begin_connecting()
+    thread.idle()  # it is connected
     for tenth in range(80, 100):
         now[0] = tenth / 10
         thread._connect()
     assert [at for at, _ in registered[3:]] == [8.9]
+
+
+def test_a_client_that_was_just_made_has_time_to_connect(master, monkeypatch):
+    now, registered = [0.0], []
+    monkeypatch.setattr(action_client.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(action_client.actionlib, "ActionClient", lambda *_: Client())
+    monkeypatch.setattr(action_client.DIRECTORY, "register",
+                        lambda *topics: registered.append(now[0]))
+    thread = GoalThread(ACTION)
+    for now[0] in (50.0, 50.9, 51.0):
+        thread._connect()
+    assert registered == [51.0]
+
+
+def test_what_a_client_hears_is_kept_registered(master, monkeypatch):
+    monkeypatch.setattr(rospy.core, "get_node_uri", lambda: master.uri)
+    GoalThread(ACTION)
+    action_client.DIRECTORY.is_keeping_up = True
+    action_client.DIRECTORY.refresh()
+    assert {call[1:3] for call in master.calls if call[0] == "registerSubscriber"} >= {
+        (ACTION.name + "/status", "actionlib_msgs/GoalStatusArray"),
+        (ACTION.name + "/result", "cssr_system/driveToActionResult"),
+        (ACTION.name + "/feedback", "cssr_system/driveToActionFeedback")}
+
+
+def test_a_goal_is_sent_when_its_server_connects_in_time(master, monkeypatch):
+    master.publishers[ACTION.name + "/status"], master.nodes["/a"] = ["/a"], "http://h:1/"
+    monkeypatch.setattr(action_client, "CONNECT_LIMIT", 20.0)
+    monkeypatch.setattr(action_client.actionlib, "ActionClient", lambda *_: Client(Goal(DONE)))
+    assert carried(None) == Answer()
+
+
+def test_a_goal_is_looked_at_now_and_then(master, monkeypatch):
+    monkeypatch.setattr(action_client, "RETRY_INTERVAL", 0.05)
+    began = time.monotonic()
+    assert carried(Client(Goal(*[ACTIVE] * 6, DONE))) == Answer()
+    assert time.monotonic() - began >= 0.3
 
 
 @pytest.mark.parametrize("is_offered, expected", [(False, 0), (True, 1)])

@@ -11,7 +11,7 @@ import pytest
 
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.ros import master
-from behavior_controller.ros.shortage import SHORTAGE
+from behavior_controller.ros.shortage import SHORTAGE, is_shortage
 from behavior_controller.ros.tcpros import ANSWERS, Connection, MOST_XML, Trouble, ask
 from faulty_master import GARBAGE, RAW, http_answer
 from ros_peers import TcprosPeer, hang
@@ -229,3 +229,11 @@ def test_a_round_in_which_this_computer_could_not_ask_says_nothing_about_the_mas
         with no_files_left(), contextlib.suppress(Trouble), directory.round():
             directory.refresh()
         assert (directory.unanswered, directory.fault) == (unanswered, "")
+
+
+@pytest.mark.parametrize("error, expected", [
+    (MemoryError(), True), (OSError(errno.EMFILE, "files"), True),
+    (OSError(errno.ENOENT, "file"), False), (RuntimeError("can't start new thread"), True),
+    (RuntimeError("other"), False), (ValueError("can't start new thread"), False)])
+def test_what_a_shortage_is(error, expected):
+    assert is_shortage(error) is expected

@@ -91,6 +91,8 @@ def subscribe(master, *nodes):
     (FACES, lambda master: publishes(master, FACES, type="a/B", md5sum="1"), Cause.TYPE_MISMATCH,
      "node /p has a/B (md5 1), expected is cssr_system/faceDetectionMessage"),
     (FACES, wrong_then_right, None, ""),
+    (FACES, lambda master: publishes(master, FACES, error="not for you"), Cause.NOT_REACHABLE,
+     "node /p is listed as its publisher, but it says: not for you"),
     (FACES, dead, Cause.NOT_REACHABLE, "node /p is listed as its publisher, but "),
     (FACES, forgotten, Cause.NOT_ADVERTISED,
      "node /p is listed as its publisher, but it has ended"),

@@ -232,6 +232,20 @@ def test_a_publisher_of_another_type_counts_for_nothing(reading):
     right.close()
 
 
+def test_a_flood_of_another_type_is_read_at_intervals(reading, monkeypatch):
+    """Unread, it would block its publisher."""
+    monkeypatch.setattr(subscriber, "RETRY_INTERVAL", 0.1)
+    wrong, reads, real = Publisher(SPEECH, "/wrong", md5sum="other"), [], subscriber.split
+    monkeypatch.setattr(subscriber, "split", lambda buffer: reads.append(1) or real(buffer))
+    reading(SPEECH, wrong)
+    began = time.monotonic()
+    for _ in range(30):
+        wrong.send(said("yes"))
+        time.sleep(0.01)
+    until(lambda: reads)
+    assert len(reads) <= 1 + (time.monotonic() - began) / 0.1
+
+
 @pytest.mark.parametrize("spoil", [
     lambda publisher: publisher.peer.break_connections(),
     lambda publisher: publisher.send(b"\xff\xff\xff"),  # a length that no message has
