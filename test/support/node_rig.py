@@ -76,7 +76,8 @@ class Node:
         self.process = subprocess.Popen(
             [sys.executable, "-c", program, *arguments], stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, env=dict(
-                os.environ, PYTHONPATH=os.pathsep.join(paths), **environment))
+                os.environ, PYTHONPATH=os.pathsep.join(paths), PYTHONUNBUFFERED="",
+                **environment))
         self.lines = []
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

@@ -369,7 +369,7 @@ def test_a_topic_that_is_published_is_heard_instead_unless_the_action_is_preferr
         assert set(listens.warned) == {
             f"the action {SPEECH.name} is not there: the topic is used in its place"}
     else:
-        listens.action.wait(0.1)
+        time.sleep(0.1)
         assert not listens.client.sent and not listens.warned
         listens.is_published = False
         until(lambda: listens.heard == ["yes"])
@@ -403,3 +403,15 @@ def test_what_keeps_it_from_its_server_is_warned_of_once(listening, monkeypatch,
     for _ in range(2):
         listens.action.idle()
     assert listens.warned == [f"the action {SPEECH.name} {each}" for each in told]
+
+
+def test_a_server_that_is_started_while_the_mission_listens_is_used(listening, monkeypatch):
+    listens = listening()
+    listens.action._client = None
+    monkeypatch.setattr(action_client.actionlib, "ActionClient",
+                        lambda *_: Client(heard("yes"), Goal(ACTIVE)))
+    listens.action.listen(20.0)
+    time.sleep(0.05)
+    assert not listens.heard
+    action_client.DIRECTORY._publishing = {SPEECH.name + "/status": ["/a"]}
+    until(lambda: listens.heard == ["yes"])

@@ -405,6 +405,7 @@ def test_the_publishers_that_the_master_lists_are_heard_and_new_topics_too(topic
     speech, faces = Publisher(SPEECH), Publisher(ATTENTION)
     topics.master.publishers[FACES.name] = ["/unknown"]
     publishes(topics, SPEECH, speech)
+    began = time.monotonic()
     topics.subscribe()
     until(lambda: topics.buffers[SPEECH].is_connected)
     assert not topics.recent(ATTENTION)  # used by a leaf that has not declared it
@@ -416,6 +417,8 @@ def test_the_publishers_that_the_master_lists_are_heard_and_new_topics_too(topic
     publishes(topics, SPEECH)
     until(lambda: not topics.buffers[SPEECH]._links)
     faces.close()
+    looks = [call for call in topics.master.calls if call[0] == "getSystemState"]
+    assert len(looks) <= 1 + (time.monotonic() - began) / 0.05
 
 
 def test_a_key_has_one_alarm_on_one_topic(topics):

@@ -124,6 +124,7 @@ def test_a_ctrl_c_ends_the_wait_for_an_answer_and_says_what_may_be(rig):
     rig.offers(SPEECH, HANG)
     node = rig.start("say", "Good", "day", run=TRY)
     until(lambda: rig.services[SPEECH].requests)
+    node.says("waits up to 60 s")
     code, text, seconds = node.stop()
     assert code == 3 and seconds < 4.0, text
     assert "connection lost: stopped by Ctrl-C" in text and "may still be saying" in text
