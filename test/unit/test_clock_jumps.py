@@ -76,7 +76,8 @@ def test_what_a_person_has_to_do_is_said_whenever_the_clock_jumps(robot_lines, j
 
 
 @pytest.mark.parametrize("by, words", [
-    (-HOUR, "jumped back by 1:00:00"), (90061, "jumped forward by 1 day, 1:01:01")])
+    (-HOUR, "jumped back by 1:00:00"), (1, "jumped forward by 0:00:01"),
+    (90061, "jumped forward by 1 day, 1:01:01")])
 def test_a_jump_is_told_once(robot_lines, jump, by, words):
     clock, told = ManualClock(), []
     robot_lines[0].start_heartbeat(clock, told.append, Record())

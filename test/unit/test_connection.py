@@ -237,3 +237,17 @@ def test_a_round_in_which_this_computer_could_not_ask_says_nothing_about_the_mas
     (RuntimeError("other"), False), (ValueError("can't start new thread"), False)])
 def test_what_a_shortage_is(error, expected):
     assert is_shortage(error) is expected
+
+
+def test_an_address_without_a_port_has_that_of_http(monkeypatch):
+    ports = []
+
+    def connect(self, host, port, seconds):
+        ports.append(port)
+        raise OSError("so")
+
+    monkeypatch.setattr(Connection, "connect", connect)
+    for port in ("", ":11311"):
+        with pytest.raises(Trouble):
+            ask("http://h{}/".format(port), "getPid")
+    assert ports == [80, 11311]

@@ -162,24 +162,18 @@ def test_only_the_first_message_of_each_connection_may_be_stale(reading):
 
 
 @pytest.mark.parametrize("alarm, pause", [(False, PAUSE), (True, PAUSE_WHEN_AWAITED)])
-def test_only_a_flood_of_the_same_message_slows_its_reader(reading, alarm, pause):
-    """Of a flood the thread reads as often as it has paused; without pauses, more than that."""
-    buffer = reading(ATTENTION)
+def test_only_a_flood_of_the_same_message_slows_its_reader(reading, monkeypatch, alarm, pause):
+    buffer, now, slept = reading(ATTENTION), [100.0], []
+    monkeypatch.setattr(subscriber, "time", types.SimpleNamespace(
+        monotonic=lambda: now[0], sleep=slept.append))
     if alarm:
         buffer.set_alarm("a", lambda value: False)
-    same, rounds = [status(*IDLE)[4:]], 25
-    buffer.receive(same)
-    began = time.monotonic()
-    for _ in range(rounds):
-        assert buffer.receive(same)
-    assert rounds * pause <= time.monotonic() - began < 20 * rounds * pause
-    assert pause < FLOOD_GAP
-    fastest = 1.0
-    for number in range(10):
-        began = time.monotonic()
-        buffer.receive([status("seeking", number)[4:]])
-        fastest = min(fastest, time.monotonic() - began)
-    assert fastest < PAUSE_WHEN_AWAITED
+    for now[0] in (100.0, 100.005, 100.010, 100.017):  # the last one comes after the gap of a flood
+        assert buffer.receive([status(*IDLE)[4:]])
+    assert slept == [pause, pause] and pause < FLOOD_GAP
+    for now[0] in (100.018, 100.019):
+        assert buffer.receive([status("seeking", int(1000 * now[0]))[4:]])
+    assert len(slept) == 2
 
 
 # ----------------------------------------------------------------------------- which connections
