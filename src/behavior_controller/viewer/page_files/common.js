@@ -21,7 +21,7 @@ function sign(result) { return element("b", "sign " + KINDS[result], ICONS[KINDS
 
 // a path may be broken after each slash
 function breakable(where, text) {
-  where.append(...text.split(/(?<=\/)/).flatMap(part => [part, element("wbr")]));
+  where.append(...text.split(/(?<=\w\/)/).flatMap(part => [part, element("wbr")]));
   return where;
 }
 

@@ -135,7 +135,9 @@ function showStory(story) {
   visit = story.visit;
   sentences = story.sentences;
   put(byId("visitor"), visit ? visitorText() : "No visitor yet");
+  const box = byId("transcript"), follows = isAtEnd(box);
   showStops(visit ? visit.stops : []);
+  if (follows) showNewest(box);  // the stops take their room from it
   showTranscript(sentences);
 }
 
@@ -173,18 +175,19 @@ function showStops(stops) {
 
 // what is last in a box comes into view
 function showNewest(box) { [box.scrollTop, box.scrollLeft] = [box.scrollHeight, box.scrollWidth]; }
+const isAtEnd = box => box.scrollTop + box.clientHeight >= box.scrollHeight - 8;
 
 // what is new comes last, and in view unless the reader has scrolled back; what the board keeps no more goes. Sentences of one
 // incident are one entry: its cause, and beneath it what was done about it
 function showTranscript(sentences) {
   const box = byId("transcript"), list = box.firstChild;
-  const isAtEnd = box.scrollTop + box.clientHeight >= box.scrollHeight - 8;
+  const follows = isAtEnd(box) || frozen !== null;
   const known = [...list.querySelectorAll("[data-number]")].sort((one, other) => one.dataset.number - other.dataset.number);
   const last = known[known.length - 1], same = last && sentences.find(each => each.number === Number(last.dataset.number));
   const goesOn = same && same.at === Number(last.dataset.at);  // else it is another moment, or another run
   if (!goesOn) list.replaceChildren();
   for (const each of sentences) if (!goesOn || each.number > same.number) addSentence(list, each);
-  if (isAtEnd || frozen !== null) showNewest(box);
+  if (follows) showNewest(box);
   // after what is new was drawn: together, the two would move the rows by more than the box is scrolled
   setTimeout(dropOld, 100);
 }

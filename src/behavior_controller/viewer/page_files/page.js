@@ -307,6 +307,6 @@ on("close", "click", closeNode);
 listenToScrubber();
 document.addEventListener("keydown", event => { if (event.key === "Escape" && opensUid) closeNode(); });
 addEventListener("hashchange", openByHash);
-addEventListener("resize", () => { measured = null; keepHeight(); });
+addEventListener("resize", () => { [measured, tallest] = [null, {height: 0, at: 0}]; keepHeight(); });
 connect();
 setInterval(showDoubt, 250);

@@ -50,7 +50,7 @@ function show(found, first) {
   options("fault", found.figures.faults.map(each => each.fault));
   showResults(counts, number);
   table("faults", found.figures.faults.map(each => [link("fault", each.fault), each.visits, each.ended || ""]), "none");
-  table("nodes", found.figures.nodes.map(each => [each.node, each.outages, long(each.between), each.back === null ? "not yet" : long(each.back), each.longest === null ? "" : long(each.longest)]), "none");
+  table("nodes", found.figures.nodes.map(each => [breakable(element("span"), each.node), each.outages, long(each.between), each.back === null ? "not yet" : long(each.back), each.longest === null ? "" : long(each.longest)]), "none");
   table("days", found.figures.days.map(each => [link("day", each.day), each.runs, sum(each.visits),
     (each.visits.complete || 0) + (each.visits["complete without steps"] || 0), each.visits["broken off"] || "", Math.floor(100 * each.served) + " %"]), "none");
   byId("runs").replaceChildren(...found.runs.map(runElement));
