@@ -11,6 +11,8 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 DOCUMENTS = ["README.md"] + sorted(
     os.path.relpath(path, ROOT) for path in glob.glob(os.path.join(ROOT, "docs", "*.md")))
 MOST_BYTES = 1_000_000  # all pictures
+MOST_WORDS_OF_ALL = 26_000
+A_MINUTE = 250  # words
 GENERATED = {"docs/faults.md"}
 MOST_WORDS, MOST_LONG, MOST_SEMICOLONS = 16.0, 6.0, 5.0
 """Limits of a document: words per sentence, sentences of more than 30 words and semicolons per 100
@@ -92,6 +94,29 @@ def test_sentences_are_short():
                                                                MOST_SEMICOLONS))):
             too_hard.add(document)
     assert not too_hard
+
+
+def test_all_documents_together_are_short():
+    assert sum(figures_of(document)[0] for document in DOCUMENTS) <= MOST_WORDS_OF_ALL
+
+
+@pytest.mark.parametrize("task", ["Run it", "Connect a robot", "Write a mission", "Test a mission",
+                                  "Add a leaf"])
+def test_each_task_begins_within_a_minute_of_reading(task):
+    """From the first line of README, which links to the tasks, to the first command."""
+    head, section = text_of("README.md").partition("\n## ")[0], text_of("README.md").partition(
+        "\n## " + task + "\n")[2].partition("\n## ")[0]
+    assert "(#{})".format(task.lower().replace(" ", "-")) in head
+    before, command = re.match(r"(?s)(.*?)(```\n\w|`(?:rosrun|make) )", section).groups()
+    assert command and len((head + before).split()) <= A_MINUTE
+
+
+def test_readme_and_limits_name_what_was_never_tried():
+    for document in ("README.md", "docs/limits.md"):
+        text = text_of(document)
+        assert "never" in text
+        for name in ("Pepper", "Noetic", "Gazebo", "Groot2's own program"):
+            assert name in text, document
 
 
 def test_the_figures_of_sentences(tmp_path):
