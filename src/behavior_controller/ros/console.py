@@ -26,7 +26,7 @@ from behavior_controller.run.events import (
 from behavior_controller.run.fold import fold
 from behavior_controller.run.state import State
 from behavior_controller.run.moment import card, card_line, instruction, robot_line
-from behavior_controller.run.record.recorder import LineQueue, Record
+from behavior_controller.run.record.recorder import EncodedLine, Record
 from behavior_controller.ros.sinks import (
     Detached, LineHandler, Sink, drain, take_over_streams, use_line_handler)
 from behavior_controller.run.story import Story
@@ -193,18 +193,12 @@ class Console:
     def start_heartbeat(self, clock: Clock, emit: Callable[[Event], None], record: Record) -> None:
         """Show every ten seconds that the tick thread still runs its timers, and what the run does,
         by the lines of ``record``; ``emit`` an event if the computer's clock has jumped."""
-        run, state = LineQueue(), State()
+        run = _Now()
         record.add(run)
-
-        def follow() -> None:
-            nonlocal state
-            for line in run.take():
-                state = fold(state, line.time, line.event)
 
         def write(at: float) -> None:
             self._log_robot(at)
-            follow()
-            self._log(at, "info", f"running. {card_line(card(state), unix_now())}")
+            self._log(at, "info", f"running. {card_line(card(run.state), unix_now())}")
 
         def beat() -> None:
             jump, self._clock_shift = clock_shift() - self._clock_shift, clock_shift()
@@ -214,8 +208,21 @@ class Console:
             clock.call_after(HEARTBEAT_INTERVAL, beat)
 
         clock.call_after(HEARTBEAT_INTERVAL, beat)
-        # what ten seconds of a busy mission bring would delay the tick thread
-        _watch_pulse(clock, emit, lambda: self._lines.put(follow))
+        _watch_pulse(clock, emit)
+
+
+class _Now:
+    """What is so after the newest line of a run: an output of its record."""
+
+    def __init__(self) -> None:
+        self.state = State()
+
+    def put(self, line: EncodedLine) -> None:
+        """Take the next line."""
+        self.state = fold(self.state, line.time, line.event)
+
+    def close(self) -> None:
+        """Do nothing: the state is known to the end."""
 
 
 def _make_safe(record: logging.LogRecord) -> bool:
@@ -230,9 +237,8 @@ def _make_safe(record: logging.LogRecord) -> bool:
     return True
 
 
-def _watch_pulse(clock: Clock, emit: Callable[[Event], None], pulse: Callable[[], None]) -> None:
-    """Have an event emitted after each time in which the tick thread has stood still, and call
-    ``pulse`` every ``PULSE`` seconds."""
+def _watch_pulse(clock: Clock, emit: Callable[[Event], None]) -> None:
+    """Have an event emitted after each time in which the tick thread has stood still."""
     last = clock.source()
 
     def look() -> None:
@@ -240,7 +246,6 @@ def _watch_pulse(clock: Clock, emit: Callable[[Event], None], pulse: Callable[[]
         still, last = clock.source() - last - PULSE, clock.source()
         if still >= HANGS:
             emit(Noticed("warning", f"the controller stood still for {still:.0f} s"))
-        pulse()
         clock.call_after(PULSE, look)
 
     clock.call_after(PULSE, look)
