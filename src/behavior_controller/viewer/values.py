@@ -51,7 +51,7 @@ class VisitValues:
     def part(self) -> Values:
         """Return the lanes, entries of the blackboard last."""
         lanes = [ValueLane(name, list(changes)) for name, changes in self._lanes.items()]
-        return Values(sorted(lanes, key=lambda lane: lane.name[0] == "{"), len(self._left_out))
+        return Values(sorted(lanes, key=lambda lane: lane.name[:1] == "{"), len(self._left_out))
 
 
 def _values(state: State, entries: Mapping[str, str]) -> Iterator[Tuple[str, str]]:
