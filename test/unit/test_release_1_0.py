@@ -26,7 +26,7 @@ from behavior_controller.leaves.data import VISITOR_RESPONSE
 from behavior_controller.leaves.release_1_0 import SPECS
 from behavior_controller.config.phrases import SPEECHES
 from behavior_controller.text import Source
-from mission_rig import EXHIBITS, HOME, Rig, one_leaf, write
+from mission_rig import ASLEEP, EXHIBITS, HOME, NO_TIMER, WOKEN, Rig, follow, one_leaf, write
 
 RELEASE = "release-1.0"
 WORDS = """StartOfTree SayText SetOvertAttentionMode SetAnimateBehavior SetSpeechEvent PerformIconicGesture SetRobotPose
@@ -455,23 +455,42 @@ def test_an_empty_answer_is_none(response, result):
     assert rig.tick() is result
 
 
+SCANS, SEEN = AttentionStatus("scanning", 1), AttentionStatus("scanning", 2)
+SOCIAL, FOUND = AttentionStatus("social", 1), AttentionStatus("social", 2)
+SEEKS, GAZE, GIVEN_UP = [AttentionStatus("seeking", value) for value in (1, 2, 3)]
+
+
+@pytest.mark.parametrize("leaf, steps", [
+    # within ten seconds
+    ("IsVisitorPresent", [SOCIAL, RUNNING, 9.9, SEEN, RUNNING, FOUND, SUCCESS]),
+    ("IsVisitorPresent", [RUNNING, 10.1, FAILURE]),
+    # by a single message, whatever follows it until it is too old
+    ("IsVisitorDiscovered", [
+        RUNNING, ASLEEP, SEEN, SCANS, SCANS, SCANS, WOKEN, SUCCESS, SCANS, ASLEEP, SUCCESS, 2.1,
+        WOKEN, SCANS, RUNNING]),
+    # without a limit, until the robot gives up
+    ("IsMutualGazeDiscovered", [
+        RUNNING, 1000.0, SEEKS, RUNNING, NO_TIMER, ASLEEP, GIVEN_UP, WOKEN, FAILURE, SEEKS, ASLEEP,
+        GAZE, WOKEN])])
+def test_what_the_modes_of_attention_say(leaf, steps):
+    follow(one_leaf("<{}/>".format(leaf), robotInterface=RELEASE), release_1_0.ATTENTION, steps)
+
+
+def test_on_a_robot_of_the_document_a_face_is_a_visitor_who_is_present():
+    follow(one_leaf("<IsVisitorPresent/>"), d543.FACES,
+           [RUNNING, Faces(("1",), (False,)), SUCCESS])
+
+
+def test_a_search_for_gaze_that_is_given_up_is_told_as_a_wait_that_failed():
+    rig = one_leaf("<IsMutualGazeDiscovered/>", robotInterface=RELEASE)
+    follow(rig, release_1_0.ATTENTION, [RUNNING, GIVEN_UP, FAILURE])
+    assert rig.of(LeafFinished)[0].failure == Failure(
+        Cause.CONDITION_FALSE, IsMutualGazeDiscovered.otherwise, "/overtAttention/mode", "")
+    assert [(event.limit, event.is_wait) for event in rig.of(StepStarted)] == [(0.0, True)]
+
+
 def says_mode(rig, state, value):
     rig.topics.publish(release_1_0.ATTENTION, AttentionStatus(state, value))
-
-
-def test_the_visitor_is_present_if_social_attention_says_so_within_ten_seconds():
-    rig = one_leaf("<IsVisitorPresent/>", robotInterface=RELEASE)
-    says_mode(rig, "social", 1)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(9.9)
-    says_mode(rig, "scanning", 2)
-    assert rig.tick() is RUNNING
-    says_mode(rig, "social", 2)
-    assert rig.tick() is SUCCESS
-    rig = one_leaf("<IsVisitorPresent/>", robotInterface=RELEASE)
-    assert rig.tick() is RUNNING
-    rig.clock.advance(10.1)
-    assert rig.tick() is FAILURE
 
 
 @pytest.mark.parametrize("mode_between, seconds, result", [
@@ -486,31 +505,6 @@ def test_a_visitor_who_was_seen_a_moment_ago_is_present(mode_between, seconds, r
     assert rig.tick() is result
 
 
-def test_on_a_robot_of_the_document_a_face_is_a_visitor_who_is_present():
-    rig = one_leaf("<IsVisitorPresent/>")
-    assert rig.tick() is RUNNING
-    rig.topics.publish(d543.FACES, Faces(("1",), (False,)))
-    assert rig.tick() is SUCCESS
-
-
-def test_a_visitor_is_discovered_by_a_single_message_whatever_follows_it():
-    rig = one_leaf("<IsVisitorDiscovered/>", robotInterface=RELEASE)
-    assert rig.tick() is RUNNING
-    rig.tree.wake.test_and_clear()
-    says_mode(rig, "scanning", 2)
-    for _ in range(3):
-        says_mode(rig, "scanning", 1)
-    assert rig.tree.wake.test_and_clear()
-    assert rig.tick() is SUCCESS
-    says_mode(rig, "scanning", 1)
-    assert not rig.tree.wake.test_and_clear(), "what follows does not change the answer"
-    assert rig.tick() is SUCCESS
-    rig.clock.advance(2.1)
-    assert rig.tree.wake.test_and_clear(), "until it is too old"
-    says_mode(rig, "scanning", 1)
-    assert rig.tick() is RUNNING
-
-
 def test_of_events_of_a_state_the_newest_is_kept_with_the_newest_message():
     topics = one_leaf("<IsVisitorDiscovered/>", robotInterface=RELEASE).topics
     for value in (2, 1, 2, 1, 3):
@@ -520,26 +514,6 @@ def test_of_events_of_a_state_the_newest_is_kept_with_the_newest_message():
     for value in (2, 3):
         topics.publish(release_1_0.ATTENTION, AttentionStatus("seeking", value))
     assert [sample.value for sample in topics.recent(release_1_0.ATTENTION)][1:] == [("seeking", 3)]
-
-
-def test_a_robot_that_gives_up_the_search_for_gaze_ends_the_wait():
-    rig = one_leaf("<IsMutualGazeDiscovered/>", robotInterface=RELEASE)
-    rig.tick()
-    rig.clock.advance(1000.0)
-    says_mode(rig, "seeking", 1)
-    assert rig.tick() is RUNNING, "the release waits without a limit"
-    assert rig.clock.next_due() is None
-    rig.tree.wake.test_and_clear()
-    says_mode(rig, "seeking", 3)
-    assert rig.tree.wake.test_and_clear()
-    assert rig.tick() is FAILURE
-    assert rig.of(LeafFinished)[0].failure == Failure(
-        Cause.CONDITION_FALSE, IsMutualGazeDiscovered.otherwise, "/overtAttention/mode", "")
-    assert [(event.limit, event.is_wait) for event in rig.of(StepStarted)] == [(0.0, True)]
-    says_mode(rig, "seeking", 1)
-    assert not rig.tree.wake.test_and_clear()
-    says_mode(rig, "seeking", 2)
-    assert rig.tree.wake.test_and_clear()
 
 
 @pytest.mark.parametrize("means, response", [("done", None), ("yes", "yes")])
