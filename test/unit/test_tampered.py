@@ -152,6 +152,7 @@ def with_fields(lines, **fields):
 
 @pytest.mark.parametrize("change", [
     lambda lines: lines[::-1],
+    lambda lines: [dict(lines[0], lines=-1)] + lines[1:],
     lambda lines: lines + lines,
     lambda lines: lines[1:] + lines[:1],
     lambda lines: [line for line in lines for _ in range(2)],
