@@ -100,8 +100,9 @@ DESCRIBED = {"currentExhibit": "robot", "description1": "one", "description2": "
     *[("<DescribeExhibitSpeech{}/>".format(chosen), dict(DESCRIBED, which="2"), Say(text))
       for chosen, text in [
           ("", "one two"), (" name='1'", "one"), (" name='2'", "two"), (" name='other'", "one two"),
-          ("_1", "one"), ("_2", "two"), (" part='1' name='1'", "one"), (" part='2' name='1'", "two"),
-          (" part='both' name='1'", "one two"), (" part='{@which}' name='1'", "two")]],
+          ("_1", "one"), ("_2", "two"), (" part='1' name='1'", "one"),
+          (" part='2' name='1'", "two"), (" part='both' name='1'", "one two"),
+          (" part='{@which}' name='1'", "two")]],
     ("<DescribeExhibitSpeech_2/>", dict(DESCRIBED, description2=""), None),  # it is passed over
     # a mission may give another entry, or a value
     ('<Navigate target="1;2.5;-90"/>', {"targetLocation": PLACE}, GoTo(Location(1.0, 2.5, -90.0))),
