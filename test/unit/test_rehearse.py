@@ -186,7 +186,7 @@ ONE_AFTER_THE_OTHER = """<Sequence>
 
 @pytest.mark.parametrize("script, number", [("lost += 1", 2), ("lost := 0", 1)])
 def test_what_the_first_fault_leaves_behind_is_played_with_a_second_one(tmp_path, script, number):
-    runner = runner_of(tmp_path, ONE_AFTER_THE_OTHER.format(script))
+    runner = plan(tmp_path, ONE_AFTER_THE_OTHER.format(script), "--faults", "pairs").runner
     calm = runner.evaluate(Scenario("engages"))
     assert [call.node for call in calm.calls] == ["textToSpeech", "overtAttention", "textToSpeech"]
     one = runner.evaluate(

@@ -74,7 +74,8 @@ class Plan:
         is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
         path = options.mission if is_file else find(options.mission)
         controller = load_controller(given)
-        self.runner = ScenarioRunner(controller.values, path, options.limit)
+        self.runner = ScenarioRunner(controller.values, path, options.limit,
+                                     options.faults == PAIRS)
         ways = [controller.asr_enabled] if ASR in given else self.runner.ways
         visitors = options.visitors or ([ENGAGES] if options.runs else self.runner.visitors)
         self.calm = [Scenario(visitor, by_voice) for by_voice in ways for visitor in visitors]

@@ -150,10 +150,12 @@ class ScenarioRunner:
     """A mission on its stages, one for visitors who answer by voice and one for the tablet. Each
     process has its own."""
 
-    def __init__(self, chosen: Mapping[str, Any], mission: str, limit: float):
+    def __init__(self, chosen: Mapping[str, Any], mission: str, limit: float,
+                 for_pairs: bool = False):
         """``chosen`` are the values of the controller's keys, ``mission`` is a file; ``limit`` is
-        in seconds of the mission's time."""
+        in seconds of the mission's time; ``for_pairs``: ``pairs`` needs what the calls meet."""
         self.chosen, self.mission, self.limit = dict(chosen), mission, limit
+        self.for_pairs = for_pairs
         self.stage: Callable[[bool], LoadedMission] = lru_cache(maxsize=None)(self._stage)
         """Returns the stage, by voice or not. Raises FaultsFound if it cannot be played."""
         self._calm_play: Callable[[Scenario], Play] = lru_cache(maxsize=None)(self.play)
@@ -177,7 +179,7 @@ class ScenarioRunner:
 
     def __reduce__(self) -> Tuple[Any, ...]:
         """Have another process make its own from the same arguments, once."""
-        return _of_process, (tuple(self.chosen.items()), self.mission, self.limit)
+        return _of_process, (tuple(self.chosen.items()), self.mission, self.limit, self.for_pairs)
 
     def _stage(self, by_voice: bool) -> LoadedMission:
         own = dict(asrEnabled=by_voice, scenarioSpecification=mission_name(self.mission))
@@ -195,7 +197,8 @@ class ScenarioRunner:
         if not stage.settings.asr_enabled and robot.tells(Sense.UTTERANCE):
             silent += (robot.evidence(Sense.UTTERANCE).topic.name,)  # no speech is recognised
         gap = min(MESSAGE_INTERVAL, stage.settings.topic_max_age / 2)
-        played = stage.play(test, silent, gap, scene.is_listed, scene.then).last_pass()
+        has_situations = self.for_pairs and scene.is_listed
+        played = stage.play(test, silent, gap, has_situations, scene.then).last_pass()
         faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
         calm = None if scene.is_calm else self._calm_play(scene.calm)
         return Play(stage, played, (scene.visitor, *scene.then)[-1], faults, calm,
@@ -449,8 +452,8 @@ def _below(node: Any) -> Set[int]:
 
 
 @lru_cache(maxsize=1)
-def _of_process(chosen: Tuple[Tuple[str, Any], ...], mission: str, limit: float) -> ScenarioRunner:
-    return ScenarioRunner(dict(chosen), mission, limit)
+def _of_process(chosen: Tuple[Tuple[str, Any], ...], *more: Any) -> ScenarioRunner:
+    return ScenarioRunner(dict(chosen), *more)
 
 
 @contextmanager
