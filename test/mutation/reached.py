@@ -80,7 +80,10 @@ class Reached:
     def _read(self, place: str) -> None:
         for notes in glob.glob(os.path.join(place, "notes", "coverage.*")):
             measured = coverage.CoverageData(notes)
-            measured.read()
+            try:
+                measured.read()
+            except coverage.exceptions.DataError:
+                continue  # of a child that was killed while it wrote
             for path in measured.measured_files():
                 file = os.path.relpath(path, place)
                 self._inside[file] = _inside_functions(path)
