@@ -49,7 +49,8 @@ class RpcPeer:
 
 class Master(RpcPeer):
     """A master that knows ``services``, ``nodes``, ``publishers`` and ``parameters``, and notes its
-    ``calls``. Of a node that registers it notes the address alone."""
+    ``calls``. Of a node that registers it notes the address, and its
+    services."""
 
     def __init__(self):
         super().__init__()
@@ -62,6 +63,8 @@ class Master(RpcPeer):
         self.calls.append((method,) + params[1:])
         if method.startswith("register"):
             self.nodes[params[0]] = params[-1]
+        if method == "registerService":
+            self.services[params[1]] = params[2]
         self.may_answer.wait(LIMIT)
         return {"lookupService": self._look_up(self.services, params),
                 "lookupNode": self._look_up(self.nodes, params),
