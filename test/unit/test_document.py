@@ -487,6 +487,20 @@ def test_includes_without_a_path_or_with_ros_pkg(tmp_path):
     assert faults[2].code == "include-package"
 
 
+@pytest.mark.parametrize("included, meant", [
+    ("lib/greting.xml", "did you mean greeting.xml?"), ("man.xml", "did you mean main.xml?"),
+    ("lib/other.xml", ""), ("nowhere/greting.xml", "")])
+def test_of_a_file_that_is_missing_the_one_beside_it_is_told(tmp_path, monkeypatch, included,
+                                                             meant):
+    (tmp_path / "lib").mkdir()
+    write(tmp_path / "lib", greeting=mission())
+    path = write(tmp_path, main='<root><include path="{}"/></root>'.format(included))
+    monkeypatch.chdir(tmp_path)
+    for file in (path, os.path.basename(path)):
+        fault, = included_faults(file)
+        assert fault.hint == meant
+
+
 def packages_below(folder, *names):
     """Make the package.xml of each of ``names``, which are ``path=name``."""
     for path, name in (text.split("=") for text in names):

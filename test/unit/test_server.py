@@ -424,3 +424,17 @@ def test_browsers_that_vanish_or_never_read_disturb_nobody(show):
         each.close()
     assert shown.fetch("state")[0] == 200
     wait_until(lambda: not shown.page.streams, 25.0)
+
+
+def test_lines_are_sent_when_some_are_new_or_the_controller_has_given_a_sign_of_life():
+    texts, versions = [], {"alive": 1}
+    backlog = types.SimpleNamespace(since=lambda number: (not number, texts[number:]))
+    board = types.SimpleNamespace(backlog=backlog, versions=versions, stopped="")
+    lines, sent = object.__new__(page_module._Lines), []
+    for new, alive, is_first in (([], 1, True), ([], 1, False), ([b"a"], 1, False), ([], 1, False),
+                                 ([], 2, False), ([b"b", b"c"], 3, False), ([], 3, False)):
+        texts += new
+        backlog.count, versions["alive"] = len(texts), alive
+        batch, _, content = lines.news(board, is_first).partition(b"\n")
+        sent.append(content if batch else None)
+    assert sent == [b"", None, b"a", None, b"", b"bc", None]
