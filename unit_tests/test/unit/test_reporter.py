@@ -1,5 +1,7 @@
 """Where the report of a test is written, and which process shows it."""
+import pathlib
 import re
+import shutil
 import time
 
 import pytest
@@ -10,7 +12,9 @@ from behavior_controller.config import settings  # noqa: E402
 from behavior_controller.simulation import configuration  # noqa: E402
 from behavior_controller.simulation.rehearsal.play import LoadedMission  # noqa: E402
 
+import plays  # noqa: E402
 from unit_tests import folders  # noqa: E402
+from unit_tests.judge.facts import Stall  # noqa: E402
 from unit_tests.robot import options  # noqa: E402
 from unit_tests.robot.options import Arguments, Options  # noqa: E402
 from unit_tests.run import controller, test_node  # noqa: E402
@@ -120,3 +124,28 @@ def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(
                                              configuration.defaults(testTimeout=60.0), None))
     assert outcome.exit_code == 0 and not outcome.cut_off
     assert max(stall.ends - stall.begins for stall in outcome.stalls) > 0.3
+
+
+@pytest.mark.parametrize("change, code, words", [
+    ({}, 0, "PASSED"), ({"exit_code": 3}, 1, "FAILED"),
+    ({"cut_off": "the time was over", "has_timed_out": True}, 3, "the time was over"),
+    ({"stalls": (Stall(10.0, 10.2), Stall(20.0, 20.3), Stall(30.0, 30.9))}, 0,
+     "this machine stood still 2 times, for up to 0.9 s"),
+    ({"stalls": (Stall(10.0, 10.2),)}, 0, "PASSED")])
+def test_the_report_of_a_test_is_written_shown_and_read_back(
+        given, share, tmp_path, monkeypatch, capsys, change, code, words):
+    of_test = plays.facts()._replace(**change)
+    monkeypatch.setattr(test_node, "wait_for_end", lambda own, disturbance: of_test)
+    monkeypatch.setattr(test_node.rospkg, "get_test_results_dir", lambda: str(tmp_path))
+    folder = tmp_path / "run"
+    folder.mkdir()
+    shutil.copytree(str(pathlib.Path(__file__).parents[2] / "config"),
+                    str(tmp_path / "share" / "config"))
+    own = options.read(Arguments([], {"folder": str(folder), "randomSeed": "1"}))
+    assert test_node._test(own) == code
+    shown = capsys.readouterr().out
+    assert words in shown and shown.startswith("randomSeed 1\n")
+    assert ("stood still" in shown) is ("2 times" in words)
+    report = (folder / test_node.OUTPUT).read_text(encoding="utf-8")
+    assert words in report and (share / test_node.OUTPUT).read_text(encoding="utf-8") == report
+    assert (tmp_path / "unit_tests" / test_node.JUNIT_FILE).exists()
