@@ -228,6 +228,15 @@ def test_an_entry_at_which_nothing_answers(robot, uri, cause, words):
     assert robot.say()[0] == Answer() and len(server.requests) == 1
 
 
+def test_after_a_handshake_that_means_nothing_the_next_call_connects_anew(robot):
+    robot.talks(lambda connection: connection.sendall(struct.pack("<I", 4) + 4 * b"\xff"))
+    failure = robot.say()[0]
+    assert failure.cause is Cause.NOT_REACHABLE and "no ROS node" in failure.message
+    robot.serves()
+    robot.deadline = 5.0
+    assert robot.say()[0] == Answer()
+
+
 # ------------------------------------------------------------------------------------------- time
 
 
