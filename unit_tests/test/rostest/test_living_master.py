@@ -5,32 +5,24 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
-import time
-import unittest
 
-import rosgraph
 import rospy
 import rostest
 
-LIMIT = 180.0  # seconds for one launch
+from launched import LIMIT, Launched
+
 STARTS = " starts, "  # in the sentence about a mission that has started
 PATIENT = "startupTimeout:=90"  # ten processes start at once, perhaps on a busy machine
 QUICK = ("scenario:=declines", "failureRate:=0", "arrivalRate:=3000",
          "callTimes:=none", PATIENT)
 
 
-class TestLivingMaster(unittest.TestCase):
+class TestLivingMaster(Launched):
     """Every case has the master of this test."""
 
     def setUp(self):
-        self.home = tempfile.TemporaryDirectory()
-        self.addCleanup(self.home.cleanup)
-        self.environment = dict(os.environ, ROS_HOME=self.home.name,
-                                ROS_TEST_RESULTS_DIR=self.home.name)
-        self.environment.pop("ROS_LOG_DIR", None)
-        self.report = os.path.join(self.home.name, "report.dat")
-        self.master = rosgraph.Master("/test")
+        super().setUp()
+        self.report = os.path.join(self.home, "report.dat")
         self.before = set(self.master.getParamNames())
         self.addCleanup(self.forget_dead_nodes)
 
@@ -43,33 +35,15 @@ class TestLivingMaster(unittest.TestCase):
         subprocess.run(["rosnode", "cleanup"], input="y\n", universal_newlines=True,
                        stdout=subprocess.DEVNULL, timeout=LIMIT, check=True)
 
-    def start(self, *command):
-        """Start a command, and return it with the file of its output."""
-        output = open(os.path.join(self.home.name, "output.log"), "w+")
-        self.addCleanup(output.close)
-        process = subprocess.Popen(command, env=self.environment, stdout=output,
-                                   stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
-        self.addCleanup(process.kill)
-        return process, output
-
-    def run_to_end(self, *command):
-        """Return the exit code of a command and what it printed."""
-        process, output = self.start(*command)
-        code = process.wait(LIMIT)
-        output.seek(0)
-        return code, output.read()
-
     def launch(self, *arguments):
         return self.start("roslaunch", "unit_tests", "behaviorControllerTest.launch",
                           "outputFile:=" + self.report, *arguments)
 
     def run_launch(self, *arguments):
         """Return what a launch printed, and the title of its report."""
-        process, output = self.launch(*arguments)
-        process.wait(LIMIT)
-        output.seek(0)
+        self.launch(*arguments).wait(LIMIT)
         with open(self.report) as file:
-            return output.read(), file.readline()
+            return self.printed(), file.readline()
 
     def left_behind(self):
         """Return the parameters on the master that were not there before, except roslaunch's own.
@@ -116,48 +90,34 @@ class TestLivingMaster(unittest.TestCase):
             title, "visitorBehaviour declines; failureRate 0; arrivalRate 3000; randomSeed [0-9]+$")
 
     def test_a_launch_that_is_killed_leaves_nothing_that_counts(self):
-        process, output = self.launch("asrEnabled:=false", "language:=Kinyarwanda", *QUICK)
-        self.addCleanup(self.kill_nodes, output)
-        self.wait_for_start(process, output)
+        process = self.launch("asrEnabled:=false", "language:=Kinyarwanda", *QUICK)
+        self.addCleanup(self.kill_nodes)
+        self.wait_for(STARTS)
         process.kill()
         process.wait()
-        self.kill_nodes(output)
+        self.kill_nodes()
         self.assertEqual(self.left_behind(), set())
         self.assert_runs_as_configured()
 
     def test_a_test_that_is_stopped_takes_its_nodes_along_and_says_so_last(self):
-        process, output = self.start("rosrun", "unit_tests", "runTest",
-                                     "outputFile:=" + self.report, "scenario:=silent", *QUICK[1:])
-        self.addCleanup(self.kill_nodes, output)
-        self.wait_for_start(process, output)
+        process = self.start("rosrun", "unit_tests", "runTest", "outputFile:=" + self.report,
+                             "scenario:=silent", *QUICK[1:])
+        self.addCleanup(self.kill_nodes)
+        self.wait_for(STARTS)
         process.send_signal(signal.SIGINT)
         self.assertEqual(process.wait(LIMIT), 1)
-        with open(output.name) as file:
-            printed = file.read()
-        self.assertEqual(printed.splitlines()[-2],
+        self.assertEqual(self.printed().splitlines()[-2],
                          "FAILED: the test was stopped before the mission had ended")
-        for pid in self.started(output):
+        for pid in self.started():
             self.assertRaises(ProcessLookupError, os.kill, pid, 0)
 
-    def wait_for_start(self, process, output):
-        """Wait until a launch has printed that the mission has started."""
-        ends = time.monotonic() + LIMIT
-        with open(output.name) as file:
-            printed = file.read()
-            while STARTS not in printed:
-                self.assertTrue(process.poll() is None and time.monotonic() < ends,
-                                "no mission:\n" + printed)
-                time.sleep(0.1)
-                printed += file.read()
-
-    def started(self, output):
+    def started(self):
         """Return the processes that a roslaunch has reported."""
-        with open(output.name) as file:
-            return [int(pid) for pid in re.findall(r"started with pid \[(\d+)\]", file.read())]
+        return [int(pid) for pid in re.findall(r"started with pid \[(\d+)\]", self.printed())]
 
-    def kill_nodes(self, output):
+    def kill_nodes(self):
         """Kill what a roslaunch has started."""
-        for pid in self.started(output):
+        for pid in self.started():
             try:
                 os.killpg(pid, signal.SIGKILL)
             except ProcessLookupError:

@@ -6,17 +6,13 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
-import time
-import unittest
 
-import rosgraph
 import rospy
 import rostest
 
 from first_message import wait_for_first_message
+from launched import LIMIT, Launched
 
-LIMIT = 180.0  # seconds for one launch
 GOAL = "/robotNavigation/set_goal"
 NAVIGATION = ("robotNavigation", GOAL)
 TEST = ("rosrun", "unit_tests", "runTest")
@@ -27,18 +23,12 @@ WAITS = ("scenario:=silent",) + QUICK[1:]
 STAND_IN = os.path.join(os.path.dirname(os.path.abspath(__file__)), "stand_in.py")
 
 
-class LivingRobot(unittest.TestCase):
-    """A test case whose cases have the master of this test."""
+class LivingRobot(Launched):
+    """A test case with stand-ins for nodes of a robot."""
 
     def setUp(self):
-        self.home = tempfile.TemporaryDirectory()
-        self.addCleanup(self.home.cleanup)
+        super().setUp()
         self.addCleanup(self.kill_leftovers)
-        self.environment = dict(os.environ, ROS_HOME=self.home.name,
-                                ROS_TEST_RESULTS_DIR=self.home.name)
-        self.environment.pop("ROS_LOG_DIR", None)
-        self.output = os.path.join(self.home.name, "output.log")
-        self.master = rosgraph.Master("/test")
 
     def kill_leftovers(self):
         """End the nodes that a roslaunch leaves if it is stopped while it starts them: the next
@@ -47,7 +37,7 @@ class LivingRobot(unittest.TestCase):
             try:
                 with open(path, "rb") as file:
                     is_ours = "ROS_HOME={}".format(
-                        self.home.name).encode() in file.read().split(b"\0")
+                        self.home).encode() in file.read().split(b"\0")
                 if is_ours:
                     os.kill(int(path.split("/")[2]), signal.SIGKILL)
             except OSError:
@@ -73,37 +63,12 @@ class LivingRobot(unittest.TestCase):
         self.assertEqual(node.stdout.readline(), "ready\n")
         return node
 
-    def start(self, *command):
-        """Start a command; its output is in the file ``output``."""
-        with open(self.output, "w") as output:
-            process = subprocess.Popen(command, env=self.environment, stdout=output,
-                                       stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
-        self.addCleanup(process.wait, LIMIT)
-        self.addCleanup(process.terminate)
-        return process
-
     def start_robot(self):
         """Start a simulated robot to its last node: a roslaunch that is ended before may leave
         nodes behind."""
         self.start("roslaunch", "unit_tests", "simulatedRobot.launch")
         rospy.wait_for_service(GOAL, LIMIT)
         wait_for_first_message("/faceDetection/data", LIMIT)
-
-    def run_to_end(self, *command):
-        """Return the exit code of a command and what it printed."""
-        code = self.start(*command).wait(LIMIT)
-        return code, self.printed()
-
-    def printed(self):
-        with open(self.output) as file:
-            return file.read()
-
-    def wait_for(self, pattern):
-        ends = time.monotonic() + LIMIT
-        while not re.search(pattern, self.printed()):
-            self.assertLess(time.monotonic(), ends,
-                            "{!r} was not printed:\n{}".format(pattern, self.printed()))
-            time.sleep(0.05)
 
     # ------------------------------------------------------------------------------ what it expects
 

@@ -1,30 +1,23 @@
 #!/usr/bin/env python3
-"""Does every kind of visitor of the reception get the right visit, by voice and on the tablet?
-
-The whole tests run two at a time: most of them wait for a visitor who does not come or answer.
-"""
+"""Does every kind of visitor of the reception get the right visit, by voice and on the tablet?"""
 import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import rospy
 import rostest
 
-from whole_test import WholeTest, run_test
+from whole_test import WholeTest, run_tests
 
 OUTCOMES = {"engages": "SUCCESS", "declines": "SUCCESS", "silent": "SUCCESS", "unclear": "SUCCESS",
             "noGaze": "FAILURE", "leaves": "FAILURE"}
-RELEASE = ("robotInterface:=release-1.0", "scenarioSpecification:=release_1_0_reception")
-
-
-def visit(arguments):
-    return run_test("failureRate:=0", "speed:=5", *arguments)
+COMMON = ("failureRate:=0", "speed:=5")
+RELEASE = (*COMMON, "robotInterface:=release-1.0", "scenarioSpecification:=release_1_0_reception")
 
 
 class TestReception(WholeTest):
     """Runs the whole test once for each kind of visitor."""
 
     def test_every_visitor_by_voice_and_on_the_tablet(self):
-        visits = [("scenarioSpecification:=reception", "asrEnabled:=" + asr,
+        visits = [(*COMMON, "scenarioSpecification:=reception", "asrEnabled:=" + asr,
                    "visitorBehaviour:=" + behaviour)
                   for behaviour in OUTCOMES for asr in ("true", "false")]
         self.assert_each_passed(visits)
@@ -36,10 +29,8 @@ class TestReception(WholeTest):
                                                         ("declines", "true"))])
 
     def assert_each_passed(self, visits):
-        with ThreadPoolExecutor(2) as pool:
-            for arguments, result in zip(visits, pool.map(visit, visits)):
-                print(*arguments)
-                self.assert_passed(result, OUTCOMES[arguments[-1].partition(":=")[2]])
+        for arguments, result in run_tests(visits):
+            self.assert_passed(result, OUTCOMES[arguments[-1].partition(":=")[2]])
 
 
 if __name__ == "__main__":

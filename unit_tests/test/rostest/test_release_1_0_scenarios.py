@@ -1,19 +1,15 @@
 #!/usr/bin/env python3
 """Does every kind of visitor get the right visit from a robot of release 1.0, with and without
-faults?
-
-The whole tests run two at a time: most of them wait for a visitor who does not come or answer.
-"""
+faults?"""
 import sys
 import unittest
-from concurrent.futures import ThreadPoolExecutor
 
 import rospy
 import rostest
 
 from behavior_controller.run.events import LeafFinished
 from unit_tests.judge.facts import of
-from whole_test import run_test
+from whole_test import run_tests
 
 RELEASE = ("robotInterface:=release-1.0", "scenarioSpecification:=release_1_0_tour",
            "failureRate:=0", "speechPace:=50")
@@ -34,11 +30,8 @@ class TestRelease10Scenarios(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        with ThreadPoolExecutor(2) as pool:
-            under_way = {
-                name: pool.submit(run_test, *RELEASE, *given) for name, (given, _) in RUNS.items()
-            }
-            cls.results = {name: run.result() for name, run in under_way.items()}
+        tests = run_tests([(*RELEASE, *given) for given, _ in RUNS.values()])
+        cls.results = {name: result for name, (_, result) in zip(RUNS, tests)}
 
     def nodes(self, name):
         """Return the mission nodes that ran."""

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Is each fault of release 1.1 that needs a robot survived, and what does a visitor see of it?
 
-The numbers are those of docs/reference.md. The whole tests run two at a time.
+The numbers are those of docs/reference.md.
 """
 import os
 import signal
@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 import unittest
-from concurrent.futures import ThreadPoolExecutor
 
 import rosgraph
 import rospy
@@ -18,7 +17,7 @@ import rostest
 from behavior_controller import exit_codes
 from behavior_controller.run.events import LeafFinished
 from unit_tests.judge.facts import of
-from whole_test import free_port, run_test
+from whole_test import free_port, run_tests
 
 GIVEN = ("robotInterface:=release-1.1", "failureRate:=0")
 VISITOR, D6_1 = "mission:=release_1_1_visitor_tour", "mission:=d6_1_tour"
@@ -42,10 +41,8 @@ class TestRelease11Scenarios(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        with ThreadPoolExecutor(2) as pool:
-            under_way = {name: pool.submit(run_test, *GIVEN, *given)
-                         for name, (given, _, _) in RUNS.items()}
-            cls.results = {name: run.result() for name, run in under_way.items()}
+        tests = run_tests([(*GIVEN, *given) for given, _, _ in RUNS.values()])
+        cls.results = {name: result for name, (_, result) in zip(RUNS, tests)}
 
     def ended(self, name, node):
         """Return how a mission node ended, each time."""

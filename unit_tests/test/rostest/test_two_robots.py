@@ -4,57 +4,28 @@ import glob
 import json
 import os
 import re
-import subprocess
 import sys
-import tempfile
-import time
-import unittest
 
-import rosgraph
 import rostest
+
+from launched import LIMIT, Launched
 
 HERE = os.path.dirname(os.path.realpath(__file__))
 sys.path.append(os.path.join(HERE, "../../../test/rostest"))
 from free_ports import free_port  # noqa: E402
 
-LIMIT = 120.0
 ROBOTS = ("robot1", "robot2")
 COMMON = {"/rosout", "/test"}
 """The nodes that are of no robot."""
 
 
-class TestTwoRobots(unittest.TestCase):
+class TestTwoRobots(Launched):
     """Two tests side by side."""
 
     def setUp(self):
-        home = tempfile.TemporaryDirectory()
-        self.addCleanup(home.cleanup)
-        self.home = home.name
-        self.master = rosgraph.Master("/test")
+        super().setUp()
         port = free_port(5)
         self.ports = ["monitorPort:={}".format(port), "groot2Port:={}".format(port + 1)]
-
-    def start(self, name, *command):
-        """Start a command; its output is in the file of that name."""
-        environment = dict(os.environ, ROS_HOME=self.home,
-                           ROS_TEST_RESULTS_DIR=os.path.join(self.home, name))
-        environment.pop("ROS_LOG_DIR", None)
-        with open(os.path.join(self.home, name + ".log"), "w") as output:
-            process = subprocess.Popen(command, env=environment, stdout=output,
-                                       stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
-        self.addCleanup(process.wait, LIMIT)
-        self.addCleanup(process.terminate)
-        return process
-
-    def printed(self, name):
-        with open(os.path.join(self.home, name + ".log")) as file:
-            return file.read()
-
-    def wait_for(self, name, words):
-        ends = time.monotonic() + LIMIT
-        while words not in self.printed(name):
-            self.assertLess(time.monotonic(), ends, self.printed(name))
-            time.sleep(0.05)
 
     def nodes(self):
         """Return the names of all nodes that offer or use anything."""
@@ -63,14 +34,14 @@ class TestTwoRobots(unittest.TestCase):
 
     def test_two_tours_side_by_side_and_no_further_controller(self):
         tests = {robot: self.start(
-            robot, "rosrun", "unit_tests", "runTest", "robot:=" + robot, "callTimes:=none",
+            "rosrun", "unit_tests", "runTest", "robot:=" + robot, "callTimes:=none",
             "failureRate:=0", "arrivalRate:=120", "startupTimeout:=90",
-            "scenarioSpecification:=lab_tour", *self.ports) for robot in ROBOTS}
+            "scenarioSpecification:=lab_tour", *self.ports, name=robot,
+            ROS_TEST_RESULTS_DIR=os.path.join(self.home, robot)) for robot in ROBOTS}
         for robot in ROBOTS:
-            self.wait_for(robot, " starts, ")
-        refused = self.start("other", "rosrun", "cssr_system", "behaviorController",
-                             "_robot:=robot1", "__name:=other", "_monitorPort:=0",
-                             "_groot2Port:=0")
+            self.wait_for(" starts, ", robot)
+        refused = self.start("rosrun", "cssr_system", "behaviorController", "_robot:=robot1",
+                             "__name:=other", "_monitorPort:=0", "_groot2Port:=0", name="other")
         self.assertEqual({node.split("/")[1] for node in self.nodes()}, set(ROBOTS))
         self.assertEqual(refused.wait(LIMIT), 1, self.printed("other"))
         self.assertIn("node /robot1/behaviorController already controls this robot",

@@ -1,15 +1,11 @@
 #!/usr/bin/env python3
-"""Does every kind of visitor get the right visit, by voice and on the tablet?
-
-The whole tests run two at a time: most of them wait for a visitor who does not come or answer.
-"""
+"""Does every kind of visitor get the right visit, by voice and on the tablet?"""
 import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import rospy
 import rostest
 
-from whole_test import CLEAN, WholeTest, run_test
+from whole_test import CLEAN, WholeTest, run_tests
 
 OUTCOMES = {"engages": "SUCCESS", "declines": "SUCCESS", "silent": "SUCCESS", "unclear": "SUCCESS",
             "noGaze": "FAILURE", "leaves": "FAILURE"}
@@ -18,21 +14,16 @@ ELSEWHERE = {("engages", "true"), ("engages", "false"), ("declines", "true"), ("
 """What other tests of this folder run, with the order of all requests."""
 
 
-def visit(visitor):
-    behaviour, asr = visitor
-    return run_test("speed:=5", "visitorBehaviour:=" + behaviour, "asrEnabled:=" + asr, *CLEAN)
-
-
 class TestVisitors(WholeTest):
     """Runs the whole test once for each kind of visitor."""
 
     def test_every_visitor_by_voice_and_on_the_tablet(self):
         every = {(behaviour, asr) for behaviour in OUTCOMES for asr in ("true", "false")}
         visitors = sorted(every - ELSEWHERE)
-        with ThreadPoolExecutor(2) as pool:
-            for visitor, result in zip(visitors, pool.map(visit, visitors)):
-                print("visitor who {}, asrEnabled {}".format(*visitor))
-                self.assert_passed(result, OUTCOMES[visitor[0]])
+        results = run_tests([(*CLEAN, "speed:=5", "visitorBehaviour:=" + behaviour,
+                              "asrEnabled:=" + asr) for behaviour, asr in visitors])
+        for visitor, (_, result) in zip(visitors, results):
+            self.assert_passed(result, OUTCOMES[visitor[0]])
 
 
 if __name__ == "__main__":

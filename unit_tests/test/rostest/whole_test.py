@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 from typing import List, NamedTuple
 from xml.etree import ElementTree
 
@@ -70,6 +71,16 @@ def run_test(*arguments, **environment):
             done.returncode, done.stdout, _lines(report),
             _junit(os.path.join(folder, "unit_tests", "behaviorControllerTest.xml")),
             _run(os.path.join(folder, "log", "behaviorControllerTest_*", "*", "mission.jsonl")))
+
+
+def run_tests(each, **environment):
+    """Run ``runTest`` with each of these arguments, two at a time, as most of them wait for a
+    visitor; yield the arguments and the result of each."""
+    with ThreadPoolExecutor(2) as pool:
+        results = pool.map(lambda arguments: run_test(*arguments, **environment), each)
+        for arguments, result in zip(each, results):
+            print(*arguments)
+            yield arguments, result
 
 
 def _lines(pattern):
