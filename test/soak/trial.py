@@ -73,8 +73,10 @@ class Trial:
 
     def allow_several_controllers(self):
         """Let several controllers ask one robot: this trial observes more than one."""
-        with open(self.package.path("src/behavior_controller/ros/in_use.py"), "a") as file:
-            file.write("\n\ndef check_unused(*_, **__):\n    pass\n")
+        name = "src/behavior_controller/ros/in_use.py"
+        with open(self.package.path(name)) as file:
+            text = file.read()
+        self.package.write(name, text + "\n\ndef check_unused(*_, **__):\n    pass\n")
 
     # ---------------------------------------------------------------------------- what it finds out
 
