@@ -239,9 +239,10 @@ def once_more(name, cause):
 
 
 @pytest.mark.parametrize("cause", [
-    Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
-    Cause.HANDLER_EXCEPTION
-])
+    Cause.REFUSED, Cause.NO_ANSWER, Cause.HANDLER_EXCEPTION,
+    # as the first two
+    *(pytest.param(cause, marks=pytest.mark.long)
+      for cause in (Cause.NOT_REACHABLE, Cause.CONNECTION_LOST))])
 @pytest.mark.parametrize("number", range(len(WHOLE)))
 def test_any_single_failure_is_made_good_or_left_out(number, cause):
     rig = Rig(answer=lambda request: Failure(cause, "test", service_of(request))
