@@ -478,17 +478,33 @@ def test_a_number_that_is_not_read_to_its_end_is_told_with_what_is_read(
     load_text(main(body), REGISTRY)
 
 
+UNITS = {
+    "ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000,
+    "seconds": 1000, "min": 60_000, "minute": 60_000, "minutes": 60_000,
+    "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000
+}
+
+
 @pytest.mark.parametrize("body, hint", [
-    ('<Typed out="0,0"/>', "write 0.0"), ('<Typed out="2,5"/>', "write 2.5"),
+    *[('<Sleep msec="20 {}"/>'.format(unit),
+       "the number is of milliseconds: 20 {} is {}".format(unit, 20 * length))
+      for unit, length in UNITS.items()],
+    ('<Sleep msec="0 s"/>', "the number is of milliseconds: 0 s is 0"),
+    ('<Sleep msec="1.5min"/>', "the number is of milliseconds: 1.5min is 90000"),
+    ('<Sleep msec="0,5 s "/>', "the number is of milliseconds: 0,5 s  is 500"),
+    ('<Sleep msec="2 rounds"/>', "the type is uint"),
+    ('<Typed out="0,0"/>', "write 0.0"), ('<Typed out="1,25"/>', "write 1.25"),
     ('<Typed out="-0,5"/>', "write -0.5"), ('<Typed out="1e"/>', "the type is double"),
+    ('<Typed out="1 m"/>', "the type is double"),
     ('<Typed number="0.0"/>', "the type is int: write 0"),
     ('<Typed number="0,0"/>', "the type is int: write 0"),
     ('<Typed number="3.0"/>', "the type is int: write 3"),
+    ('<Typed number="12e2"/>', "the type is int: write 1200"),
     ('<Typed number="1.5"/>', "the type is int, without fraction"),
+    ('<Typed number="1,5"/>', "the type is int, without fraction"),
     ('<Typed number="2 min"/>', "the type is int"),
     ('<Typed number="-1,000"/>', "a number has no separators: write -1000"),
-    ('<Sleep msec="0 s"/>', "the number is of milliseconds: 0 s is 0"),
-    ('<Sleep msec="1,5 min"/>', "the number is of milliseconds: 1,5 min is 90000")])
+    ('<Typed number="-12\'345 678"/>', "a number has no separators: write -12345678")])
 def test_what_is_meant_by_a_number_that_is_not_read_to_its_end(body, hint):
     fault, = warned(main(body))
     assert fault.hint == hint

@@ -448,10 +448,6 @@ def test_what_is_said_of_a_tree_and_its_call(main, sub, model, words):
     assert unsaid([words], faults(main, tree("Sub", sub), model)) == []
 
 
-def test_an_unused_tree():
-    assert warnings("<Act/>", tree("Spare", "<Act/>")) == [(3, 1, "tree-unused")]
-
-
 def test_an_unused_tree_of_an_included_file_is_no_concern():
     documents = [
         parse('<root BTCPP_format="4"><BehaviorTree ID="Spare"><Act/></BehaviorTree></root>',
@@ -460,13 +456,6 @@ def test_an_unused_tree_of_an_included_file_is_no_concern():
               "m.xml")
     ]
     assert lint(check(documents, REGISTRY)) == []
-
-
-def test_a_subtree_that_never_fails():
-    body = '<Fallback><SubTree ID="Sub"/>\n<Act/></Fallback>'
-    fault, = faults(body, tree("Sub", "<ForceSuccess><Act/></ForceSuccess>"))
-    assert (fault.line, fault.column, fault.code) == (3, 1,
-                                                      "never-reached") and " Sub " in fault.text
 
 
 @pytest.mark.parametrize("call, inside, told", [
@@ -582,16 +571,6 @@ def test_defaults_of_a_model_are_written():
     model = ('<TreeNodesModel><SubTree ID="Sub"><input_port name="x" default="1"/></SubTree>'
              '</TreeNodesModel>')
     assert warnings('<SubTree ID="Sub"/>', tree("Sub", '<In in="{x}"/>'), model) == []
-
-
-@pytest.mark.parametrize("name, hint", [("taget", "did you mean target?"),
-                                        ("place", "the tree Sub has target")])
-def test_a_remapping_that_the_tree_has_no_use_for(name, hint):
-    fault, = faults(
-        '<Sequence><Out out="{{y}}"/><SubTree ID="Sub"\n {}="{{y}}"/></Sequence>'.format(name),
-        tree("Sub", '<In in="{target}"/>'))
-    assert (fault.line, fault.column, fault.code, fault.hint) == (3, 2, "subtree-port-unknown",
-                                                                  hint)
 
 
 @pytest.mark.parametrize("calls, is_told", [(1, True), (2, False)])

@@ -214,33 +214,6 @@ def test_a_model_of_a_tree_that_is_missing_is_compared_with_its_calls():
         "unknown-tree", "model-port-missing"}
 
 
-UNITS = {
-    "ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000,
-    "seconds": 1000, "min": 60_000, "minute": 60_000, "minutes": 60_000,
-    "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000
-}
-
-
-@pytest.mark.parametrize(
-    "body, hint", [('<Sleep msec="1.5{}"/>'.format(unit),
-                    "the number is of milliseconds: 1.5{} is {:.0f}".format(unit, 1.5 * length))
-                   for unit, length in UNITS.items() if length > 1] +
-    [('<Sleep msec="20 {}"/>'.format(unit),
-      "the number is of milliseconds: 20 {} is 20".format(unit))
-     for unit, length in UNITS.items() if length == 1] + [
-          ('<Sleep msec="0,5 s "/>', "the number is of milliseconds: 0,5 s  is 500"),
-          ('<Sleep msec="2 rounds"/>', "the type is uint"),
-          ('<Typed number="2 s"/>', "the type is int"),
-          ('<Typed number="-12\'345 678"/>', "a number has no separators: write -12345678"),
-          ('<Typed number="1,5"/>', "the type is int, without fraction"),
-          ('<Typed number="12e2"/>', "the type is int: write 1200"),
-          ('<Typed out="1,25"/>', "write 1.25"),
-          ('<Typed out="1 m"/>', "the type is double"),
-      ])
-def test_what_may_be_meant_by_a_number_that_is_not_read_to_its_end(body, hint):
-    assert [fault.hint for fault in checked(main(body)).faults] == [hint]
-
-
 # ------------------------------------------------------------------------------------ the reference
 
 
