@@ -99,16 +99,16 @@ def test_a_reported_failure_is_none_where_that_means_something(method, fails):
             assert ask(uri, method, seconds=5.0) is None
 
 
-@pytest.mark.parametrize("value", GARBAGE, ids=lambda value: repr(value)[:30])
 @pytest.mark.parametrize("method", SANE)
-def test_a_value_of_another_shape_is_trouble(method, value):
-    with peer(answered([1, "ok", value])) as uri:
-        try:
-            found = ask(uri, method, seconds=5.0)
-        except Trouble as trouble:
-            assert trouble.cause is Cause.NOT_REACHABLE and len(str(trouble)) < 500
-        else:
-            assert FITS[method](found)
+def test_a_value_of_another_shape_is_trouble(method):
+    for value in GARBAGE:
+        with peer(answered([1, "ok", value])) as uri:
+            try:
+                found = ask(uri, method, seconds=5.0)
+            except Trouble as trouble:
+                assert trouble.cause is Cause.NOT_REACHABLE and len(str(trouble)) < 500
+            else:
+                assert FITS[method](found), value
 
 
 @pytest.mark.parametrize("answer", [
