@@ -1,5 +1,6 @@
 """The viewer as a process of its own: it shows the run that it is fed with, whatever happens to
 it."""
+import argparse
 import contextlib
 import errno
 import json
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 import urllib.request
 
 import pytest
@@ -399,3 +401,26 @@ def test_a_folder_that_takes_no_lock_is_shown_and_a_controller_starts_its_own(
     with files.watched(str(tmp_path)) as trouble:
         assert trouble.endswith("No locks available")
         assert not files.has_viewer(str(tmp_path))
+
+
+# ------------------------------------------------------------------------------------ in this process
+
+
+@pytest.mark.parametrize("record, given, expected", [
+    ("/r/000001/mission.jsonl", "", "/r"), ("/r/000001/mission.jsonl", "/other", "/other")])
+def test_the_folder_of_runs_is_that_of_the_record_unless_one_is_given(monkeypatch, record, given,
+                                                                     expected):
+    seen = []
+    monkeypatch.setattr(main, "Viewer", lambda chosen, tell: seen.append(chosen.records) or
+                        types.SimpleNamespace(is_serving=False))
+    assert main._show_record(argparse.Namespace(record=record, records=given)) == 1
+    assert seen == [expected]
+
+
+def test_the_end_of_a_run_is_shown_where_there_is_a_page():
+    viewer, ends = object.__new__(main.Viewer), []
+    viewer._page = None
+    viewer.note_end()
+    viewer._page = types.SimpleNamespace(note_end=lambda: ends.append(1))
+    viewer.note_end()
+    assert ends == [1]
