@@ -578,6 +578,9 @@ def test_the_exhibit_before_stays_as_it_is(events, state):
     ([START], exhibit("begun"), "info", "exhibit 1 of 2, Arm", (8, "tour/select")),
     ([START, exhibit("begun")], exhibit("over"), "info", "exhibit 1 of 2, Arm, is completed", (
         8, "tour/select")),
+    ([START, exhibit("begun"), recovered("skipped"), recovered("skipped")], exhibit("over"),
+     "warning", "exhibit 1 of 2, Arm, is completed without 2 steps (Navigate 2 times)",
+     (8, "tour/select")),
     ([START, exhibit("begun"), failed()], exhibit("over"), "warning",
      "exhibit 1 of 2, Arm, is broken off: " + NOT_REACHED, (8, "tour/select")),
     ([], failed(), "warning", "Navigate failed: refused, busy (/go)", (1, "tour/go")),

@@ -45,12 +45,15 @@ def test_a_launch_without_a_verdict_has_tested_nothing(given, program, tmp_path,
                                                        capsys):
     monkeypatch.setattr(run_test.signal, "signal", lambda *_: None)
     program("roslaunch",
-            "open(os.path.join(folder, 'leader'), 'w').write(str(os.getsid(0) == os.getpid()))")
+            "open(os.path.join(folder, 'leader'), 'w').write(str(os.getsid(0) == os.getpid()))\n"
+            "open(os.path.join(folder, 'waits'), 'w').write(str(os.path.exists("
+            "os.path.join(folder, 'verdict'))))")
     (tmp_path / "ros" / "log").mkdir(parents=True)
     assert run_test.main(["failureRate:=0"]) == 2
     assert capsys.readouterr().out.strip()
     folder, = (tmp_path / "ros" / "log").iterdir()
     assert (folder / "leader").read_text() == "True", "Ctrl-C does not reach it directly"
+    assert (folder / "waits").read_text() == "True", "the report would show the verdict itself"
     words = (folder / "words").read_text().splitlines()
     assert words[:2] == ["unit_tests", options.LAUNCH_FILE]
     assert set(words[2:]) == {"folder:={}".format(folder), "failureRate:=0"}
