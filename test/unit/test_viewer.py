@@ -403,7 +403,7 @@ def test_a_folder_that_takes_no_lock_is_shown_and_a_controller_starts_its_own(
         assert not files.has_viewer(str(tmp_path))
 
 
-# ------------------------------------------------------------------------------------ in this process
+# ---------------------------------------------------------------------------------- in this process
 
 
 @pytest.mark.parametrize("record, given, expected", [
