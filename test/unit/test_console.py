@@ -248,7 +248,8 @@ def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alon
 
 
 @pytest.mark.parametrize("reason", [
-    "can't start new thread", "can't allocate lock", "can't allocate read lock"])
+    "error in XML-RPC server: can't start new thread", "can't allocate lock",
+    "can't allocate read lock"])
 def test_a_shortage_that_many_threads_meet_is_one_line(told, console, reason):
     for _ in range(3):
         console.report_internal_error(RuntimeError(reason))

@@ -9,8 +9,8 @@ from typing import Optional
 SHORTAGES = (errno.ENOMEM, errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOSPC)
 """The system's error numbers for a shortage of memory, threads, files or disk space."""
 
-NO_THREAD_OR_LOCK = ("can't start new thread", "can't allocate lock", "can't allocate read lock")
-"""What Python says in a RuntimeError where the system gives no thread or no memory for a lock."""
+NO_MORE = "start new thread", "can't allocate"
+"""Python's words where the system gives no thread, or no memory for a lock."""
 
 LASTS = 2.0
 """Seconds after which a shortage that nothing meets any more is over."""
@@ -20,7 +20,7 @@ def is_shortage(error: BaseException) -> bool:
     """Whether the cause of ``error`` is a shortage of the machine, or a limit set on it."""
     return (isinstance(error, MemoryError) or
             isinstance(error, OSError) and error.errno in SHORTAGES or
-            isinstance(error, RuntimeError) and str(error) in NO_THREAD_OR_LOCK)
+            isinstance(error, RuntimeError) and any(words in str(error) for words in NO_MORE))
 
 
 def shortage_behind(error: Optional[BaseException]) -> Optional[BaseException]:
