@@ -27,7 +27,8 @@ def small_repository(request, tmp_path):
 
 
 def make_repository(place):
-    shutil.copytree(os.path.join(ROOT, "tools"), str(place / "tools"))
+    shutil.copytree(os.path.join(ROOT, "tools"), str(place / "tools"),
+                    ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("CMakeLists.txt", "package.xml", "unit_tests/package.xml",
                  "unit_tests/nodes/report", "src/behavior_controller/validateMission"):
         (place / name).parent.mkdir(parents=True, exist_ok=True)

@@ -74,8 +74,9 @@ def python_files(*folders):
     """Return the paths, relative to the root, of all modules and executables below ``folders``."""
     found = []
     for folder in folders:
-        for place, _, names in os.walk(os.path.join(ROOT, folder)):
-            paths = [os.path.join(place, name) for name in names if not name.endswith(".pyc")]
+        for place, below, names in os.walk(os.path.join(ROOT, folder)):
+            below[:] = [name for name in below if name != "__pycache__"]  # its files come and go
+            paths = [os.path.join(place, name) for name in names]
             found += [os.path.relpath(path, ROOT) for path in paths if is_python(path)]
     return sorted(found)
 

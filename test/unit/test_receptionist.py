@@ -27,7 +27,8 @@ def run(tool, *words, folder=EXAMPLE):
 
 @pytest.fixture
 def copy(tmp_path):
-    shutil.copytree(EXAMPLE, str(tmp_path / "receptionist"))
+    shutil.copytree(EXAMPLE, str(tmp_path / "receptionist"),
+                    ignore=shutil.ignore_patterns("__pycache__"))
     return tmp_path / "receptionist"
 
 

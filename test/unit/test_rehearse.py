@@ -1116,7 +1116,7 @@ ONCE = ("--faults", "none", "--visitors", "engages")
 def greeter(folder, *changes):
     """Return a copy of the package with these changes."""
     copy = folder / "greeter"
-    shutil.copytree(GREETER, str(copy))
+    shutil.copytree(GREETER, str(copy), ignore=shutil.ignore_patterns("__pycache__"))
     for parts, old, new in changes:
         path = copy.joinpath(*parts)
         text = path.read_text()
