@@ -16,8 +16,7 @@ import zmq
 from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import (  # noqa: E402
-    NodeCase, free_ports, robot_for)
+from robot import NodeCase, free_ports, robot_for  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>
@@ -145,14 +144,14 @@ class TestWatch(NodeCase):
             [line for _, line in self.node.lines.all if "[WARN]" in line or "[ERROR]" in line], [])
 
     def test_the_operator_reads_what_groot2_does(self):
-        self.start()
+        self.start_with_page()
         client = self.groot2_client()
         hook = {
             "enabled": True, "uid": 5, "mode": 1, "once": False, "desired_status": "FAILURE",
             "position": 1
         }
         client.send_multipart([struct.pack("<BBI", 2, ord("I"), 1), json.dumps(hook).encode()])
-        client.recv_multipart()
+        self.assertNotEqual(client.recv_multipart()[0], b"error")
         self.node.lines.wait_for(
             lambda line: "Groot2: replacement after WelcomeSpeech::5 is set to FAILURE" in line, 10)
         self.robot.set_mode(SAY, "done")
