@@ -779,11 +779,19 @@ def _said_twice(play: Play) -> Iterator[Place]:
 
 
 def _asked_again(play: Play) -> Iterator[Place]:
-    """The visitor has answered, and is asked the same question once more."""
+    """The visitor has answered, and is asked the same question once more.
+
+    After a look at the answer it is another question in the same words.
+    """
+    answer = "@" + data.VISITOR_RESPONSE.name
+    # what follows a look at once is asked before the tick ends
+    looks = [result.ended - TIME_TOLERANCE for result in play.leaves
+             if answer in entries(play.node(result.uid), False)]
     steps = [exchange for exchange in play.exchanges if isinstance(exchange.request, (Say, GoTo))
              or exchange.request == SetAttention("scanning")]
     for before, after in zip(steps, steps[1:]):
-        if before.request == after.request and play.is_question(after.request):
+        if before.request == after.request and play.is_question(after.request) \
+                and not any(before.asked < look <= after.asked for look in looks):
             earlier, visit = play.run.at(before.asked).visit, play.run.at(after.asked).visit
             if earlier and visit and visit.answer and not earlier.answer:
                 yield after.uid, "the answer has just been heard"
