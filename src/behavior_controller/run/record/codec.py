@@ -150,7 +150,8 @@ class Decoder:
             head = _headers.decode(text.decode("utf-8-sig"))
         except msgspec.ValidationError:  # JSON, and no header
             head = Header("", 0, 0, 0.0)
-        if head.format != FORMAT or min(head.lines, head.visits, head.repeated) < 0:
+        if head.format != FORMAT or min(head.lines, head.visits, head.repeated) < 0 \
+                or head.repeated and not head.lines:
             raise self._fault("this is no record: it does not begin with the header of one",
                               "name the mission.jsonl of a run")
         if head.version != VERSION:
