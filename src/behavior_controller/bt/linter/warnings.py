@@ -298,9 +298,12 @@ def _is_wait(spec: NodeSpec) -> bool:
 
 def _asks(facts: MissionFacts, element: Element) -> bool:
     """Return whether a condition is in ``element``, as a node or as an attribute."""
-    return any(facts.spec(inner).kind is Kind.CONDITION
-               or not inner.attributes.keys().isdisjoint(CONDITIONS)
+    return any(facts.spec(inner).kind is Kind.CONDITION or _is_conditional(inner)
                for inner in facts.inside(element))
+
+
+def _is_conditional(element: Element) -> bool:
+    return not element.attributes.keys().isdisjoint(CONDITIONS)
 
 
 def _may_run(facts: MissionFacts, element: Element) -> bool:
@@ -314,7 +317,7 @@ def _done_first(facts: MissionFacts, element: Element) -> Iterator[Tuple[Element
     fails, each with the ways in which it can end after that one has succeeded: not actions that a
     condition, or a failure, leads to."""
     spec, children = facts.spec(element), element.children
-    if not element.attributes.keys().isdisjoint(CONDITIONS):
+    if _is_conditional(element):
         return
     if spec.kind is Kind.SUBTREE:
         yield from _done_first(facts, facts.elements[element.attributes["ID"]][0])
