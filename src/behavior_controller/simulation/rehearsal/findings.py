@@ -34,6 +34,12 @@ SHOWN_AT_THE_PLACE = {"@" + datum.name for datum in (data.GESTURE_TARGET, data.D
                                                      data.DESCRIPTION_2)}
 """The entries whose readers need the robot to stand at the place that it was sent to."""
 
+ANSWER = "@" + data.VISITOR_RESPONSE.name
+"""The entry with the visitor's answer."""
+
+SEEKS_NEXT = SetAttention("scanning")
+"""The request after which another visitor may be meant."""
+
 TIME_TOLERANCE = 0.01
 """Seconds by which things may differ in time that follow one another."""
 
@@ -94,6 +100,9 @@ class Play:
         self.looks = [result for result in self.leaves if result.letter in "SF"
                       and {Sense.VISITOR, Sense.PRESENCE} & set(self.spec(result.uid).listens)]
         """The results of the leaves that look whether a visitor is there."""
+        self.answer_looks = [result for result in self.leaves
+                             if ANSWER in entries(self.node(result.uid), False)]
+        """The results of the leaves that look at the visitor's answer."""
 
     def spec(self, uid: int) -> MissionSpec:
         """Return the node type of a mission leaf."""
@@ -697,16 +706,15 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
         if isinstance(node, MissionLeaf) and node.spec.writes(data.QUESTION_ASKED_AT.name) \
                 and question.asked > heard_at:
             yield question.uid, "nothing listens to the answer"
-    answer = "@" + data.VISITOR_RESPONSE.name
     # what scripts do with answers is not known
-    if not any(answer in text and text != "{" + answer + "}" for node in play.nodes
+    if not any(ANSWER in text and text != "{" + ANSWER + "}" for node in play.nodes
                for text in node.attributes.values()):
-        yield from _wrong_answer(play, answer, [question.asked for question in asked])
+        yield from _wrong_answer(play, [question.asked for question in asked])
 
 
-def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place]:
-    """Find a leaf that reads the ``answer`` to an earlier question, or that replaces one unread."""
-    looks = [result for result in play.leaves if answer in entries(play.node(result.uid), False)]
+def _wrong_answer(play: Play, asked: List[float]) -> Iterator[Place]:
+    """Find a leaf that reads the answer to an earlier question, or that replaces one unread."""
+    looks = play.answer_looks
     if asked and looks and play.outcome and looks[-1].ended < asked[0] - TIME_TOLERANCE:
         yield looks[-1].uid, "it looks at the answer before the first question is asked"
     source = ""  # the type of the leaf that wrote the answer
@@ -714,13 +722,13 @@ def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place
     listened = START
     for result in play.leaves:
         node = play.node(result.uid)
-        if source and answer in entries(node, False):
+        if source and ANSWER in entries(node, False):
             unread = ""
             # what an answer brings about at once is noted before it
             if any(listened - TIME_TOLERANCE < at < result.began - TIME_TOLERANCE for at in asked):
                 yield result.uid, (f"it looks at the answer of {source} although another question "
                                    "was asked since")
-        if answer in entries(node, True):
+        if ANSWER in entries(node, True):
             listened = result.ended
             if result.letter == "S":
                 if unread:
@@ -769,7 +777,7 @@ def _said_twice(play: Play) -> Iterator[Place]:
     said: Dict[Request, int] = {}
     for exchange in play.exchanges:
         request, node = exchange.request, play.node(exchange.uid)
-        if isinstance(request, GoTo) or request == SetAttention("scanning"):
+        if isinstance(request, GoTo) or request == SEEKS_NEXT:
             said.clear()
         elif isinstance(request, Say) and not play.is_question(request) \
                 and isinstance(node, MissionLeaf) and not node.spec.says_goodbye(node.name):
@@ -783,12 +791,10 @@ def _asked_again(play: Play) -> Iterator[Place]:
 
     After a look at the answer it is another question in the same words.
     """
-    answer = "@" + data.VISITOR_RESPONSE.name
     # what follows a look at once is asked before the tick ends
-    looks = [result.ended - TIME_TOLERANCE for result in play.leaves
-             if answer in entries(play.node(result.uid), False)]
+    looks = [result.ended - TIME_TOLERANCE for result in play.answer_looks]
     steps = [exchange for exchange in play.exchanges if isinstance(exchange.request, (Say, GoTo))
-             or exchange.request == SetAttention("scanning")]
+             or exchange.request == SEEKS_NEXT]
     for before, after in zip(steps, steps[1:]):
         if before.request == after.request and play.is_question(after.request) \
                 and not any(before.asked < look <= after.asked for look in looks):
@@ -821,7 +827,7 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
     said: Dict[Request, Exchange] = {}
     for exchange in play.exchanges if not play.faults else ():
         node = play.node(exchange.uid)
-        if exchange.request == SetAttention("scanning"):  # for the next visitor
+        if exchange.request == SEEKS_NEXT:  # for the next visitor
             said.clear()
         is_bye = isinstance(exchange.request, Say) and isinstance(node, MissionLeaf) \
             and node.spec.says_goodbye(node.name)
