@@ -29,7 +29,9 @@ class History:
     there are ``MOST_STRETCHES`` such stretches.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, is_packed: bool = True) -> None:
+        """``is_packed``: False where the events are kept elsewhere, too."""
+        self._is_packed = is_packed
         self._times: Deque[float] = deque(maxlen=MOST_STRETCHES)  # when each stretch began
         self._states: Deque[State] = deque(maxlen=MOST_STRETCHES)  # before it
         self._packed: Deque[Union[bytes, List[Line]]] = deque(maxlen=MOST_STRETCHES)
@@ -45,7 +47,7 @@ class History:
         """Keep the next event, given what was so before it."""
         self._latest = max(self._latest, line.time)
         if len(self._lines) in (0, STRETCH_EVENTS):
-            if self._lines:
+            if self._lines and self._is_packed:
                 self._packed[-1] = _packed(self._lines)
             self._lines = []
             self._times.append(self._latest)
@@ -111,7 +113,7 @@ class Run:
         self.recoveries: List[RecoveryRound] = self._facts[RecoveryRound]
         self.results: List[NodeResult] = self._facts[NodeResult]
         self.errors: List[Noticed] = self._facts[Noticed]
-        self._history = History()
+        self._history = History(is_packed=False)
         self.extend(lines)
 
     def extend(self, lines: Iterable[Line]) -> None:
