@@ -32,9 +32,22 @@ def stage(**chosen):
 
 def facts(faults=(), mission=(), on=None, **test):
     """Return the facts of a test: ``faults`` as plannedFaults names them, ``mission`` keys of the
-    controller, or the stage is ``on``; ``test`` fields of the test's configuration."""
+    controller, or the stage is ``on``; ``test`` fields of the test's configuration.
+
+    What is not on a stage of its own is played once: a test that breaks the product has its own.
+    """
+    if on is None:
+        return _known(tuple(faults), tuple(dict(mission).items()), **test)
+    return _played(on, faults, test)
+
+
+@functools.lru_cache(maxsize=100)
+def _known(faults, mission, **test):
+    return _played(stage(**dict(mission)), faults, test)
+
+
+def _played(on, faults, test):
     planned = tuple(parse_planned_fault(fault, NODES) for fault in faults)
-    on = on or stage(**dict(mission))
     given = dict(arrival_rate=600.0, random_seed=1, planned_faults=planned, test_timeout=3000.0)
     test = dataclasses.replace(CALM, **dict(given, **test))
     played = on.play(test)

@@ -8,6 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.bt.engine.node import Timed
+from behavior_controller.config.settings import defaults
 from behavior_controller.run.events import (
     Answered, Asked, EntriesWritten, LeafFinished, Line, Lost, Message, Noticed, PassFinished,
     PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted, SafeStateReported,
@@ -16,7 +17,7 @@ from behavior_controller.run.history import Run
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location, Say, SetAnimation, SetAttention
 from behavior_controller.text import Source
-from behavior_controller.simulation.rehearsal.play import CALM, TIMED_OUT
+from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission, TIMED_OUT
 
 from unit_tests.judge.facts import Stall
 from unit_tests.judge.report import to_junit
@@ -500,7 +501,7 @@ def test_the_place_of_what_is_wrong_after_the_last_pass_is_that_pass():
 
 def test_a_wait_that_ended_early_is_named_as_that():
     with mock.patch.object(Timed, "start_timer", lambda self, msec: START(self, msec - 4000)):
-        of_test = facts(visitor_behaviour="silent")
+        of_test = facts(on=LoadedMission(defaults()), visitor_behaviour="silent")
     text, = objections(of_test)
     assert "on record is Sleep SUCCESS, 4.0 s too early" in text
 
