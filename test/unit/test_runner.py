@@ -2,6 +2,7 @@
 node."""
 import dataclasses
 import itertools
+import logging
 import re
 import time
 
@@ -588,6 +589,18 @@ def test_a_callback_that_fails_after_its_pass_fails_no_other():
     rig.tree.wake.wait = lambda seconds: rig.clock.set_to(rig.clock.now() + seconds)
     assert Runner(Running(rig.tree, rig.mission, "m.xml", 2), lambda: False).run() == 0
     assert len(rig.of(Noticed)) == 1
+
+
+def test_the_log_file_alone_gets_the_traceback_of_foreign_code(caplog):
+    rig = one_leaf("<AlwaysSuccess/>")
+    rig.clock.call_after(0.5, lambda: 1 / 0)
+    rig.tree.wake.wait = lambda seconds: rig.clock.set_to(rig.clock.now() + seconds)
+    with caplog.at_level(logging.INFO, "behavior_controller"):
+        assert Runner(Running(rig.tree, rig.mission, "m.xml", 2), lambda: False).run() == 0
+        assert one_leaf("<Script code=\"x := 'a' * 2\"/>").run(advance, runs=1) == 3
+    written, = caplog.records
+    assert written.exc_info[0] is ZeroDivisionError
+    assert [written.getMessage()] == [event.text for event in rig.of(Noticed)]
 
 
 def test_a_reloaded_mission_whose_leaves_cannot_be_set_up_is_refused(monkeypatch):
