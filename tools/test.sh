@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Sets everything up and runs the tests side by side, then one by one those that measure time.
-# tools/test.sh [--long] [WORD…]: those with a word in their name.
-# With --long those that take long: the sum includes the run without it.
+# tools/test.sh [--unit|--long] [WORD…]: those with a word in their name.
+# With --unit those that take a moment, without ROS. With --long those that take long: the sum includes the run without it.
 set -eo pipefail
 REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 . "$REPOSITORY/tools/progress.sh"
@@ -9,8 +9,11 @@ REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 RESULTS="$BUILD/log/tests"
 
 main() {
-  local tier="not long" words=""
-  [ "${1:-}" != --long ] || { tier="long"; shift; }
+  local tier="not long" words="" places=""
+  case "${1:-}" in
+    --unit) tier="not long and not slow" places="test/unit unit_tests/test/unit"; shift ;;
+    --long) tier="long"; shift ;;
+  esac
   [ $# = 0 ] || words="$(printf ' or %s' "$@")"
   "$REPOSITORY/tools/setup.sh" --tests
   exec 8>"$BUILD/tests.lock"
@@ -20,9 +23,9 @@ main() {
   cd "$REPOSITORY"
   [ "$tier" = long ] || rm -rf "$RESULTS"
   # three for two cores: a test with ROS nodes mostly waits
-  run_tests "$tier and not timing" "${words# or }" -n $(($(nproc) * 3 / 2)) --dist worksteal
+  run_tests "$tier and not timing" "${words# or }" -n $(($(nproc) * 3 / 2)) --dist worksteal $places
   # of all the tests few measure time: their files alone are collected once more
-  run_tests "$tier and timing" "${words# or }" --reruns 2 \
+  [ -n "$places" ] || run_tests "$tier and timing" "${words# or }" --reruns 2 \
     $(grep -rlE 'mark\.timing|measures time' --include='*.py' --include='*.test' test unit_tests/test)
   "$BUILD/venv/bin/python" tools/sum_results.py "$RESULTS"/*.xml
 }

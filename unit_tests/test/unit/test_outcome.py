@@ -167,3 +167,34 @@ def test_a_call_that_failed_may_have_held_up_the_goodbye(leaving):
 def test_a_visitor_who_leaves_is_not_shown_all(tour):
     stayed = tour._replace(test=facts(visitor_behaviour="leaves").test)
     assert "the visitor, who leaves, was there to the end" in told(stayed, tour.journal)
+
+
+# ------------------------------------------------------------------------------------- a reception
+
+ASKED, WAY = "Are you looking for the {}?", (
+    "Turn right behind the lecture hall: the library is at the end of the corridor.")
+
+
+@pytest.fixture(scope="module")
+def reception():
+    return facts(mission=(("scenarioSpecification", "reception"),))
+
+
+def test_the_way_is_told_to_the_place_that_was_asked_about_last(reception):
+    objection = "the way to Library was told to a visitor who was "
+    last, before = ASKED.format("library"), ASKED.format("lecture hall")
+    assert objection + "asked about Lecture hall" in told(reception, without(reception, last))
+    office = ASKED.format("secretary's office")
+    assert objection + "not asked" in told(reception, without(reception, last, before, office))
+    assert told(of_test_with(reception, arrival_rate=1.0), without(reception, last)) == ""
+
+
+def test_a_reception_ends_when_the_way_was_told_and_the_robot_is_home(reception):
+    objection = "the visitor, who engages, was told the way to {}, looks for Library, and the last "
+    assert objection.format("no place") + "drive led to 0, 0, 0°" in told(
+        reception, without(reception, WAY))
+    there, home = drives_of(reception)
+    assert objection.format("Library") + "drive led to 7, -4, 270°" in told(
+        reception, [line for line in reception.journal if line is not home])
+    stays = [line for line in reception.journal if line not in (there, home)]
+    assert told(reception, stays) == ""
