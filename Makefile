@@ -1,6 +1,6 @@
 # Each target sets up first what it needs; what is there already is skipped.
 
-.PHONY: run seeds test test-all setup derived pictures conformance bench soak mutations clean
+.PHONY: run seeds unit test test-all setup derived pictures conformance bench soak mutations clean
 
 # the lab tour once, against nine simulated nodes, ten times as fast as on a robot; the exit code tells the verdict.
 # ARGS='failureRate:=0.2 speed:=1'
@@ -11,6 +11,10 @@ run:
 # ARGS='40 failureRate:=0.3'
 seeds:
 	@tools/seeds.sh $(ARGS)
+
+# those of the tests that take a moment each and need no ROS: less than a minute on two cores
+unit:
+	@tools/test.sh --unit $(ONLY)
 
 # what a change can break: less than 8 minutes on four cores. ONLY=rostest: the tests with that word in their name
 test:
