@@ -46,6 +46,14 @@ def test_the_documents_defaults(tmp_path):
     assert (found.mission_runs, found.startup_timeout) == (0, 0.0)
 
 
+def test_a_mistake_in_one_key_leaves_the_values_of_the_others(tmp_path):
+    path = tmp_path / "test.ini"
+    path.write_text(GOOD + "missionRuns 3\nmonitorPort many\ntopicMaxAge 4\n", encoding="utf-8")
+    values = settings.valid_values(str(path), {"missionRuns": 5}, {})
+    given = {"missionRuns": 5, "topicMaxAge": 4.0}
+    assert values == {**settings.defaults().values, **given}
+
+
 @pytest.mark.parametrize("line, name, value", [
     ("missionRuns 3", "mission_runs", 3),
     ("missionRuns=3", "mission_runs", 3),
