@@ -62,7 +62,9 @@ def without_controls(text: str, redraws: bool = False) -> str:
 
     If it ``redraws`` a window, the control sequences for that stay too.
     """
-    controls = _OTHER_CONTROL if redraws else _CONTROL
+    controls = _CONTROL
+    if redraws:
+        controls = _OTHER_CONTROL
     return controls.sub(lambda match: _escaped(match.group()), text)
 
 
@@ -93,12 +95,13 @@ def read_bytes(path: str, most: int = MOST_BYTES, begin: int = 0) -> bytes:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
         try:
             status = os.fstat(descriptor)
+            if stat.S_ISDIR(status.st_mode):
+                raise Unreadable("it is a folder")
             if not stat.S_ISREG(status.st_mode):
-                is_folder = stat.S_ISDIR(status.st_mode)
-                raise Unreadable("it is a folder" if is_folder else "it is not a regular file")
+                raise Unreadable("it is not a regular file")
             with open(descriptor, "rb", closefd=False) as file:
                 file.seek(begin)
-                data = b"" if status.st_size - begin > most else file.read(most + 1)
+                data = file.read(most + 1)
         finally:
             os.close(descriptor)
     except (OSError, ValueError) as error:
@@ -112,7 +115,10 @@ def read_bytes(path: str, most: int = MOST_BYTES, begin: int = 0) -> bytes:
 def decode(data: bytes, errors: str = "strict") -> str:
     """Return bytes as text without the byte order mark. Raises UnicodeDecodeError, unless
     ``errors`` are ignored."""
-    return data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig", errors)
+    encoding = "utf-8-sig"
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encoding = "utf-16"
+    return data.decode(encoding, errors)
 
 
 def docstring(thing: Any) -> str:
@@ -134,8 +140,9 @@ def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     """
     by_lower = {name.lower(): name for name in known}
     plain = word.translate(_LATIN).lower()
-    near = difflib.get_close_matches(plain, list(by_lower), cutoff=likeness)
-    return meant(word, by_lower[near[0]]) if near else ""
+    for near in difflib.get_close_matches(plain, list(by_lower), 1, likeness):
+        return meant(word, by_lower[near])
+    return ""
 
 
 def meant(word: str, name: str) -> str:
@@ -154,7 +161,9 @@ def named_letters(text: str) -> str:
 
 def quoted(name: str) -> str:
     """Return a name, in quotes if a reader could not see where it begins or ends."""
-    return name if name and name == name.strip() else f'"{name}"'
+    if name and name == name.strip():
+        return name
+    return f'"{name}"'
 
 
 def first_names(names: Iterable[str]) -> str:
@@ -163,6 +172,18 @@ def first_names(names: Iterable[str]) -> str:
     return ", ".join(shown[:_MOST_NAMES] + ["…"] * (len(shown) > _MOST_NAMES))
 
 
-def count(number: int, one: str, more: str) -> str:
-    """Return a number and its noun."""
-    return f"{number} {one if number == 1 else more}"
+def joined(separator: str, *parts: str) -> str:
+    """Return the parts that are not empty, with the separator between them."""
+    return separator.join(filter(None, parts))
+
+
+def count(number: int, one: str, more: str = "") -> str:
+    """Return a number and its noun; ``more`` is the plural if that does not only add an s."""
+    return f"{number} {form(number, one, more or one + 's')}"
+
+
+def form(number: int, one: str, more: str) -> str:
+    """Return that form of a word which goes with a number."""
+    if number == 1:
+        return one
+    return more

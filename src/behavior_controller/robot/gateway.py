@@ -58,6 +58,11 @@ class Failure(Struct, frozen=True, tag=True, tag_field="_type"):
     resource: str = ""
     unheard: Optional[str] = None
 
+    @property
+    def is_false_condition(self) -> bool:
+        """Whether a condition did not hold, which is no fault."""
+        return self.cause is Cause.CONDITION_FALSE
+
 
 NOT_OFFERED = "no node offers this service"
 NO_ACTION = "no node offers this action"

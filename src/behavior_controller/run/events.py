@@ -13,7 +13,7 @@ from msgspec import Struct
 from behavior_controller.robot.gateway import Failure
 from behavior_controller.robot.requests import Answer, Location, Request
 from behavior_controller.robot.interfaces import INTERFACES
-from behavior_controller.text import Source, clean, count
+from behavior_controller.text import Source, clean, count, joined
 
 if TYPE_CHECKING:
     AnyRequest = Request
@@ -464,8 +464,8 @@ class Lost(BaseEvent, frozen=True):
 
     def __str__(self) -> str:
         """Return what the record lacks, and why."""
-        reason = ": " + self.reason if self.reason else ""
-        return clean(f"{count(self.lines, 'event is', 'events are')} missing{reason}")
+        missing = count(self.lines, "event is", "events are") + " missing"
+        return clean(joined(": ", missing, self.reason))
 
 
 Event = Union[

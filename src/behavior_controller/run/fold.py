@@ -4,7 +4,7 @@
 clock, so a record gives the same model as the run itself. Whoever shows, judges or replays a run
 reads a ``State``, or a ``history.Run``, which has all of them.
 """
-from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar, Union
 
 from msgspec.structs import asdict, replace
 
@@ -18,11 +18,11 @@ from behavior_controller.run.health import GONE
 from behavior_controller.run.state import (
     BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,
     SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,
-    NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit)
-from behavior_controller.robot.gateway import UNCERTAIN, UNSENT, Cause, Failure
+    NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit, letter_after)
+from behavior_controller.robot.gateway import UNCERTAIN, UNSENT, Failure
 from behavior_controller.robot.requests import (
     GoTo, Prompt, Say, SetAnimation, SetAttention, SetPose, Words)
-from behavior_controller.text import clean
+from behavior_controller.text import clean, joined
 
 KEPT_VISITS = 50
 """Number of the newest visits in a ``State``."""
@@ -56,8 +56,13 @@ def _first(items: Iterable[Item], fits: Callable[[Item], bool]) -> Optional[Item
     return next(filter(fits, items), None)
 
 
-def _without(items: Iterable[Item], item: Optional[Item]) -> Tuple[Item, ...]:
+def _without(items: Iterable[Item], item: Item) -> Tuple[Item, ...]:
     return tuple(other for other in items if other is not item)
+
+
+def _changed(steps: Iterable[Step], step: Step, **changes: Any) -> Tuple[Step, ...]:
+    """Return the steps, with changes of one of them."""
+    return tuple(replace(step, **changes) if other is step else other for other in steps)
 
 
 def _conclude(state: State, *facts: Fact) -> State:
@@ -124,9 +129,13 @@ def _pass_finished(state: State, event: PassFinished) -> State:
     if state.visit is None:  # the record of this run has lost its beginning
         return state
     is_success = event.outcome == "SUCCESS"
-    state = _end_stop(state, state.why_broken_off if is_success else _why_failed(state))
-    waited = max(0.0, state.course.met - state.course.pass_began)
-    why, robot = _why_done(state) if is_success else _why_failed(state), state.robot
+    if is_success:
+        state = _end_stop(state, state.why_broken_off)
+        why = _why_done(state)
+    else:
+        why = _why_failed(state)
+        state = _end_stop(state, why)
+    waited, robot = max(0.0, state.course.met - state.course.pass_began), state.robot
     is_where_sent = robot.place is not None and robot.last_place == robot.goal_name
     is_lost = robot.is_away and (robot.is_lost or not (is_success and is_where_sent))
     return _end_visit(_change_robot(state, is_lost=is_lost), clean(event.outcome), why,
@@ -161,7 +170,7 @@ def _why_failed(state: State) -> Reason:
 def _as_seen(state: State, reason: Reason) -> Reason:
     """Return the reason, with what kept the robot from seeing better."""
     failure = reason.failure
-    if failure is None or failure.cause is not Cause.CONDITION_FALSE:
+    if failure is None or not failure.is_false_condition:
         return reason
     return replace(reason, blind=state.course.unmet.get(failure.resource))
 
@@ -186,12 +195,11 @@ def _step_started(state: State, event: StepStarted) -> State:
     same = _first(state.steps, lambda step: step.uid == event.uid and event.goes_on)
     if same is None:
         return _begin_step(state, step)
-    longer = replace(same, limit=state.at - same.began + event.limit)
     answered, robot = state.course.answered, state.robot
     if answered is not None and answered.call == same.call:
         robot = _left_open(robot, answered)
-    return replace(state, robot=robot,
-                   steps=tuple(longer if step is same else step for step in state.steps))
+    return replace(state, robot=robot, steps=_changed(
+        state.steps, same, limit=state.at - same.began + event.limit))
 
 
 def _begin_step(state: State, step: Step) -> State:
@@ -210,13 +218,15 @@ def _end_steps(state: State, is_over: Callable[[Step], bool] = lambda step: True
 
 
 def _note_uid(state: State, path: str, uid: int) -> State:
-    return state if state.uids.get(path) == uid else replace(state, uids={**state.uids, path: uid})
+    if state.uids.get(path) == uid:
+        return state
+    return replace(state, uids={**state.uids, path: uid})
 
 
 def _leaf_finished(state: State, event: LeafFinished) -> State:
     state = _note_uid(state, event.path, event.uid)
     failure = event.failure
-    is_false = failure is not None and failure.cause is Cause.CONDITION_FALSE
+    is_false = failure is not None and failure.is_false_condition
     step = _first(state.steps, lambda step: step.uid == event.uid)
     # a HandleFallBack that was halted has halted its retry
     uids = {event.uid} | {state.uids.get(recovery.path, event.uid) for recovery in state.recoveries
@@ -263,7 +273,7 @@ def _note_evidence(state: State, event: LeafFinished) -> State:
     before, failure = state.course.unmet, event.failure
     topic = event.resource if failure is None else failure.resource
     unmet = {other: trouble for other, trouble in before.items() if other != topic}
-    if failure is not None and failure.cause is Cause.CONDITION_FALSE and topic:
+    if failure is not None and failure.is_false_condition and topic:
         trouble = state.robot.trouble(topic)
         if failure.unheard is None:
             unmet[topic] = trouble or before.get(topic)
@@ -285,17 +295,18 @@ def _note_visitor(state: State, event: LeafFinished) -> State:
         return _change_course(state, is_unclear=True)
     if mark == "unanswered":
         return _change_course(state, is_unanswered=True)
-    if mark == "left":
-        return _change_course(state, left_by=None if visit.arrived is None else event.resource)
     if mark in ("yes", "no", "helped"):
         return _change_visit(state, answer=mark)
-    if mark in ("arrived", "engaged"):
+    if mark == "left" and visit.arrived is not None:
+        return _change_course(state, left_by=event.resource)
+    if mark in ("left", "arrived", "engaged"):
         state = _change_course(state, left_by=None)
-        if visit.arrived is None:
-            state = _change_visit(_change_course(state, met=summary.at), arrived=state.at)
+    if mark in ("arrived", "engaged") and visit.arrived is None:
+        state = _change_visit(_change_course(state, met=summary.at), arrived=state.at)
     # the first time counts
-    is_first = mark in ("arrived", "engaged", "asked") and getattr(visit, mark) is None
-    return _change_visit(state, **{mark: state.at}) if is_first else state
+    if mark in ("arrived", "engaged", "asked") and getattr(visit, mark) is None:
+        return _change_visit(state, **{mark: state.at})
+    return state
 
 
 # ----------------------------------------------------------------------------------------- stops
@@ -319,19 +330,27 @@ def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF,
     stop = omitted or state.stop
     if stop is None:
         return state
-    ended = replace(stop, state=COMPLETED if why is None else how,
-                    why=why and _as_seen(state, why), seconds=state.at - stop.began)
+    if why is None:
+        how = COMPLETED
+    else:
+        why = _as_seen(state, why)
+    ended = replace(stop, state=how, why=why, seconds=state.at - stop.began)
     return _conclude(_change_visit(state, stops=state.stops[:-1] + (ended,)), ended)
 
 
 # ----------------------------------------------------------------------------------------- recovery
 
 
-def _recovering(state: State, event: Recovering) -> State:
+def _round(state: State, event: Union[Recovering, Recovered]) -> RecoveryRound:
+    """Return the recovery under way from the failure of a node, or a new one."""
     known = _first(state.recoveries, lambda recovery: recovery.path == event.path)
-    recovery = replace(known or RecoveryRound(event.node, event.path, event.uid, state.at),
-                       substitute=event.substitute, attempt=event.attempt, attempts=event.of,
-                       failures=state.failures.get(event.path, ()))
+    return known or RecoveryRound(event.node, event.path, event.uid, state.at)
+
+
+def _recovering(state: State, event: Recovering) -> State:
+    known = _round(state, event)
+    recovery = replace(known, substitute=event.substitute, attempt=event.attempt,
+                       attempts=event.of, failures=state.failures.get(event.path, ()))
     state = replace(state, recoveries=_without(state.recoveries, known) + (recovery,))
     return _begin_step(state, Step("", state.at, 0.0, event.uid, False, attempt=event.attempt + 1,
                                    attempts=event.of + 1, cause=event))
@@ -347,13 +366,11 @@ def _retried(state: State, event: Retried) -> State:
 
 
 def _recovered(state: State, event: Recovered) -> State:
-    known = _first(state.recoveries, lambda recovery: recovery.path == event.path)
-    uid = state.uids.get(event.path, 0)
-    decided = replace(known or RecoveryRound(event.node, event.path, event.uid, state.at),
-                      recovered=event, decided=state.at, attempt=0, attempts=event.attempts)
+    known, uid = _round(state, event), state.uids.get(event.path, 0)
+    decided = replace(known, recovered=event, decided=state.at, attempt=0, attempts=event.attempts)
     why, omitted = why_recovered(state, event), state.omits(event)
     is_known, is_left_out = state.has_given_up(event), event.outcome == SKIPPED
-    is_false = event.failure.cause is Cause.CONDITION_FALSE
+    is_false = event.failure.is_false_condition
     if is_left_out and not is_false:
         state = _count_skipped(_change_course(state, without=event.node), event.node)
     step = _first(state.steps, lambda step: step.uid == uid)
@@ -362,17 +379,23 @@ def _recovered(state: State, event: Recovered) -> State:
     state = _end_steps(state, lambda step: step.uid == uid)
     state = replace(state, omitted=0, recovered=decided,
                     recoveries=_without(state.recoveries, known))
-    state = _change_course(state, handler=event.uid, failed=(0, None),
-                           stuck=why if event.outcome == GIVEN_UP else None)
-    if omitted is not None:
-        why = state.why_left if state.course.left_by is not None else why
-        state = _end_stop(state, why, LEFT_OUT if is_left_out else BROKEN_OFF, omitted)
-        if is_left_out:
-            state = _count_skipped(state, omitted.name) if is_false else state
-            return _change_course(state, given_up=None)
-    elif event.outcome != GIVEN_UP:
+    state = _change_course(state, handler=event.uid, failed=(0, None), stuck=None)
+    if event.outcome == GIVEN_UP:
+        state = _change_course(state, stuck=why)
+    elif omitted is None:
         return state
-    return state if is_known else _change_course(state, given_up=event, gave_up=why)
+    if omitted is not None and state.course.left_by is not None:
+        why = state.why_left
+    if omitted is not None and is_left_out:
+        state = _change_course(_end_stop(state, why, LEFT_OUT, omitted), given_up=None)
+        if is_false:
+            state = _count_skipped(state, omitted.name)
+        return state
+    if omitted is not None:
+        state = _end_stop(state, why, BROKEN_OFF, omitted)
+    if is_known:
+        return state
+    return _change_course(state, given_up=event, gave_up=why)
 
 
 def _count_skipped(state: State, node: str) -> State:
@@ -454,7 +477,7 @@ def _asked(state: State, event: Asked) -> State:
                               services={**services, GoTo.__name__: event.service})
     if isinstance(request, GoTo) or type(request) in _SWITCHES and request.state != "disabled":
         state = replace(state, safe_state=None)
-    said = clean(" ".join(filter(None, (doing, what))))
+    said = clean(joined(" ", doing, what))
     exchange = Exchange(event.call, event.service, request, state.at, uid, words=said)
     return replace(state, exchanges=state.exchanges + (exchange,))
 
@@ -472,18 +495,18 @@ def _answered(state: State, event: Answered) -> State:
 
 def _unasked(state: State, exchange: Exchange) -> Optional[Failure]:
     """Return the failure, if the last request that could have asked the visitor has failed."""
-    failure = exchange.result if isinstance(exchange.result, Failure) else None
     is_asked = state.visit is not None and state.visit.asked is not None
-    is_speech = isinstance(exchange.request, Say) and (failure is None or not is_asked)
+    is_speech = isinstance(exchange.request, Say) and (exchange.failure is None or not is_asked)
     if state.course.is_unanswered or not (is_speech or isinstance(exchange.request, Prompt)):
         return state.course.unasked
-    return failure
+    return exchange.failure
 
 
 def _feedback_received(state: State, event: FeedbackReceived) -> State:
-    steps = tuple(replace(step, feedback=clean(event.text)) if step.call == event.call else step
-                  for step in state.steps)
-    return replace(state, steps=steps)
+    for step in state.steps:
+        if step.call == event.call:
+            return replace(state, steps=_changed(state.steps, step, feedback=clean(event.text)))
+    return state
 
 
 def _abandon(state: State,
@@ -501,23 +524,23 @@ def _moved(robot: Robot, exchange: Exchange) -> Robot:
 
     A request that failed leaves open how far it was carried out, unless it was not sent.
     """
-    request, result = exchange.request, exchange.result
-    cause = result.cause if isinstance(result, Failure) else None
+    request, failure = exchange.request, exchange.failure
     robot = _ended(robot, exchange.call)  # which a report of the safe state may have left open
     if type(request) in _SWITCHES:
-        return replace(robot, **{_SWITCHES[type(request)]: request if cause is None else None})
-    if cause in UNCERTAIN:
-        robot = _left_open(robot, exchange)
-    elif cause is None:  # the newest of its kind is done, so no earlier one is under way
+        return replace(robot, **{_SWITCHES[type(request)]: None if failure else request})
+    if failure is None:  # the newest of its kind is done, so no earlier one is under way
         robot = replace(robot, unfinished=_others(robot.unfinished, exchange))
+    elif failure.cause in UNCERTAIN:
+        robot = _left_open(robot, exchange)
     if isinstance(request, GoTo) and request.goal == robot.goal:
-        if cause in UNSENT:
-            has_driven = robot.last_place or robot.way
-            return replace(robot, goal=None, goal_name=robot.goal_name if has_driven else "")
-        if cause is not None:
+        if failure is None:
+            return replace(robot, goal=None, place=request.goal, last_place=robot.goal_name, way="")
+        if failure.cause not in UNSENT:
             return _departed(robot, exchange)
-        return replace(robot, goal=None, place=request.goal, last_place=robot.goal_name, way="")
-    if isinstance(request, SetPose) and cause is None and not robot.goal_name:
+        if not (robot.last_place or robot.way):
+            robot = replace(robot, goal_name="")
+        return replace(robot, goal=None)
+    if isinstance(request, SetPose) and failure is None and not robot.goal_name:
         return replace(robot, place=request.pose)  # after a drive it moves nothing
     return robot
 
@@ -586,15 +609,14 @@ def _ticked(state: State, event: Tick) -> State:
     for uid, letter in event.changes:
         if not 0 < uid <= len(letters):
             continue
-        before = letters[uid - 1]
-        letters[uid - 1] = before.lower() if letter == "-" else letter
+        letters[uid - 1] = letter_after(letters[uid - 1], letter)
         if letter == "R":
             running[uid] = state.at
         elif letter != "-" or uid in running:  # otherwise it ended earlier and is reset now
-            mine = results.get(uid, ()) if letter == "F" else ()
-            results[uid] = mine[1:]
-            began, failure = running.pop(uid, state.at), mine[0] if mine else None
-            ended.append(NodeResult(uid, began, state.at, letter, failure))
+            mine, failure = results.pop(uid, ()), None
+            if letter == "F" and mine:
+                failure, results[uid] = mine[0], mine[1:]
+            ended.append(NodeResult(uid, running.pop(uid, state.at), state.at, letter, failure))
     state = replace(state, letters="".join(letters), running=running, results={},
                     facts=tuple(ended))
     return _end_steps(state, lambda step: step.is_wait and step.uid not in running and

@@ -11,11 +11,12 @@ from msgspec.structs import replace
 
 from behavior_controller.run.events import (
     DONE, SKIPPED, SUBSTITUTED, Checked, HealthChanged, Noticed, Paused, Recovered, Recovering,
-    RunFinished, RunStarted, SafeStateReported, TreeNode, TreeShown, TopicSaid)
+    RunFinished, RunStarted, SafeStateReported, Sources, TreeNode, TreeShown, TopicSaid)
 from behavior_controller.run.health import FAILING, GONE, NEW, SHORT, SILENT, SLOW
-from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.gateway import Failure
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, Request, SetAnimation, SetAttention)
+from behavior_controller.text import Source
 
 HOME = "home"
 """The name of the place where the robot waits for visitors."""
@@ -36,20 +37,28 @@ _RESULT_OF = {DECLINED: VISITOR_DECLINED, LEFT: VISITOR_LEFT, SILENT_VISITOR: NO
               UNCLEAR: NO_REACTION, STOPPED: STOPPED}
 """The results of a visit that ended for these kinds of reasons, if the robot could see and hear."""
 
-RESPECTS = (GONE, SHORT, NEW, SILENT, FAILING, SLOW)
+_RANKS = {GONE: 0, SHORT: 1, NEW: 2, SILENT: 3, FAILING: 4, SLOW: 5}
 """The respects in which a service or topic may not be well, the strongest first."""
 
 
 def rank(change: HealthChanged) -> int:
     """Return how strong a trouble is; 0 is the strongest."""
-    return RESPECTS.index(change.respect) if change.respect in RESPECTS else len(RESPECTS)
+    return _RANKS.get(change.respect, len(_RANKS))
 
+
+NOT_STARTED = RunStarted("", [], {}, Sources((), Source("", ""), Source("", ""), ""))
+"""What is known of a mission before its start."""
 
 NOT_TICKED = "-"
 """The letter of a node that was not ticked in this pass.
 
 A small letter is the status before the node went back to IDLE.
 """
+
+
+def letter_after(before: str, change: str) -> str:
+    """Return the letter of a node after a change of its status."""
+    return before.lower() if change == "-" else change
 
 
 class Reason(Struct, frozen=True):
@@ -67,6 +76,11 @@ class Reason(Struct, frozen=True):
     text: str = ""  # of a notice
     blind: Optional[HealthChanged] = None
     without: str = ""
+
+    @property
+    def is_false_condition(self) -> bool:
+        """Whether it ended for a condition that did not hold."""
+        return self.failure is not None and self.failure.is_false_condition
 
 
 class Stop(Struct, frozen=True):
@@ -114,6 +128,11 @@ class Visit(Struct, frozen=True):
     skipped: Dict[str, int] = {}
 
     @property
+    def last_stop(self) -> Optional[Stop]:
+        """The stop that was begun last."""
+        return self.stops[-1] if self.stops else None
+
+    @property
     def has_visitor(self) -> bool:
         """Whether a visitor has come, and the visit goes on."""
         return self.arrived is not None and self.ended is None
@@ -137,11 +156,13 @@ class Visit(Struct, frozen=True):
             return BROKEN_OFF
         if reason.kind in _RESULT_OF:
             return _RESULT_OF[reason.kind]
-        if reason.failure is not None and reason.failure.cause is Cause.CONDITION_FALSE:
+        if reason.is_false_condition:
             return NO_REACTION
         if self.outcome != "SUCCESS":
             return BROKEN_OFF
-        return IN_PART if self.skipped else COMPLETE
+        if self.skipped:
+            return IN_PART
+        return COMPLETE
 
     @property
     def is_no_failure(self) -> bool:
@@ -178,7 +199,9 @@ class Step(Struct, frozen=True):
     @property
     def until(self) -> Optional[float]:
         """When it ends at the latest."""
-        return self.began + self.limit if self.limit else None
+        if not self.limit:
+            return None
+        return self.began + self.limit
 
 
 class Exchange(Struct, frozen=True):
@@ -197,6 +220,11 @@ class Exchange(Struct, frozen=True):
     answered: Optional[float] = None
     result: Union[Answer, Failure, None] = None
     words: str = ""
+
+    @property
+    def failure(self) -> Optional[Failure]:
+        """Why it failed, if it did."""
+        return self.result if isinstance(self.result, Failure) else None
 
 
 class LeafFailure(Struct, frozen=True):
@@ -219,7 +247,7 @@ class LeafFailure(Struct, frozen=True):
     @property
     def is_false_condition(self) -> bool:
         """Whether a condition did not hold, which is no fault."""
-        return self.failure.cause is Cause.CONDITION_FALSE
+        return self.failure.is_false_condition
 
 
 class RecoveryRound(Struct, frozen=True):
@@ -248,7 +276,9 @@ class RecoveryRound(Struct, frozen=True):
     def outcome(self) -> str:
         """``done``, ``substituted``, ``skipped`` or ``given up``; empty if there was no decision.
         """
-        return self.recovered.outcome if self.recovered is not None else ""
+        if self.recovered is None:
+            return ""
+        return self.recovered.outcome
 
     @property
     def has_helped(self) -> bool:
@@ -390,9 +420,18 @@ class State(Struct, frozen=True):
     facts: Tuple[Fact, ...] = ()
 
     @property
+    def start(self) -> RunStarted:
+        """The start of the mission, or before that ``NOT_STARTED``."""
+        return self.started or NOT_STARTED
+
+    @property
     def nodes(self) -> List[TreeNode]:
         """The nodes of the tree."""
         return self.tree.nodes
+
+    def node(self, uid: int) -> Optional[TreeNode]:
+        """Return the node of that number, if the tree has it."""
+        return next(iter(self.nodes[max(0, uid - 1):max(0, uid)]), None)
 
     @property
     def visit(self) -> Optional[Visit]:
@@ -407,7 +446,9 @@ class State(Struct, frozen=True):
     @property
     def stops(self) -> Tuple[Stop, ...]:
         """The stops of the visit under way, or else of the last one."""
-        return self.visits[-1].stops if self.visits else ()
+        if not self.visits:
+            return ()
+        return self.visits[-1].stops
 
     @property
     def stop(self) -> Optional[Stop]:
@@ -417,8 +458,10 @@ class State(Struct, frozen=True):
     @property
     def waits_for(self) -> Optional[Exchange]:
         """The request whose answer the step under way waits for."""
-        call = self.step.call if self.step is not None else 0
-        return next((exchange for exchange in self.exchanges if exchange.call == call), None)
+        step = self.step
+        if step is None:
+            return None
+        return next((exchange for exchange in self.exchanges if exchange.call == step.call), None)
 
     @property
     def held_by(self) -> Optional[HealthChanged]:
@@ -426,8 +469,10 @@ class State(Struct, frozen=True):
         exchange, step = self.waits_for, self.step
         if exchange is not None:
             return self.robot.trouble(exchange.service)
-        unmet = self.failures.get(step.path) if step is not None and step.is_wait else None
-        return self.robot.trouble(unmet[-1].failure.resource) if unmet else None
+        if step is not None and step.is_wait:
+            for failed in self.failures.get(step.path, ())[-1:]:
+                return self.robot.trouble(failed.failure.resource)
+        return None
 
     @property
     def is_stranded(self) -> bool:
@@ -445,7 +490,9 @@ class State(Struct, frozen=True):
     @property
     def why_broken_off(self) -> Optional[Reason]:
         """Why the stop is not completed; None if it is: a step came after each that failed."""
-        return self.why_left if self.course.left_by is not None else self.course.stuck
+        if self.course.left_by is not None:
+            return self.why_left
+        return self.course.stuck
 
     @property
     def why_left(self) -> Reason:

@@ -19,7 +19,7 @@ from behavior_controller.run.state import (
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
 from behavior_controller.robot.requests import MOTION
-from behavior_controller.text import clean, count
+from behavior_controller.text import clean, count, form, joined
 
 KINDS = ("visit", "stop", "said", "heard", "asked", "pressed", "moved", "failure", "recovery",
          "health", "notice")
@@ -70,16 +70,16 @@ def sentences(before: State, event: events.Event, after: State) -> Tuple[Sentenc
     words = _WORDS.get(type(event))
     if words is None:
         return ()
-    number = after.visit.number if after.visit is not None else 0
-    path, failure = getattr(event, "path", ""), getattr(event, "failure", None)
-    # the number of a recovery's event is that of its HandleFallBack
-    is_recovery = isinstance(event, (events.Recovered, events.Recovering))
-    uid = after.uids.get(path, 0 if is_recovery else getattr(event, "uid", 0))
-    reason = failure.cause.text if failure is not None else ""
+    path, uid, reason = getattr(event, "path", ""), getattr(event, "uid", 0), ""
+    if isinstance(event, (events.Recovered, events.Recovering)):
+        uid = 0  # that of its HandleFallBack
+    failure = getattr(event, "failure", None)
+    if failure is not None:
+        reason = failure.cause.text
     return tuple(
-        Sentence(after.at, number, kind if kind in KINDS else "notice",
-                 severity if severity in SEVERITIES else "warning", clean(text), uid, clean(path),
-                 incident, reason)
+        Sentence(after.at, after.visit_count, kind if kind in KINDS else "notice",
+                 severity if severity in SEVERITIES else "warning", clean(text),
+                 after.uids.get(path, uid), clean(path), incident, reason)
         for kind, severity, text, incident in words(before, event, after))
 
 
@@ -91,25 +91,32 @@ OF_ROS = (Cause.REFUSED, Cause.HANDLER_EXCEPTION, Cause.NO_ANSWER, Cause.CONNECT
 """The causes of a failure whose message has addresses, types or names of fields."""
 
 
-def cause(failure: Failure, is_short: bool = False) -> str:
-    """Return why something failed; in short, without what ROS says of it."""
+def cause(failure: Optional[Failure], is_short: bool = False) -> str:
+    """Return why something failed; in short, without what ROS says of it. Empty: it did not."""
+    if failure is None:
+        return ""
     message = clean(" ".join(failure.message.split()))
-    if failure.cause is Cause.CONDITION_FALSE:
+    if failure.is_false_condition:
         return message.partition(";")[0]  # what follows tells of messages of the topic
     if is_short and failure.cause in OF_ROS:
         message = ""
-    resource = f" ({clean(failure.resource)})" if failure.resource else ""
-    return ", ".join(filter(None, (failure.cause.text, message))) + resource
+    text = joined(", ", failure.cause.text, message)
+    if failure.resource:
+        text += f" ({clean(failure.resource)})"
+    return text
 
 
 def why_failed(node: str, failure: Failure, tries: int = 1, is_short: bool = False) -> str:
     """Return what failed, how often if that was tried again, and why; of a condition, what it has
     not seen or heard.
     """
-    if failure.cause is Cause.CONDITION_FALSE:
+    if failure.is_false_condition:
         return cause(failure) or f"{node} failed"
-    often = f" {tries} times" if tries > 1 else ""
-    return clean(f"{node} failed{often}: {cause(failure, is_short)}")
+    return clean(f"{_often(node + ' failed', tries)}: {cause(failure, is_short)}")
+
+
+def _often(words: str, times: int) -> str:
+    return f"{words} {times} times" if times > 1 else words
 
 
 def why(reason: Optional[Reason]) -> str:
@@ -128,8 +135,7 @@ def why(reason: Optional[Reason]) -> str:
         text = clean(f"{reason.policy}; {text}")
     if reason.blind is not None:
         return f"{_UNSEEN.get(reason.kind, text)}: {condition(reason.blind)}"
-    is_false = reason.failure is not None and reason.failure.cause is Cause.CONDITION_FALSE
-    if is_false and reason.without:
+    if reason.without and reason.is_false_condition:
         text += clean(f": went on without {reason.without}")
     return text
 
@@ -142,21 +148,24 @@ _UNSEEN = {LEFT: "the visitor could not be seen", SILENT_VISITOR: "no answer was
 
 def condition(change: events.HealthChanged) -> str:
     """Return in a few words what is wrong with a service, a topic or the master."""
-    if change.kind == "master":
-        status = "is new" if change.respect == NEW else change.status
-        return clean(f"the ROS master {status}")
-    if change.kind == SIMULATED_TIME:
-        return clean(f"{SIMULATED_TIME} {change.status}")
-    word = change.respect or change.status
-    return clean(f"{change.name} is {word}" if word else change.name)
+    if change.kind == "master" and change.respect == NEW:
+        return "the ROS master is new"
+    if change.kind in _OF_ALL:
+        return clean(f"{_OF_ALL[change.kind]} {change.status}")
+    return clean(joined(" is ", change.name, change.respect or change.status))
+
+
+_OF_ALL = {"master": "the ROS master", SIMULATED_TIME: SIMULATED_TIME}
+"""The kinds of changes that are about no single service or topic, and what is named."""
 
 
 def conditions(changes: Iterable[events.HealthChanged]) -> str:
     """Return the same of several ones; those with the same trouble are said together."""
     alike: Dict[str, List[events.HealthChanged]] = {}
     for change in changes:
-        is_apart = change.kind in ("master", SIMULATED_TIME)
-        subject = change.name if is_apart else change.respect
+        subject = change.respect
+        if change.kind in _OF_ALL:
+            subject = change.name
         alike.setdefault(subject, []).append(change)
     return "; ".join(map(_common_condition, alike.values()))
 
@@ -177,12 +186,12 @@ def few(names: List[str], kinds: List[str], most: int) -> str:
     if len(names) <= most:
         return listed(names)
     numbers = collections.Counter(kinds)
-    return listed([count(number, kind, kind + "s") for kind, number in numbers.items()])
+    return listed([count(number, kind) for kind, number in numbers.items()])
 
 
 def listed(names: List[str]) -> str:
-    """Return ``a, b and c``."""
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    """Return ``a, b and c``; empty for none."""
+    return joined(" and ", ", ".join(names[:-1]), *names[-1:])
 
 
 def stop_name(stop: Stop) -> str:
@@ -197,7 +206,9 @@ def completed(visit: Visit) -> str:
     done, last = [stop for stop in visit.stops if stop.state == COMPLETED], visit.stops[-1]
     partial = sum(bool(stop.skipped) for stop in done)
     text = f"{len(done) - partial} of {last.of} {last.noun or 'stop'}s completed"
-    return f"{text}, {partial} in part" if partial else text
+    if partial:
+        text += f", {partial} in part"
+    return text
 
 
 def without(skipped: Dict[str, int]) -> str:
@@ -206,35 +217,38 @@ def without(skipped: Dict[str, int]) -> str:
     """
     if not skipped:
         return ""
-    nodes = sorted(skipped, key=lambda node: -skipped[node])
-    named = [node if skipped[node] == 1 else f"{node} {skipped[node]} times"
-             for node in nodes[:MOST_NAMES]]
-    rest = sum(skipped[node] for node in nodes[MOST_NAMES:])
-    names = listed(named + [f"{rest} more"] if rest else named)
-    number = sum(skipped.values())
-    return clean(f" without {names}" if number == 1 else f" without {number} steps ({names})")
+    counts = collections.Counter(skipped).most_common()
+    names = [_often(node, times) for node, times in counts[:MOST_NAMES]]
+    rest, number = sum(times for _, times in counts[MOST_NAMES:]), sum(skipped.values())
+    if rest:
+        names.append(f"{rest} more")
+    if number == 1:
+        return clean(f" without {names[0]}")
+    return clean(f" without {number} steps ({listed(names)})")
 
 
 def how_it_ended(visit: Visit) -> str:
     """Return how a visit ended, and what it went without; empty while it is under way."""
     ending, lacks = _ending(visit), without(visit.skipped)
-    return ending if not ending or lacks in ending else f"{ending};{lacks}"
+    if ending and lacks not in ending:
+        ending += ";" + lacks
+    return ending
 
 
 def _ending(visit: Visit) -> str:
-    reason, stops = visit.why, visit.stops
+    reason, last, text = visit.why, visit.last_stop, why(visit.why)
     if reason is None:
         return ""
     if reason.kind == DONE_ALL:
-        last, done = stops[-1] if stops else None, why(reason) + without(visit.skipped)
-        if last is None:
-            return done
-        if last.state == COMPLETED and last.number < last.of:  # what the visitor looked for
-            return f"{done} at {stop_name(last)}"
-        return f"{done}, {completed(visit)}"
-    if stops and stops[-1].state == BROKEN_OFF:
-        return f"ended at {stop_name(stops[-1])}: {why(reason)}"
-    return "gave up: " + why(reason) if reason.kind == GAVE_UP else why(reason)
+        text += without(visit.skipped)
+        if last is not None and last.state == COMPLETED and last.number < last.of:
+            return f"{text} at {stop_name(last)}"  # what the visitor looked for
+        return joined(", ", text, completed(visit))
+    if last is not None and last.state == BROKEN_OFF:
+        return f"ended at {stop_name(last)}: {text}"
+    if reason.kind == GAVE_UP:
+        return "gave up: " + text
+    return text
 
 
 def counted(state: State) -> str:
@@ -244,14 +258,16 @@ def counted(state: State) -> str:
     if not number:
         return "no visit completed"
     results = listed([f"{counts[result]} {result}" for result in RESULTS if result in counts])
-    return f"{count(number, 'visit', 'visits')}: {results}"
+    return f"{count(number, 'visit')}: {results}"
 
 
 def run_end(state: State, is_short: bool = False) -> str:
     """Return how the run ended, and which steps its last visit went without, but not in short, or
     what the visitor chose if the tree failed by that; empty while it goes on.
     """
-    outcome = state.finished.outcome if state.finished is not None else ""
+    if state.finished is None:
+        return ""
+    outcome = state.finished.outcome
     visit = next((visit for visit in reversed(state.visits) if visit.outcome), None)
     if not outcome or visit is None:
         return outcome
@@ -295,8 +311,7 @@ def waiting(event: events.Paused) -> str:
     """Return what a mission waits for that gave up."""
     if event.awaited:
         return clean(f"waiting for {event.awaited} to return")
-    reason = ": " + event.reason if event.reason else ""
-    return clean(f"waiting {event.limit:.0f} s{reason}")
+    return clean(joined(": ", f"waiting {event.limit:.0f} s", event.reason))
 
 
 def step_words(step: Step) -> str:
@@ -305,8 +320,7 @@ def step_words(step: Step) -> str:
         return recovering(step.cause)
     if isinstance(step.cause, events.Paused):
         return waiting(step.cause)
-    words = " ".join(filter(None, (step.words, step.what)))
-    return f"{words}, {step.feedback}" if step.feedback else words
+    return joined(", ", joined(" ", step.words, step.what), step.feedback)
 
 
 STOP_BUTTON = "keep the stop button at hand"
@@ -314,8 +328,8 @@ STOP_BUTTON = "keep the stop button at hand"
 
 def may_be_under_way(state: State) -> str:
     """Return in words what the robot may still be carrying out; empty if nothing is."""
-    doing = [exchange.words for exchange in state.robot.unfinished]
-    return f"may still be {listed(doing)}" if doing else ""
+    doing = listed([exchange.words for exchange in state.robot.unfinished])
+    return doing and "may still be " + doing
 
 
 def may_move(state: State) -> bool:
@@ -325,8 +339,9 @@ def may_move(state: State) -> bool:
 
 def under_way_warning(state: State) -> str:
     """Return this with what a person has to do about it."""
-    under_way = may_be_under_way(state)
-    return f"{under_way}: {STOP_BUTTON}" if may_move(state) else under_way
+    if may_move(state):
+        return f"{may_be_under_way(state)}: {STOP_BUTTON}"
+    return may_be_under_way(state)
 
 
 def safe_parts(state: State, is_off: bool) -> List[str]:
@@ -342,7 +357,9 @@ def switched_off(state: State) -> str:
     reached; empty for none.
     """
     off = safe_parts(state, is_off=True)
-    return clean(f"{listed(off)} {'are' if len(off) > 1 else 'is'} off") if off else ""
+    if not off:
+        return ""
+    return clean(f"{listed(off)} {form(len(off), 'is', 'are')} off")
 
 
 def safe_state(state: State) -> str:
@@ -359,12 +376,14 @@ def safe_state(state: State) -> str:
             texts.append(f"whether {part.what} is off is not known: {cause(part.failure)}")
         elif part.failure is not None:
             texts.append(f"{part.what} could not be switched off: {cause(part.failure)}")
-    return clean("; ".join(filter(None, [*texts, under_way_warning(state)])))
+    return clean(joined("; ", *texts, under_way_warning(state)))
 
 
 def ordinal(number: int) -> str:
     """Return 1st, 2nd, 3rd, 4th …"""
-    ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th") if number // 10 % 10 != 1 else "th"
+    ending = "th"
+    if number // 10 % 10 != 1:
+        ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10, ending)
     return f"{number}{ending}"
 
 
@@ -372,13 +391,16 @@ def _incident(state: State, failure: Failure, path: str) -> float:
     """Return when that began which a failure belongs to: the trouble of its service, or the first
     failure of its step.
     """
-    failures = state.failures.get(path, ())
-    first = failures[0].at if failures else state.at
+    first = next((failed.at for failed in state.failures.get(path, ())), state.at)
     return min(first, state.robot.ill_since.get(failure.resource, first))
 
 
 _Said = Tuple[str, str, str, float]
 """Kind, severity, text and incident of a sentence."""
+
+
+def _severity(is_well: bool) -> str:
+    return "info" if is_well else "warning"
 
 
 def _run_started(before: State, event: events.RunStarted, after: State) -> Iterator[_Said]:
@@ -397,10 +419,11 @@ def _pass_finished(before: State, event: events.PassFinished, after: State) -> I
     visit = after.visit
     if visit is not None:
         is_whole = visit.outcome == "SUCCESS" and not visit.skipped and visit.result != BROKEN_OFF
-        outcome = "over" if visit.is_no_failure else event.outcome
-        severity = "info" if is_whole or visit.is_no_failure else "warning"
+        outcome = event.outcome
+        if visit.is_no_failure:
+            is_whole, outcome = True, "over"
         text = f"pass {event.number}: {outcome} after {visit.seconds:.1f} s: {how_it_ended(visit)}"
-        yield "visit", severity, text, 0.0
+        yield "visit", _severity(is_whole), text, 0.0
 
 
 def _leaf_finished(before: State, event: events.LeafFinished, after: State) -> Iterator[_Said]:
@@ -417,27 +440,24 @@ def _leaf_finished(before: State, event: events.LeafFinished, after: State) -> I
 def _met(before: State, after: State, mark: str) -> str:
     """Return the sentence for a visitor who was seen, or looked at the robot, for the first time.
     """
-    if mark not in ("arrived", "engaged") or before.visit is None or after.visit is None:
+    if mark not in _SEEN or before.visit is None or getattr(before.visit, mark) is not None:
         return ""
-    if getattr(before.visit, mark) is not None:
-        return ""
-    what = "arrived" if mark == "arrived" else "looks at the robot"
-    return f"visitor {after.visit.number} {what}"
+    return f"visitor {after.visit_count} {_SEEN[mark]}"
+
+
+_SEEN = {"arrived": "arrived", "engaged": "looks at the robot"}
+"""What is said of a visitor by the mark of a ``LeafSummary``."""
 
 
 def _stop_changed(before: State, event: events.StopChanged, after: State) -> Iterator[_Said]:
     for stop in after.concluded(Stop):
         if stop.why is None:
-            severity = "warning" if stop.skipped else "info"
-            yield "stop", severity, f"{stop_name(stop)}, is completed{without(stop.skipped)}", 0.0
+            text = f"{stop_name(stop)}, is completed{without(stop.skipped)}"
+            yield "stop", _severity(not stop.skipped), text, 0.0
         else:
-            yield "stop", _severity(stop), _broken_off(stop), 0.0
+            yield "stop", _severity(stop.is_left), _broken_off(stop), 0.0
     if event.state == events.BEGUN and after.stop is not None:
         yield "stop", "info", stop_name(after.stop), 0.0
-
-
-def _severity(stop: Stop) -> str:
-    return "info" if stop.is_left else "warning"
 
 
 def _broken_off(stop: Stop) -> str:
@@ -445,33 +465,35 @@ def _broken_off(stop: Stop) -> str:
 
 
 def _recovering(before: State, event: events.Recovering, after: State) -> Iterator[_Said]:
-    # the first failure has its sentence already
-    cause_of = ": " + cause(event.failure) if event.attempt > 1 else ""
-    incident = _incident(after, event.failure, event.path)
-    yield "recovery", "info", recovering(event) + cause_of, incident
+    text = recovering(event)
+    if event.attempt > 1:  # the first failure has its sentence already
+        text += ": " + cause(event.failure)
+    yield "recovery", "info", text, _incident(after, event.failure, event.path)
 
 
 def _recovered(before: State, event: events.Recovered, after: State) -> Iterator[_Said]:
     stop, incident = next(after.concluded(Stop), None), _incident(before, event.failure, event.path)
-    if stop is not None and incident < stop.began:
-        incident = 0.0  # an entry of its own: that of the trouble stands far above
-    text = why(why_recovered(before, event) if stop is None else stop.why)
-    if stop is not None and event.outcome == SKIPPED:
-        yield "stop", "warning", f"{stop_name(stop)}, is left out: {text}", incident
-    elif stop is None and event.outcome != GIVEN_UP:
-        yield ("recovery", *_done(before, event, text), incident)
+    severity = "error"
+    if event.failure.is_false_condition:
+        severity = _severity(stop is not None and stop.is_left)
+    if stop is not None:
+        if incident < stop.began:
+            incident = 0.0  # an entry of its own: that of the trouble stands far above
+        if event.outcome == SKIPPED:
+            text = f"{stop_name(stop)}, is left out: {why(stop.why)}"
+            yield "stop", "warning", text, incident
+        elif not before.has_given_up(event):
+            yield "stop", severity, _broken_off(stop), incident
+    elif event.outcome != GIVEN_UP:
+        yield ("recovery", *_done(before, event), incident)
     elif not before.has_given_up(event):
-        is_false = event.failure.cause is Cause.CONDITION_FALSE
-        if stop is None:
-            yield "recovery", "warning" if is_false else "error", "gave up: " + text, incident
-        else:
-            yield "stop", _severity(stop) if is_false else "error", _broken_off(stop), incident
+        yield "recovery", severity, "gave up: " + why(why_recovered(before, event)), incident
 
 
-def _done(before: State, event: events.Recovered, needed: str) -> Tuple[str, str]:
+def _done(before: State, event: events.Recovered) -> Tuple[str, str]:
     """Return severity and sentence of a recovery after which the mission goes on."""
     if event.outcome == SKIPPED:
-        needed = needed.replace(" failed", ", which failed", 1)
+        needed = why(why_recovered(before, event)).replace(" failed", ", which failed", 1)
         return "warning", f"went on without {needed}"
     substitute = next((recovery.substitute for recovery in before.recoveries
                        if recovery.path == event.path), None)
@@ -492,9 +514,9 @@ def _paused(before: State, event: events.Paused, after: State) -> Iterator[_Said
 def _safe_state_reported(before: State, event: events.SafeStateReported,
                          after: State) -> Iterator[_Said]:
     is_reached = all(part.failure is None for part in event.parts) and not after.robot.unfinished
-    failed = [recovery.failures[-1] for recovery in before.recoveries if recovery.failures]
-    incident = _incident(before, failed[-1].failure, failed[-1].path) if failed else 0.0
-    yield "notice", "info" if is_reached else "warning", safe_state(after), incident
+    incident = next((_incident(before, recovery.failures[-1].failure, recovery.path)
+                     for recovery in reversed(before.recoveries) if recovery.failures), 0.0)
+    yield "notice", _severity(is_reached), safe_state(after), incident
 
 
 def _health_changed(before: State, event: events.HealthChanged, after: State) -> Iterator[_Said]:
@@ -502,14 +524,11 @@ def _health_changed(before: State, event: events.HealthChanged, after: State) ->
     strongest = after.robot.trouble(event.name)
     if strongest is None or rank(strongest) >= rank(event):
         since = before.robot.ill_since.get(event.name, after.robot.ill_since.get(event.name, 0.0))
-        yield "health", "info" if event.is_well else "warning", health_text(event), since
-
-
-def health_text(event: events.HealthChanged) -> str:
-    """Return how a service, topic or the master is, and what that means."""
-    node = f" (of node /{event.node})" if event.node else ""
-    then = "; " + event.consequence if event.consequence else ""
-    return clean(f"{event.kind} {event.name}{node}: {event.status}{then}")
+        name = f"{event.kind} {event.name}"
+        if event.node:
+            name += f" (of node /{event.node})"
+        text = joined("; ", f"{name}: {event.status}", event.consequence)
+        yield "health", _severity(event.is_well), text, since
 
 
 def _noticed(before: State, event: events.Noticed, after: State) -> Iterator[_Said]:
@@ -546,20 +565,8 @@ def _breakpoint_changed(before: State, event: events.BreakpointChanged,
 
 _Words = Callable[[State, Any, State], Iterator[_Said]]  # type: ignore[explicit-any]
 
-_WORDS: Dict[type, _Words] = {
-    events.RunStarted: _run_started,
-    events.RunFinished: _run_finished,
-    events.PassFinished: _pass_finished,
-    events.LeafFinished: _leaf_finished,
-    events.StopChanged: _stop_changed,
-    events.Recovering: _recovering,
-    events.Recovered: _recovered,
-    events.HealthChanged: _health_changed,
-    events.Paused: _paused,
-    events.SafeStateReported: _safe_state_reported,
-    events.BreakpointChanged: _breakpoint_changed,
-    events.Suspended: _suspended,
-    events.Noticed: _noticed,
-    events.Lost: _lost,
-}
+_WORDS: Dict[type, _Words] = {words.__annotations__["event"]: words for words in (
+    _run_started, _run_finished, _pass_finished, _leaf_finished, _stop_changed, _recovering,
+    _recovered, _health_changed, _paused, _safe_state_reported, _breakpoint_changed, _suspended,
+    _noticed, _lost)}
 """What is said of each kind of event; the others have no sentence."""
