@@ -15,8 +15,9 @@ from behavior_controller import NOT_SET_UP
 try:
     import behavior_controller.bt
 except ImportError as error:  # py-trees-render would hide the reason
-    is_missing = isinstance(error, ModuleNotFoundError)
-    reason = NOT_SET_UP.format(error, sys.executable) if is_missing else error
+    reason = str(error)
+    if isinstance(error, ModuleNotFoundError):
+        reason = NOT_SET_UP.format(error, sys.executable)
     sys.exit(f"{os.path.basename(sys.argv[0])}: {reason}")
 from behavior_controller import exit_codes, leaves, ros_arguments
 from behavior_controller.bt.linter.palette import tree_nodes_model
@@ -98,8 +99,9 @@ def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
     if options.json:
         faults = {fault for judgement in judgements for fault in judgement.faults}
         print(json.dumps([as_json(fault) for fault in sorted(faults, key=by_place)], indent=1))
-    wrong = any(judgement.is_wrong for judgement in judgements)
-    return exit_codes.WRONG_INPUT if wrong else exit_codes.SUCCESS, validation.files
+    if any(judgement.is_wrong for judgement in judgements):
+        return exit_codes.WRONG_INPUT, validation.files
+    return exit_codes.SUCCESS, validation.files
 
 
 def _watch(options: argparse.Namespace) -> NoReturn:
@@ -152,10 +154,11 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
         parser.error(f"{clean(options.project)} is no project: its name must end with .btproj")
     PROJECT.check(options.project)
     here = os.path.dirname(os.path.abspath(options.project))
-    beside = sorted(os.listdir(here)) if os.path.isdir(here) else []
-    own = [name for name in beside
-           if name.endswith(".xml") and may_be_a_mission(os.path.join(here, name))]
-    includes = own or [os.path.relpath(path, here) for path in missions()]
+    includes: List[str] = []
+    if os.path.isdir(here):
+        includes = [name for name in sorted(os.listdir(here))
+                    if name.endswith(".xml") and may_be_a_mission(os.path.join(here, name))]
+    includes = includes or [os.path.relpath(path, here) for path in missions()]
     name = os.path.splitext(os.path.basename(options.project))[0]
     PROJECT.write(options.project, _document(includes, f" project_name={quoteattr(name)}", MARK))
     print(f"{clean(options.project)}: a project of {', '.join(map(os.path.basename, includes))}")

@@ -24,7 +24,7 @@ Any other exception in a leaf is a TickError, and elsewhere an internal error (e
 """
 from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple, TypeVar
 
-from behavior_controller.text import clean
+from behavior_controller.text import bracketed, clean
 
 Part = TypeVar("Part")
 
@@ -51,9 +51,10 @@ class Fault(NamedTuple):
         """Return ``file:line:column: text (hint)`` on one line, leaving out what is not known."""
         place = ":".join([clean(self.file)] +
                          [str(number) for number in (self.line, self.column) if number])
-        kind = "warning: " if self.is_warning else ""
-        return "{}: {}{}{}".format(place, kind, clean(self.text),
-                                   f" ({clean(self.hint)})" if self.hint else "")
+        text = clean(self.text) + bracketed(clean(self.hint))
+        if self.is_warning:
+            text = "warning: " + text
+        return f"{place}: {text}"
 
 
 class BehaviorControllerError(Exception):

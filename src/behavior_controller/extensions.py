@@ -22,7 +22,7 @@ from behavior_controller import exit_codes
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.foreign_code import described, place
 from behavior_controller.ros_packages import MANIFEST, package_folders, package_name
-from behavior_controller.text import Unreadable, did_you_mean, read_bytes
+from behavior_controller.text import Unreadable, bracketed, did_you_mean, read_bytes
 
 TARGET = "cssr_system"
 
@@ -92,9 +92,8 @@ class Extension(NamedTuple):
             lines = read_bytes(file).decode(errors="replace").splitlines()
         except Unreadable:
             lines = []
-        numbers = [number for wanted in near for number, line in enumerate(lines, 1)
-                   if wanted in line]
-        where = f" ({place(file, numbers[0])})" if numbers else ""
+        where = next((bracketed(place(file, number)) for wanted in near
+                      for number, line in enumerate(lines, 1) if wanted in line), "")
         return BrokenExtension(self.package, f"{name}: {text}{where}")
 
 
@@ -117,15 +116,13 @@ def late(seconds: float, frame: Optional[FrameType] = None) -> Optional[BrokenEx
     ``frame`` is where the work has got to. None if no extension holds it up.
     """
     frames = frames_of_packages(frame)
-    where = place(frames[0].f_code.co_filename, frames[0].f_lineno) if frames else ""
-    if _under_way:
-        package, export = _under_way[0]
-        where = where and f" ({where})"
+    where = "".join(place(frame.f_code.co_filename, frame.f_lineno) for frame in frames[:1])
+    for package, export in _under_way:
+        return BrokenExtension(package, f"{export}: its import has not ended within {seconds:g} s"
+                                        + bracketed(where))
+    for innermost in frames:
         return BrokenExtension(
-            package, f"{export}: its import has not ended within {seconds:g} s{where}")
-    if frames:
-        return BrokenExtension(
-            _package_of(frames[0]) or "", f"{where} has not returned within {seconds:g} s")
+            _package_of(innermost) or "", f"{where} has not returned within {seconds:g} s")
     return None
 
 
@@ -151,7 +148,8 @@ def _watch(thread: int) -> None:
         under_way = (*_under_way, *frames_of_packages(frame)[-1:])[:1]
         checks = checks + 1 if under_way and under_way == before else 0
         before = under_way
-        error = late(CODE_LIMIT, frame) if checks * WATCH_INTERVAL >= CODE_LIMIT else None
+        if checks * WATCH_INTERVAL >= CODE_LIMIT:
+            error = late(CODE_LIMIT, frame)
     line = f"{os.path.basename(sys.argv[0])}: {error}\n"
     os.write(2, line.encode("utf-8", "backslashreplace"))
     os._exit(exit_codes.WRONG_INPUT)

@@ -37,7 +37,9 @@ def of_mission(path: str, mission: str) -> str:
     reception_phrases_English.ini beside phrases_English.ini, or else ``path``."""
     folder, name = os.path.split(path)
     own = os.path.join(folder, f"{mission}_{name}")
-    return own if mission and os.path.isfile(own) else path
+    if mission and os.path.isfile(own):
+        return own
+    return path
 
 
 RECORDS = "behaviorController_records"

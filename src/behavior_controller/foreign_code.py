@@ -7,6 +7,8 @@ import traceback
 from types import FunctionType
 from typing import List, Tuple
 
+from behavior_controller.text import bracketed, joined
+
 _RAISE = opcode.opmap["RAISE_VARARGS"]
 
 OUR_PACKAGES = ("behavior_controller.", "unit_tests.")
@@ -27,9 +29,7 @@ def described(error: BaseException, owner: object = None) -> str:
         text = " ".join(str(getattr(error, "msg", None) or error).split())
     except BaseException as another:  # even its text is foreign code
         text = f"its text raised {type(another).__name__}"
-    raised_at = _raised_at(error, owner)
-    where = f" ({raised_at})" if raised_at else ""
-    return type(error).__name__ + (": " + text if text else "") + where
+    return joined(": ", type(error).__name__, text) + bracketed(_raised_at(error, owner))
 
 
 def _raised_at(error: BaseException, owner: object) -> str:
@@ -47,7 +47,7 @@ def _raised_at(error: BaseException, owner: object) -> str:
         places = [(file, line) for file, line in foreign if file.startswith(folder)]
     else:
         places += _defined_at(owner)
-    return place(*places[-1]) if places else ""
+    return "".join(place(*last) for last in places[-1:])
 
 
 def _defined_at(owner: object) -> List[Tuple[str, int]]:
@@ -62,8 +62,7 @@ def _defined_at(owner: object) -> List[Tuple[str, int]]:
 
 def defined_at(owner: object) -> str:
     """Return the place of a foreign function in brackets; of another one an empty text."""
-    places = _defined_at(owner)
-    return f" ({place(*places[0])})" if places else ""
+    return "".join(bracketed(place(*defined)) for defined in _defined_at(owner))
 
 
 def takes(function: object, count: int) -> bool:

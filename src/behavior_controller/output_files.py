@@ -28,7 +28,9 @@ class OutputKind(NamedTuple):
         standard output. Raises OSError if nothing can be written there."""
         if is_standard_output(path):
             return
-        reason = "" if os.path.basename(path) else "this names no file"
+        reason = ""
+        if not os.path.basename(path):
+            reason = "this names no file"
         with _errors_of(path), contextlib.suppress(FileNotFoundError):
             mode = os.stat(path).st_mode
             if not stat.S_ISREG(mode):

@@ -9,7 +9,7 @@ from behavior_controller.errors import BehaviorControllerError, MissionError
 from behavior_controller.missions.replay import replay
 from behavior_controller.viewer.report import COMMAND, story_lines, to_html
 from behavior_controller.run.record.reader import (
-    LATEST, find_record, read_record, stream_record)
+    LATEST, find_record, folder_of, read_record, stream_record)
 from behavior_controller.run.statistics import statistics
 from behavior_controller.viewer.run_index import all_runs
 from behavior_controller.viewer.runs_text import text_lines
@@ -45,9 +45,9 @@ def main(arguments: Optional[List[str]] = None) -> int:
     chosen = ros_arguments.parse(parser, arguments)
     if chosen.json and not chosen.runs:
         parser.error("--json goes with --runs")
-    if chosen.runs:
-        return _list_runs(chosen.record, chosen.json)
     try:
+        if chosen.runs:
+            return _list_runs(chosen.record, chosen.json)
         if chosen.report is not None:
             _REPORT.check(chosen.report)
         path = find_record(chosen.record)
@@ -64,18 +64,17 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print(error, file=sys.stderr)
         return exit_codes.WRONG_INPUT
     print(outcome)
-    return exit_codes.FAILURE if outcome.divergence else exit_codes.SUCCESS
+    if outcome.divergence:
+        return exit_codes.FAILURE
+    return exit_codes.SUCCESS
 
 
 def _list_runs(record: str, as_json: bool) -> int:
     """Print the runs below a folder."""
-    place = folders.records() if record == LATEST else record
-    listed = all_runs(place)
+    listed = all_runs(folder_of(record))
     if not listed:
-        error = MissionError.of(place, "there is no record of a run below it",
-                                f"name a folder of runs, or {LATEST}")
-        print(error, file=sys.stderr)
-        return exit_codes.WRONG_INPUT
+        raise MissionError.of(folder_of(record), "there is no record of a run below it",
+                              f"name a folder of runs, or {LATEST}")
     if as_json:
         figures = statistics(each.digest for each in listed)
         data = {"figures": figures, "runs": listed}

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from behavior_controller import folders
 from behavior_controller.ros_packages import MANIFEST
-from behavior_controller.text import did_you_mean
+from behavior_controller.text import bracketed, did_you_mean
 
 ASSIGNMENT = ":="
 
@@ -48,8 +48,8 @@ class CommandParser(argparse.ArgumentParser):
         """Exit with that message."""
         unknown = message.partition("unrecognized arguments: ")[2].split(" ")[0]
         options = [option for action in self._actions for option in action.option_strings]
-        hint = did_you_mean(unknown.partition("=")[0], options) if unknown else ""
-        super().error(message + (f" ({hint})" if hint else ""))
+        hint = did_you_mean(unknown.partition("=")[0], options)
+        super().error(message + bracketed(hint))
 
 
 def parse(parser: argparse.ArgumentParser,
@@ -62,6 +62,13 @@ def parse(parser: argparse.ArgumentParser,
         if re.match(r"\w+:=", word):
             parser.error("unrecognized argument: " + word)
     return parser.parse_args(others)
+
+
+def port(text: str, least: int = 0) -> int:
+    """Return the port that an argument names."""
+    if not text.isdecimal() or not least <= int(text) <= 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port: {least} to 65535")
+    return int(text)
 
 
 def explain_node(name: str, does: str, exit_codes: str) -> None:

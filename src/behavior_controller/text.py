@@ -177,6 +177,11 @@ def joined(separator: str, *parts: str) -> str:
     return separator.join(filter(None, parts))
 
 
+def bracketed(text: str) -> str:
+    """Return a text in brackets after a blank; of none an empty one."""
+    return text and f" ({text})"
+
+
 def count(number: int, one: str, more: str = "") -> str:
     """Return a number and its noun; ``more`` is the plural if that does not only add an s."""
     return f"{number} {form(number, one, more or one + 's')}"

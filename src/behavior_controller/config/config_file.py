@@ -13,7 +13,7 @@ from typing import (Any, Callable, Collection, Dict, Generic, Iterator, List, Ma
                     Optional, Pattern, Sequence, Tuple, Type, TypeVar)
 
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.text import Source, Unreadable, did_you_mean, read_text
+from behavior_controller.text import Source, Unreadable, did_you_mean, joined, read_text
 
 MOST_FAULTS = 100
 """The most mistakes of a file that are reported; the rest of it is not read."""
@@ -77,9 +77,12 @@ def number(
         return (_NUMBER.fullmatch(text) is not None and low <= float(text) <= high
                 and (infinite or not math.isinf(float(text))))
 
-    limits = f", {low:.10g} or more" if math.isinf(high) else f" from {low:.10g} to {high:.10g}"
-    return Reader(f"a number{' of ' + of if of else ''}{limits}{', or inf' if infinite else ''}",
-                  float, is_allowed)
+    limits = f" from {low:.10g} to {high:.10g}"
+    if math.isinf(high):
+        limits = f", {low:.10g} or more"
+    if infinite:
+        limits += ", or inf"
+    return Reader(joined(" of ", "a number", of) + limits, float, is_allowed)
 
 
 def seconds(low: float = 0.0) -> Reader[float]:
@@ -89,9 +92,10 @@ def seconds(low: float = 0.0) -> Reader[float]:
 
 def integer(low: int, high: int, of: str = "") -> Reader[int]:
     """Return a reader of integers from ``low`` to ``high``. ``of``: the unit."""
-    allowed = f"a whole number{' of ' + of if of else ''} from {low} to {high}"
-    return Reader(f"{low} or {high}" if high == low + 1 else allowed, int,
-                  lambda text: _INTEGER.fullmatch(text) and low <= int(text) <= high)
+    allowed = joined(" of ", "a whole number", of) + f" from {low} to {high}"
+    if high == low + 1:
+        allowed = f"{low} or {high}"
+    return Reader(allowed, int, lambda text: _INTEGER.fullmatch(text) and low <= int(text) <= high)
 
 
 def port(high: int) -> Reader[int]:
@@ -132,7 +136,7 @@ def _folder(text: str) -> str:
 
 language_name = Reader("the name of a language, such as English", str, _is_file_name)
 mission_name = Reader("the name of a mission in the data folder, without .xml",
-                      lambda text: text[:-4] if text.endswith(".xml") else text, _is_file_name)
+                      lambda text: re.sub(r"\.xml\Z", "", text), _is_file_name)
 bind_address = Reader("an address or a host name of this computer, 127.0.0.1 for itself alone, "
                       "0.0.0.0 for all networks", _address)
 folder = Reader("a folder, nothing, or none", _folder)
@@ -159,7 +163,9 @@ class Key:
     @property
     def default_text(self) -> str:
         """The default, as the documents show it."""
-        return "required" if self.default is REQUIRED else to_text(self.default) or "empty"
+        if self.default is REQUIRED:
+            return "required"
+        return to_text(self.default) or "empty"
 
     @property
     def plain_meaning(self) -> str:
@@ -175,7 +181,9 @@ def to_text(value: object) -> str:
         return f"{value:.10g}"
     if type(value) is tuple:
         return ",".join(map(to_text, value))
-    return "" if value is None else str(value)
+    if value is None:
+        return ""
+    return str(value)
 
 
 def key(read: Reader[Value], default: Value, meaning: str) -> Value:
@@ -234,12 +242,12 @@ class TextLine:
 
     def place(self, index: int = 0) -> Place:
         """Return the place of the word at ``index``, or of the key if there is no such word."""
-        word = self.words[index if index < len(self.words) else 0]
+        word = (self.words[index:] or self.words)[0]
         return self.file, self.number, word.start() + 1
 
     def rest(self, index: int) -> str:
         """Return the text from the word at ``index`` to the end of the line."""
-        return self.text[self.words[index].start():] if index < len(self.words) else ""
+        return next((self.text[word.start():] for word in self.words[index:]), "")
 
 
 def lines_of(source: Source, comment: Pattern[str] = COMMENT_LINE) -> Iterator[TextLine]:
@@ -323,7 +331,9 @@ class KeyReader(LineReader):
         elif name in self.lines:
             self.fault(place, f"the key {name} is in line {self.lines[name]} already")
         elif self._is_key(name, place):
-            self._value(name, text, (*place[:2], start.end() + 1) if text else place)
+            if text:
+                place = line.file, line.number, start.end() + 1
+            self._value(name, text, place)
 
     def given(self, name: str, value: Any, where: str) -> None:
         """Process a value from a parameter, an argument or a record."""
@@ -363,17 +373,16 @@ class KeyReader(LineReader):
         return {name: self.values.get(name, key.default) for name, key in self.keys.items()}
 
 
-def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
-              arguments: Optional[Mapping[str, str]] = None,
-              unused: Collection[str] = ()) -> KeyReader:
+def collected(source: Source, keys: Sequence[Key], overrides: Mapping[str, object] = {},
+              arguments: Mapping[str, str] = {}, unused: Collection[str] = ()) -> KeyReader:
     """Return what is collected from a file, from overriding ROS parameters, and from ``arguments``,
     which override both."""
     reader = KeyReader(source, keys, unused)
     reader.read()
-    for name, value in (overrides or {}).items():
+    for name, value in overrides.items():
         # other parameters below our name belong to other programs
         if name in reader.keys or did_you_mean(name, reader.keys):
             reader.given(name, value, f"parameter ~{name}")
-    for name, text in (arguments or {}).items():
+    for name, text in arguments.items():
         reader.given(name, text, f"argument {name}")
     return reader

@@ -106,15 +106,18 @@ class _EntryReader(LineReader):
         attempt(self.read, [])  # too many faults: the last one says so
 
     def line(self, line: TextLine) -> None:
-        is_known = line.key in self.keys
-        entry = self.entry(line) if is_known else line.key
-        first = self.lines.setdefault(entry, line.number) if entry else 0
+        is_known, entry = line.key in self.keys, line.key
+        if is_known:
+            entry = self.entry(line)
+        if not entry:
+            return
+        first = self.lines.setdefault(entry, line.number)
         if first == line.number and is_known:
             self.values[entry] = self.taken(line, entry)
         elif first == line.number and self.meant(line.key):
             self.fault(line.place(), f"unknown key {line.key}: it is not used",
                        self.meant(line.key), is_warning=True)
-        elif first and is_known:
+        elif is_known:
             self.fault(line.place(), f"{entry} is in line {first} already", "keep one of them")
 
     def findings(self) -> List[Fault]:
@@ -139,7 +142,7 @@ class _EntryReader(LineReader):
 
     def value(self, line: TextLine, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
         """Return the value of the word at ``index``, or None, with a fault."""
-        text = line.words[index].group() if index < len(line.words) else ""
+        text = next((word.group() for word in line.words[index:]), "")
         return self.parsed(read, text, what, line.place(index))
 
 
@@ -154,7 +157,9 @@ class _Culture(_EntryReader):
         super().__init__(source)
 
     def meant(self, key: str) -> str:
-        return "" if _ANY_PHRASE.fullmatch(key) else super().meant(key)
+        if _ANY_PHRASE.fullmatch(key):
+            return ""
+        return super().meant(key)
 
     def taken(self, line: TextLine, entry: str) -> Any:
         if entry in self.gestures:
@@ -224,7 +229,7 @@ class _Environment(_EntryReader):
         stated = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
         listed = range(2, len(line.words))
         if stated is not None and stated != len(listed):
-            locations = count(stated, "location", "locations")
+            locations = count(stated, "location")
             self.fault(line.place(1), f"{_TOUR} says {locations} and lists {len(listed)}", form)
         return [(self.value(line, index, f"an id of {_TOUR}", _ID), line.place(index))
                 for index in listed]
@@ -294,16 +299,20 @@ def read(environment: Optional[Source], culture: Optional[Source], *,
          takes_arm: bool = False, faults: Sequence[Fault] = ()) -> Knowledge:
     """Return the knowledge of two files, given their texts. Raises ConfigurationError with every
     fault; ``faults`` are those of the files that could not be read."""
-    chosen = _Culture(culture, takes_arm) if culture else None
-    language = chosen.values.get(_LANGUAGE) if chosen else None
-    places = _Environment(environment, [language] if language else []) if environment else None
-    findings = list(faults)
-    for file in (places, chosen):
-        findings += file.findings() if file else []
+    languages: List[str] = []
+    findings: List[Fault] = []
+    if culture:
+        chosen = _Culture(culture, takes_arm)
+        languages += filter(None, [chosen.values.get(_LANGUAGE)])
+        findings += chosen.findings()
+    if environment:
+        places = _Environment(environment, languages)
+        findings[:0] = places.findings()
+    findings[:0] = faults
     ConfigurationError.raise_any(findings)
-    assert chosen and language and places
-    arm, shape = [chosen.values.get(key, chosen.gestures[key][1]) if takes_arm else ""
-                  for key in _GESTURES]
+    language, = languages
+    defaults = {key: default for key, (_, default) in chosen.gestures.items()}
+    arm, shape = [{**defaults, **chosen.values}.get(key, "") for key in _GESTURES]
     return Knowledge(places.exhibits(language), language, chosen.phrases(language),
                      (places.source, chosen.source), tuple(findings), arm, shape)
 

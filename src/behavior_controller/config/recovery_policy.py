@@ -15,6 +15,7 @@ from behavior_controller.text import Source, did_you_mean
 
 CAUSE_NAMES = [cause.value for cause in Cause]
 SKIP, GIVE_UP = "skip", "giveUp"
+_IN_WORDS = {SKIP: "skip", GIVE_UP: "give up"}
 
 MOST_RECOVERIES = 99
 """The largest budget of recoveries, and the most retries of a step."""
@@ -41,9 +42,12 @@ class Rule(NamedTuple):
 
     def __str__(self) -> str:
         """Return the rule in words."""
-        retry = f"retry {self.retries}x, then " if self.retries else ""
-        instead = f"{self.substitute.id} instead, or " if self.substitute else ""
-        return retry + instead + ("skip" if self.then == SKIP else "give up")
+        words = _IN_WORDS[self.then]
+        if self.substitute:
+            words = f"{self.substitute.id} instead, or {words}"
+        if self.retries:
+            words = f"retry {self.retries}x, then {words}"
+        return words
 
 
 @dataclass(frozen=True)

@@ -189,8 +189,8 @@ def unread(words: Iterable[str], keys: Optional[Sequence[str]] = None) -> List[F
     return faults
 
 
-def load(path: str, overrides: Optional[Mapping[str, object]] = None,
-         arguments: Optional[Mapping[str, str]] = None) -> Settings:
+def load(path: str, overrides: Mapping[str, object] = {},
+         arguments: Mapping[str, str] = {}) -> Settings:
     """Read the controller's configuration. Raises ConfigurationError with every fault."""
     source = read_source(path, "the configuration")
     reader = collected(source, KEYS, overrides, arguments, UNUSED)

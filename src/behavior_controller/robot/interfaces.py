@@ -54,7 +54,9 @@ def _fault(offer: Offer) -> str:
     if isinstance(offer, Topic):
         if not isinstance(offer.value, type):
             return f"the kind of its values is {offer.value!r}, and not a type"
-        return "" if callable(offer.read) else f"{offer.read!r} cannot read a message"
+        if not callable(offer.read):
+            return f"{offer.read!r} cannot read a message"
+        return ""
     if isinstance(offer, Action) and not callable(offer.feedback):
         return f"{offer.feedback!r} cannot read a feedback"
     if isinstance(offer, Publication) and offer.success is not None:
@@ -90,7 +92,9 @@ DEFAULT = INTERFACES[d543.INTERFACE.name]
 
 def interface_of(name: str, robot: str = "") -> Interface:
     """Return the interface of that name; its names are below the namespace ``robot``, if any."""
-    return _in_namespace(INTERFACES[name], "/" + robot) if robot else INTERFACES[name]
+    if not robot:
+        return INTERFACES[name]
+    return _in_namespace(INTERFACES[name], "/" + robot)
 
 
 @functools.lru_cache(maxsize=None)

@@ -273,8 +273,10 @@ class Faces(NamedTuple):
         """Return how many faces there are, and how many look at the robot."""
         if not self.labels:
             return "no face"
-        faces, looking = count(len(self.labels), "face", "faces"), sum(self.mutual_gaze)
-        return f"{faces}, {looking} looking at the robot" if looking else faces
+        faces, looking = count(len(self.labels), "face"), sum(self.mutual_gaze)
+        if not looking:
+            return faces
+        return f"{faces}, {looking} looking at the robot"
 
 
 class AttentionStatus(NamedTuple):

@@ -40,12 +40,16 @@ class Rhythm:
     def rate(self) -> float:
         """How many messages come in a second, rounded; 0: not known."""
         length = self.last - self._first
-        return round((self.count - 1) / length, 1) if length > 0.0 else 0.0
+        if length <= 0.0:
+            return 0.0
+        return round((self.count - 1) / length, 1)
 
     def is_silent(self, now: float) -> bool:
         """Return whether no message has come for too long."""
         usual_gap = (self.last - self._first) / max(1, self.count - 1)
-        limit = max(SILENCE, GAPS * usual_gap) if self.count >= ENOUGH else FIRST_SILENCE
+        limit = FIRST_SILENCE
+        if self.count >= ENOUGH:
+            limit = max(SILENCE, GAPS * usual_gap)
         return now - self.last > limit
 
 

@@ -2,7 +2,7 @@
 simulated time, and each node of the robot."""
 from typing import Dict, Iterable, List, NamedTuple
 
-from behavior_controller.run.events import Paused, Recovering
+from behavior_controller.run.events import Recovering
 from behavior_controller.run.health import SIMULATED_TIME, SLOW
 from behavior_controller.run.state import State
 from behavior_controller.folders import mission_name
@@ -12,6 +12,9 @@ from behavior_controller.robot.declarations import Interface, Offer
 
 OK, WARN, ERROR = range(3)
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
+
+_LEVELS = {SLOW: WARN}
+"""Those of troubles that are no errors, by respect."""
 
 
 class Status(NamedTuple):
@@ -39,13 +42,12 @@ def statuses(state: State, robot: Interface, offers: Iterable[Offer],
 
 def _mission(state: State) -> Status:
     now, level = card(state), OK
-    if state.finished is not None:
-        level = ERROR if state.finished.exit_code else OK
-    elif now.kind == "retry" or state.step is not None and isinstance(state.step.cause, Paused):
+    if state.finished is not None and state.finished.exit_code:
+        level = ERROR
+    elif state.finished is None and (now.kind == "retry" or state.pause is not None):
         level = WARN
-    details = {"mission": mission_name(state.started.mission) if state.started is not None else "",
-               "visits": counted(state), "where": now.where, "waits for": now.waits_for,
-               "next": now.next}
+    details = {"mission": mission_name(state.start.mission), "visits": counted(state),
+               "where": now.where, "waits for": now.waits_for, "next": now.next}
     return Status("mission", level, now.what, details)
 
 
@@ -64,14 +66,16 @@ def _recovery(state: State) -> Status:
 
 
 def _simulated_time(state: State) -> Status:
-    still = [change for change in state.robot.ill if change.kind == SIMULATED_TIME]
-    return Status("/clock", WARN if still else OK, conditions(still) or "goes on", {})
+    still = conditions(change for change in state.robot.ill if change.kind == SIMULATED_TIME)
+    if still:
+        return Status("/clock", WARN, still, {})
+    return Status("/clock", OK, "goes on", {})
 
 
 def _of_troubles(state: State, name: str, parts: List[str]) -> Status:
     """Return how a node is by those of its services, actions and topics that are not well."""
     troubles = {part: state.robot.trouble(part) for part in parts}
     ill = [change for change in troubles.values() if change is not None]
-    level = max((WARN if change.respect == SLOW else ERROR for change in ill), default=OK)
+    level = max((_LEVELS.get(change.respect, ERROR) for change in ill), default=OK)
     details = {part: "ok" if change is None else change.status for part, change in troubles.items()}
     return Status(name, level, "; ".join(map(condition, ill)) or "answers", details)

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from behavior_controller.folders import mission_name
 from behavior_controller.run import story
-from behavior_controller.run.events import Line, Paused
+from behavior_controller.run.events import Line
 from behavior_controller.run.fold import fold
 from behavior_controller.run.health import GONE, NEW, SLOW
 from behavior_controller.run.state import BROKEN_OFF, LeafFailure, State, Visit
@@ -90,17 +90,19 @@ class Digester:
         self._note_service()
 
     def _end_visit(self, visit: Visit) -> None:
-        reason, faults = visit.why, tuple(dict.fromkeys(self._faults))
-        self._faults = []
-        if visit.is_empty:
-            return
-        decisive = ""
+        reason, decisive = visit.why, ""
         if reason is not None and visit.result == BROKEN_OFF:
-            failure = reason.failure
-            decisive = fault(reason.node, failure) if failure is not None else story.why(reason)
-        self._visits.append(EndedVisit(
-            visit.number, visit.arrived or visit.began, round(visit.seconds, 1), visit.result,
-            story.how_it_ended(visit), faults, decisive))
+            decisive = story.why(reason)
+            if reason.failure is not None:
+                decisive = fault(reason.node, reason.failure)
+        if not visit.is_empty:
+            words = story.how_it_ended(visit)
+            self._visits.append(self._ended(visit, visit.result, words, decisive))
+        self._faults.clear()
+
+    def _ended(self, visit: Visit, result: str, words: str, decisive: str) -> EndedVisit:
+        return EndedVisit(visit.number, visit.arrived or visit.began, round(visit.seconds, 1),
+                          result, words, tuple(dict.fromkeys(self._faults)), decisive)
 
     def _note_health(self) -> None:
         """Note the outages that began or ended."""
@@ -109,9 +111,7 @@ class Digester:
         for name in set(self._open) - set(ill):
             self._outages.append(replace(self._open.pop(name), ended=after.at))
         for name in set(ill) - set(self._open):
-            change = ill[name]
-            node = "/" + change.node if change.node else change.name
-            self._open[name] = Outage(node, name, after.at)
+            self._open[name] = Outage(ill[name].owner, name, after.at)
 
     def _note_service(self) -> None:
         state, since = self._state, self._unserved_since
@@ -124,18 +124,14 @@ class Digester:
     def digest(self, is_over: bool) -> Digest:
         """Return the run up to now. ``is_over``: no further line comes, also without an end."""
         state, began = self._state, self._began or 0.0
-        visits, started, unserved = list(self._visits), state.started, list(self._unserved)
+        visits, unserved, visit = list(self._visits), list(self._unserved), state.visit
         if self._unserved_since is not None:
             unserved.append((self._unserved_since, state.at))
-        visit = state.visit
         if is_over and state.finished is None and visit is not None and visit.has_visitor:
-            visits.append(EndedVisit(
-                visit.number, visit.arrived or visit.began,
-                round(visit.until(state.at).seconds, 1), BROKEN_OFF, KILLED,
-                tuple(dict.fromkeys(self._faults)), KILLED))
+            visits.append(self._ended(visit.until(state.at), BROKEN_OFF, KILLED, KILLED))
         return Digest(
-            mission_name(started.mission) if started is not None else "",
-            {name: str(value) for name, value in started.settings.items()} if started else {},
+            mission_name(state.start.mission),
+            {name: str(value) for name, value in state.start.settings.items()},
             began, state.at, story.run_end(state), tuple(visits),
             (*self._outages, *self._open.values()), tuple(unserved))
 
@@ -145,9 +141,8 @@ def serves(state: State) -> bool:
     for a repair, and no node that it uses is gone."""
     if state.started is None or state.finished is not None or state.held or state.suspended[0]:
         return False
-    if state.step is not None and isinstance(state.step.cause, Paused):
-        return False
-    return not any(change.respect in (GONE, NEW) for change in state.robot.ill)
+    return state.pause is None and not any(
+        change.respect in (GONE, NEW) for change in state.robot.ill)
 
 
 def fault(node: str, failure: Failure) -> str:

@@ -205,6 +205,13 @@ class HealthChanged(BaseEvent, frozen=True):
     consequence: str
     respect: str = ""  # the respect that changed: see ``health``
 
+    @property
+    def owner(self) -> str:
+        """The node that offers it, or else its own name."""
+        if self.node:
+            return "/" + self.node
+        return self.name
+
 
 class PassStarted(BaseEvent, frozen=True):
     """One visitor's pass through the mission begins; ``at`` is the time of the mission's clock."""

@@ -141,7 +141,9 @@ class Health:
         """Return the name of the node that offers a service or topic that is gone, or else the name
         of that service or topic."""
         change = self._troubles.get((name, GONE))
-        return "/" + change.node if change is not None and change.node else name
+        if change is None:
+            return name
+        return change.owner
 
     @tick_thread_only
     def publish(self, events: Events) -> None:

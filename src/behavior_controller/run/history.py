@@ -41,7 +41,7 @@ class History:
     @property
     def began(self) -> Optional[float]:
         """The earliest moment that is kept; None before the first event."""
-        return self._times[0] if self._times else None
+        return next(iter(self._times), None)
 
     def take(self, before: State, line: Line) -> None:
         """Keep the next event, given what was so before it."""
@@ -59,10 +59,11 @@ class History:
         """Return the events up to that time, of the last ``stretches``, and the state before them.
         """
         last = bisect.bisect_right(self._times, time)
+        if not last:
+            return State(), []
         first = max(0, last - stretches)
         lines = (line for place in range(first, last) for line in _unpacked(self._packed[place]))
-        return (self._states[first] if last else State(),
-                list(takewhile(lambda line: line.time <= time, lines)))
+        return self._states[first], list(takewhile(lambda line: line.time <= time, lines))
 
     def newest(self, count: int) -> List[Line]:
         """Return the last ``count`` events that are kept."""

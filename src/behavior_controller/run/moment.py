@@ -17,7 +17,7 @@ from behavior_controller.run.story import (
     may_move, resume, run_end, safe_parts, stop_name, step_words, switched_off, to_check,
     under_way_warning)
 from behavior_controller.robot.requests import SetAnimation, SetAttention
-from behavior_controller.text import clean
+from behavior_controller.text import clean, form, joined
 
 _MOST_NAMED = 4
 """How many nodes an instruction names; of more it says the number."""
@@ -60,25 +60,22 @@ class RobotLine(Struct, frozen=True):
         """All on one line, the instruction last."""
         attention = self.attention and "attention " + self.attention
         movement = self.movement and "lifelike movement " + self.movement
-        parts = (self.alive, attention, movement, self.place, self.safe)
-        text = " · ".join(filter(None, parts))
-        return f"{text}. {self.instruction}" if self.instruction else text
+        text = joined(" · ", self.alive, attention, movement, self.place, self.safe)
+        return joined(". ", text, self.instruction)
 
 
 def card_line(now: Card, at: float) -> str:
     """Return the card on one line, as of that time."""
-    parts = [now.what]
+    what = now.what
     if now.attempt > 1 and now.kind != "retry":
-        parts.append(f" (attempt {now.attempt} of {now.attempts})")
+        what += f" (attempt {now.attempt} of {now.attempts})"
     if now.since is not None and now.kind != "ended":
-        limit = "" if now.until is None else f" of at most {now.until - now.since:g} s"
-        parts.append(f", {max(0.0, at - now.since):.0f} s{limit}")
-    if now.trouble:
-        parts.append("; " + now.trouble)
-    parts += ["; also " + words for words in now.also]
+        what += f", {max(0.0, at - now.since):.0f} s"
+        if now.until is not None:
+            what += f" of at most {now.until - now.since:g} s"
+    what = joined("; ", what, now.trouble, *("also " + words for words in now.also))
     waits_for = now.waits_for and "waits for " + now.waits_for
-    following = now.next and "next: " + now.next
-    return " · ".join(filter(None, (now.where, "".join(parts), waits_for, following)))
+    return joined(" · ", now.where, what, waits_for, now.next and "next: " + now.next)
 
 
 # ----------------------------------------------------------------------------------------- the card
@@ -89,7 +86,9 @@ def card(state: State) -> Card:
     where = _where(state)
     if state.finished is not None:
         what, run = end_headline(state), run_end(state, is_short=True)
-        return Card("ended", what, where, state.at, trouble=run if run != what else "")
+        if run == what:
+            run = ""
+        return Card("ended", what, where, state.at, trouble=run)
     if state.held:
         uid, since = list(state.held.items())[-1]
         return Card("held", f"held by a breakpoint of Groot2 at {_name(state, uid)}", where,
@@ -104,24 +103,26 @@ def card(state: State) -> Card:
 
 
 def _where(state: State) -> str:
-    visit, stop = state.visit, state.stop
-    parts = []
+    visit, stop, where = state.visit, state.stop, ""
     if visit is not None and visit.has_visitor:
-        parts.append(f"visitor {visit.number}")
+        where = f"visitor {visit.number}"
     if stop is not None:
-        parts.append(stop_name(stop))
-    return " · ".join(parts)
+        where = joined(" · ", where, stop_name(stop))
+    return where
 
 
 def _of_step(state: State, step: Step, where: str) -> Card:
     exchange, trouble, following = state.waits_for, state.held_by, next_node(state, step.uid)
-    kind: Kind = "wait" if step.is_wait else "step"
-    waits_for = ""
+    kind: Kind = "step"
+    waits_for = why = ""
     if exchange is not None:
         waits_for = "the answer of " + exchange.service
     if step.cause is not None:
         kind, trouble = "retry", state.robot.trouble(step.cause.failure.resource)
-    why = condition(trouble) if trouble is not None else ""
+    elif step.is_wait:
+        kind = "wait"
+    if trouble is not None:
+        why = condition(trouble)
     if isinstance(step.cause, Paused):
         kind, where, following = "paused", "", "the next visit"
         why = why or "the last failure: " + cause(step.cause.failure, is_short=True)
@@ -144,46 +145,58 @@ def _of_tree(state: State, where: str) -> Card:
                     waits_for="the answer of " + exchange.service)
     uid = state.letters.rfind("R") + 1
     if uid:
-        node, since = state.nodes[uid - 1], state.running.get(uid)
-        what, following = "runs " + _name(state, uid), next_node(state, uid)
-        if not node.pause:
+        pause, since, until = state.nodes[uid - 1].pause, state.running.get(uid), None
+        following = next_node(state, uid)
+        if not pause:
+            what = "runs " + _name(state, uid)
             return Card("busy", what, where, since, next=following, uid=uid)
-        until = since + node.pause if since is not None and node.pause > 0.0 else None
+        if since is not None and pause > 0.0:
+            until = since + pause
         return Card("asleep", "asleep", where, since, until, next=following, uid=uid)
+    if state.visit is None and state.starting:
+        return Card("idle", "starting: " + state.starting)
     if state.visit is None:
-        words = "starting: " + state.starting if state.starting else "nothing runs"
-        return Card("idle", words)
-    is_over = state.visit.ended is not None
-    return Card("idle", "between two visits" if is_over else "between two steps", where)
+        return Card("idle", "nothing runs")
+    if state.visit.ended is None:
+        return Card("idle", "between two steps", where)
+    return Card("idle", "between two visits", where)
 
 
 def _name(state: State, uid: int) -> str:
-    node = state.nodes[uid - 1] if 0 < uid <= len(state.nodes) else None
+    node = state.node(uid)
     if node is None:
         return f"node {uid}"
-    is_named = node.name not in ("", node.type)
-    return clean(f"{node.name} ({node.type})" if is_named else node.type)
+    if node.name in ("", node.type):
+        return clean(node.type)
+    return clean(f"{node.name} ({node.type})")
 
 
 def next_node(state: State, uid: int) -> str:
     """Return in words which leaf follows when node ``uid`` succeeds, or which two may, or that the
     visit ends; empty if the tree leaves that open, or has no words for it.
     """
-    following = state.nodes[uid - 1].next if 0 < uid <= len(state.nodes) else ()
-    words = [_purpose(state, other) if other else "the end of the visit" for other in following]
-    return " or ".join(words) if all(words) else ""
+    node = state.node(uid)
+    if node is None:
+        return ""
+    words = [_purpose(state, other) if other else "the end of the visit" for other in node.next]
+    if not all(words):
+        return ""
+    return " or ".join(words)
 
 
 def _purpose(state: State, uid: int) -> str:
     """Return the name of a leaf if that is a phrase, or else what it is for: never its type."""
-    node = state.nodes[uid - 1] if 0 < uid <= len(state.nodes) else None
+    node = state.node(uid)
     if node is None:
         return ""
-    summary = "a pause" if node.pause else state.tree.summaries.get(node.type, "")
+    summary = state.tree.summaries.get(node.type, "")
+    if node.pause:
+        summary = "a pause"
     # what follows the first clause is about the node type
     words = re.split(r"[.;:,]( |$)| \(", summary)[0].rstrip("?")
-    is_phrase = " " in node.name or not words and node.name != node.type
-    return clean(node.name if is_phrase else words[:1].lower() + words[1:])
+    if " " in node.name or not words and node.name != node.type:
+        return clean(node.name)
+    return clean(words[:1].lower() + words[1:])
 
 
 # ---------------------------------------------------------------------------------------- the robot
@@ -191,22 +204,27 @@ def _purpose(state: State, uid: int) -> str:
 
 def robot_line(state: State) -> RobotLine:
     """Return how the robot is."""
-    robot = state.robot
+    robot, alive = state.robot, "not yet asked"
     mode, movement = _unsaid(state, SetAttention), _unsaid(state, SetAnimation)
     if robot.attention is not None:
-        mode = robot.attention.state
-        mode = "off" if mode == "disabled" else f"on ({mode})"
+        mode = _SWITCHED.get(robot.attention.state, f"on ({robot.attention.state})")
     if robot.animation is not None:
-        movement = "on" if robot.animation.state == "enabled" else "off"
-    alive = "all nodes in use answer" if state.started is not None else "not yet asked"
+        movement = _SWITCHED.get(robot.animation.state, "off")
+    if state.started is not None:
+        alive = "all nodes in use answer"
     return RobotLine(not robot.ill, conditions(robot.ill) or alive, mode, movement, _place(robot),
                      _safety(state), instruction(state))
 
 
+_SWITCHED = {"disabled": "off", "enabled": "on"}
+
+
 def _unsaid(state: State, kind: type) -> str:
     """Return what is said of a part of the robot whose last request, of that kind, is not known."""
-    used = state.started.requests if state.started is not None else None
-    return "unknown" if used is None or kind.__name__ in used else ""
+    used = state.start.requests
+    if used is None or kind.__name__ in used:
+        return "unknown"
+    return ""
 
 
 def _safety(state: State) -> str:
@@ -215,16 +233,15 @@ def _safety(state: State) -> str:
     """
     if state.safe_state is None:
         return ""
-    off, left_on = switched_off(state), safe_parts(state, is_off=False)
-    under_way = may_be_under_way(state)
+    off, under_way = switched_off(state), may_be_under_way(state)
+    left_on = listed(safe_parts(state, is_off=False))
     if not left_on and not under_way:
-        return f"safe: {off}" if off else "safe"
-    on = f"{listed(left_on)} may be on" if left_on else ""
-    return clean("; ".join(filter(None, (off, on, under_way))))
+        return joined(": ", "safe", off)
+    return clean(joined("; ", off, left_on and left_on + " may be on", under_way))
 
 
 def _place(robot: Robot) -> str:
-    last = "at " + robot.last_place if robot.last_place else ""
+    last = robot.last_place and "at " + robot.last_place
     if robot.goal is not None:
         # of a node that is gone nothing has taken the goal
         verb = "asked to drive" if robot.cannot_drive else "driving"
@@ -237,7 +254,9 @@ def _place(robot: Robot) -> str:
 
 
 def _to(goal: str) -> str:
-    return goal if goal == HOME else "to " + goal
+    if goal == HOME:
+        return goal
+    return "to " + goal
 
 
 def instruction(state: State) -> str:
@@ -258,10 +277,11 @@ def left_running(state: State) -> str:
     on = [kind.switches
           for kind, last in ((SetAttention, robot.attention), (SetAnimation, robot.animation))
           if kind.__name__ in robot.services and (last is None or last.state != "disabled")]
-    parts = [f"{listed(on)} may be on: switch {'it' if len(on) == 1 else 'them'} off by hand"
-             if on else "", under_way_warning(state)]
-    text = "; ".join(filter(None, parts))
-    return clean("the robot may be live: " + text) if text else ""
+    text = under_way_warning(state)
+    if on:
+        by_hand = f"switch {form(len(on), 'it', 'them')} off by hand"
+        text = joined("; ", f"{listed(on)} may be on: {by_hand}", text)
+    return text and clean("the robot may be live: " + text)
 
 
 def _repairs(state: State) -> Iterator[str]:
@@ -280,9 +300,9 @@ def _repairs(state: State) -> Iterator[str]:
     for respect in (SILENT, FAILING):
         nodes = _nodes(ill, respect)
         if nodes:
-            yield f"check {_named(nodes)}: {'it is' if len(nodes) == 1 else 'they are'} {respect}"
-    pause = state.step.cause if state.step is not None else None
-    if isinstance(pause, Paused) and not pause.awaited:
+            yield f"check {_named(nodes)}: {form(len(nodes), 'it is', 'they are')} {respect}"
+    pause = state.pause
+    if pause is not None and not pause.awaited:
         if state.robot.trouble(pause.failure.resource) is None:
             failed = replace(pause.failure, resource="")
             yield f"{to_check(pause.failure)}: {cause(failed, is_short=True)}"
@@ -300,6 +320,5 @@ def _named(nodes: List[str]) -> str:
 
 def _nodes(ill: Tuple[HealthChanged, ...], respect: str) -> List[str]:
     """Return the nodes, or else the services, that are not well in that respect."""
-    changes = [change for change in ill if change.respect == respect and change.kind != "master"]
-    names = ("/" + change.node if change.node else change.name for change in changes)
-    return list(dict.fromkeys(names))
+    return list(dict.fromkeys(change.owner for change in ill
+                              if change.respect == respect and change.kind != "master"))

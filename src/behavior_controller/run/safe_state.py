@@ -39,8 +39,9 @@ class SafeState:
     @property
     def result(self) -> Optional[SafeStateReported]:
         """The report, or None while a request has no result."""
-        is_over = all(call.result is not None for call in self._calls)
-        return self.report() if is_over else None
+        if any(call.result is None for call in self._calls):
+            return None
+        return self.report()
 
     def drop(self) -> None:
         """Drop the requests under way."""

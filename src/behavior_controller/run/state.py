@@ -444,6 +444,12 @@ class State(Struct, frozen=True):
         return self.steps[-1] if self.steps else None
 
     @property
+    def pause(self) -> Optional[Paused]:
+        """The pause under way."""
+        return next((step.cause for step in self.steps[-1:] if isinstance(step.cause, Paused)),
+                    None)
+
+    @property
     def stops(self) -> Tuple[Stop, ...]:
         """The stops of the visit under way, or else of the last one."""
         if not self.visits:

@@ -125,9 +125,11 @@ def _node_figures(digests: List[Digest]) -> List[NodeFigures]:
     figures = []
     for node, outages in by_node.items():
         back = [outage.ended - outage.began for outage in outages if outage.ended is not None]
+        mean = None
+        if back:
+            mean = sum(back) / len(back)
         figures.append(NodeFigures(
-            node, len(outages), used / len(outages), sum(back) / len(back) if back else None,
-            max(back, default=None)))
+            node, len(outages), used / len(outages), mean, max(back, default=None)))
     return sorted(figures, key=lambda each: (-each.outages, each.node))
 
 

@@ -19,7 +19,7 @@ from behavior_controller.run.state import (
 from behavior_controller.folders import mission_name
 from behavior_controller.robot.gateway import UNCERTAIN, Cause, Failure
 from behavior_controller.robot.requests import MOTION
-from behavior_controller.text import clean, count, form, joined
+from behavior_controller.text import bracketed, clean, count, form, joined
 
 KINDS = ("visit", "stop", "said", "heard", "asked", "pressed", "moved", "failure", "recovery",
          "health", "notice")
@@ -100,10 +100,7 @@ def cause(failure: Optional[Failure], is_short: bool = False) -> str:
         return message.partition(";")[0]  # what follows tells of messages of the topic
     if is_short and failure.cause in OF_ROS:
         message = ""
-    text = joined(", ", failure.cause.text, message)
-    if failure.resource:
-        text += f" ({clean(failure.resource)})"
-    return text
+    return joined(", ", failure.cause.text, message) + bracketed(clean(failure.resource))
 
 
 def why_failed(node: str, failure: Failure, tries: int = 1, is_short: bool = False) -> str:
@@ -524,10 +521,9 @@ def _health_changed(before: State, event: events.HealthChanged, after: State) ->
     strongest = after.robot.trouble(event.name)
     if strongest is None or rank(strongest) >= rank(event):
         since = before.robot.ill_since.get(event.name, after.robot.ill_since.get(event.name, 0.0))
-        name = f"{event.kind} {event.name}"
-        if event.node:
-            name += f" (of node /{event.node})"
-        text = joined("; ", f"{name}: {event.status}", event.consequence)
+        node = bracketed(event.node and "of node /" + event.node)
+        text = f"{event.kind} {event.name}{node}: {event.status}"
+        text = joined("; ", text, event.consequence)
         yield "health", _severity(event.is_well), text, since
 
 

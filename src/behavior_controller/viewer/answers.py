@@ -3,6 +3,7 @@ them."""
 import socket
 from typing import Any, Set, cast
 
+import msgspec
 from tornado.http1connection import HTTP1Connection
 from tornado.httputil import HTTPServerRequest, split_host_and_port
 from tornado.iostream import IOStream
@@ -13,9 +14,12 @@ from behavior_controller.viewer.addresses import ip_of, is_loopback
 
 def host_names(address: str) -> Set[str]:
     """Return the names, besides localhost, under which a browser may ask for the page."""
-    own = socket.gethostname().lower()
-    names = {address} if ip_of(address) is None else set()
-    return names if is_loopback(address) else names | {own, own + ".local"}
+    own, names = socket.gethostname().lower(), set()
+    if ip_of(address) is None:
+        names.add(address)
+    if not is_loopback(address):
+        names.update((own, own + ".local"))
+    return names
 
 
 def stream_of(request: HTTPServerRequest) -> IOStream:
@@ -39,11 +43,20 @@ class PageAnswer(RequestHandler):
         """
         self.note_use()
         if not self._is_for_this_computer():
-            self.set_status(403)
-            self.set_header("Content-Type", "text/plain; charset=utf-8")
-            self.finish("This page answers to the address of its computer and to localhost, and to "
-                        "the name that monitorAddress gives, but not to the name that was asked "
-                        "for.\n")
+            self.refuse(403, "This page answers to the address of its computer and to localhost, "
+                             "and to the name that monitorAddress gives, but not to the name that "
+                             "was asked for.")
+
+    def refuse(self, status: int, why: str) -> None:
+        """Answer with why nothing else is sent."""
+        self.set_status(status)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(why + "\n")
+
+    def send(self, data: Any) -> None:
+        """Answer with data as JSON."""
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        self.write(msgspec.json.encode(data))
 
     def _is_for_this_computer(self) -> bool:
         """Whether the host that is asked for is the address that the request came to, or a name of

@@ -102,8 +102,8 @@ class Groot2Publisher:
 
     def _served(self, task: "asyncio.Task[None]") -> None:
         """End if serving ended by an error, which asyncio would print with its traceback."""
-        error = None if task.cancelled() else task.exception()
-        if error is not None:
+        if not task.cancelled() and task.exception() is not None:
+            error = task.exception()
             self._warn(f"Groot2: internal error ({type(error).__name__}: {error})")
             asyncio.get_event_loop().stop()
 
@@ -143,10 +143,12 @@ class Groot2Publisher:
         """Return the reply to one request, valid or not."""
         try:
             return self._reply(frames, client, self._shown)
+        except Refused as error:
+            text = str(error)
         # what a client sends, or a value of the mission, must not end the service
         except Exception as error:
-            kind = "" if isinstance(error, Refused) else f"{type(error).__name__}: "
-            return [b"error", f"{kind}{error}".encode("utf-8", "replace")]
+            text = f"{type(error).__name__}: {error}"
+        return [b"error", text.encode("utf-8", "replace")]
 
     def _reply(self, frames: List[bytes], client: Peer,
                shown: "Optional[_Shown]") -> List[bytes]:
@@ -160,7 +162,9 @@ class Groot2Publisher:
         shown.client = client
         payload = _COMMANDS[chr(kind)](shown, frames)
         header = struct.pack("<BBI", PROTOCOL, kind, number) + shown.uuid
-        return [header] if payload is None else [header, payload]
+        if payload is None:
+            return [header]
+        return [header, payload]
 
 
 def _refuse(change: HookChange) -> None:

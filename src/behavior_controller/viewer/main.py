@@ -61,11 +61,11 @@ def main(arguments: Optional[List[str]] = None) -> int:
                         help="mission.jsonl of a run, its folder, a folder of runs (the newest), "
                              "latest (the default), or -: lines from standard input")
     parser.add_argument("--address", default="127.0.0.1", help="of the page (default %(default)s)")
-    parser.add_argument("--port", type=_port, default=8080,
+    parser.add_argument("--port", type=ros_arguments.port, default=8080,
                         help="of the page; 0: no page (default %(default)s)")
     parser.add_argument("--groot2-address", default="127.0.0.1",
                         help="of Groot2's protocol (default %(default)s)")
-    parser.add_argument("--groot2-port", type=_port, default=1667,
+    parser.add_argument("--groot2-port", type=ros_arguments.port, default=1667,
                         help="of Groot2's protocol, and the one after it; 0: none (default "
                              "%(default)s)")
     parser.add_argument("--records", default="", help="folder of the runs that the page lists "
@@ -79,12 +79,6 @@ def main(arguments: Optional[List[str]] = None) -> int:
     if chosen.child:
         return _show_parent(chosen)
     return _show_record(chosen)
-
-
-def _port(text: str) -> int:
-    if not text.isdecimal() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a port: 0 to 65535")
-    return int(text)
 
 
 class Viewer:
@@ -117,9 +111,8 @@ class Viewer:
 
     def begin(self) -> None:
         """Show another run, whose lines follow."""
-        board = self._new_board()
         if self._page is not None:
-            self._page.show(board)
+            self._page.show(self._new_board())
 
     def take(self, line: Line) -> None:
         """Show the next event. Of simulated time only signs of life tell how far it is."""
@@ -163,7 +156,9 @@ def _show_parent(chosen: argparse.Namespace) -> int:
     threading.Thread(target=_read, args=(texts.put,), daemon=True).start()
     alive = _Alive(send)
     # the controller may replace another one, whose viewer goes on for a moment
-    ends = time.monotonic() + (NEXT_PORTS_AFTER if chosen.attempts > 1 else PORTS_LIMIT)
+    ends = time.monotonic() + PORTS_LIMIT
+    if chosen.attempts > 1:
+        ends = time.monotonic() + NEXT_PORTS_AFTER
     while time.monotonic() < ends and _trouble(sum(_ports(chosen), [])) == errno.EADDRINUSE:
         time.sleep(NEWER_RUN_POLL)
     viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)

@@ -8,7 +8,7 @@ from behavior_controller.run import story
 from behavior_controller.run.events import TreeShown
 from behavior_controller.run.record.reader import stream_record
 from behavior_controller.run.state import NodeResult, State
-from behavior_controller.text import clean
+from behavior_controller.text import clean, joined
 
 MOST_ROWS = 5000
 """The most results of a visit that are compared."""
@@ -78,10 +78,11 @@ class RowList:
             node = state.nodes[ended.uid - 1]
             if ended.uid in self._parents or len(self.rows) >= MOST_ROWS:
                 continue
-            why = story.cause(ended.failure) if ended.failure is not None else ""
-            kind = node.kind if node.kind != node.label else ""
-            row = ResultRow(ended.uid, clean(node.path), clean(f"{node.label} {kind}".strip()),
-                            ended.letter, why,
+            name = node.label
+            if node.kind != name:
+                name = joined(" ", name, node.kind)
+            row = ResultRow(ended.uid, clean(node.path), clean(name), ended.letter,
+                            story.cause(ended.failure),
                             round(ended.ended - (visit.arrived or visit.began), 1))
             last = self.rows[-1] if self.rows else None
             if last is not None and (last.path, last.letter) == (row.path, row.letter):

@@ -120,8 +120,9 @@ class ViewerProcess:
         if self._started:
             if now - self._started < self._pause:
                 return
-            is_stable = self._lived - self._started > PAUSES[1]
-            self._pause = PAUSES[0] if is_stable else min(PAUSES[1], 2 * self._pause)
+            self._pause = min(PAUSES[1], 2 * self._pause)
+            if self._lived - self._started > PAUSES[1]:  # it was stable
+                self._pause = PAUSES[0]
         if child is not None:
             child.wait()
             self._warn(f"the viewer (page, Groot2) is started again: {self._trouble}; the mission "

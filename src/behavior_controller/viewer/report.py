@@ -22,7 +22,6 @@ from behavior_controller.run.record.reader import stream_record
 from behavior_controller.run.state import (
     BROKEN_OFF, COMPLETE, IN_PART, STOPPED, UNDER_WAY, NodeResult, Step, Visit, step_over)
 from behavior_controller.folders import mission_name
-from behavior_controller.robot.gateway import Cause
 from behavior_controller.run import story
 from behavior_controller.run.moment import robot_line
 from behavior_controller.viewer.timeline import Bar, Lanes
@@ -139,11 +138,12 @@ class Drawn:
             bar = self._bar(time, time, RETRIED, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)
         elif isinstance(event, events.LeafFinished) and 0 < event.uid <= len(self.nodes):
-            is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
-            kind = UNTRUE if is_no else events.LETTERS.get(event.status, "-")
+            is_no = event.failure is not None and event.failure.is_false_condition
+            kind: str = events.LETTERS.get(event.status, "-")
+            if is_no:
+                kind = UNTRUE
             self.finished[event.uid - 1][kind] += 1
-            why = story.cause(event.failure) if event.failure else ""
-            bar = self._bar(time - max(0.0, event.seconds), time, kind, why)
+            bar = self._bar(time - max(0.0, event.seconds), time, kind, story.cause(event.failure))
             self.lanes.add(event.uid, bar, is_asked_again=is_no)
 
     def _end_values(self, time: float) -> None:
@@ -195,7 +195,9 @@ def to_html(lines: Iterable[events.Line], verdict: Optional[ShownVerdict] = None
         rows=_rows(run), settings=settings, documents=documents,
         moment=_between(live, '<div id="card">', "</section>"),
         robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
-    sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
+    sections = SECTIONS
+    if verdict:
+        sections = {"verdict": "Verdict", **SECTIONS}
     return framed(generator, "Mission " + mission_name(run.started.mission),
                   list(_heads(run, earlier)), sections, content.decode(), _script(),
                   _data(run))
@@ -203,8 +205,10 @@ def to_html(lines: Iterable[events.Line], verdict: Optional[ShownVerdict] = None
 
 def _quoting(text: str, language: str) -> str:
     """Return a text as HTML; what is quoted in it is in a language if a code is given."""
-    return re.sub("“[^”]*”" if language else "(?!)",
-                  lambda quoted: f'<span lang="{language}">{quoted[0]}</span>', xhtml_escape(text))
+    html = xhtml_escape(text)
+    if not language:
+        return html
+    return re.sub("“[^”]*”", lambda quoted: f'<span lang="{language}">{quoted[0]}</span>', html)
 
 
 def _last(lines: Iterable[events.Line]) -> Tuple[List[events.RunStarted], Drawn]:
@@ -243,7 +247,9 @@ def _sign(letter: str, word: str) -> str:
 
 
 def _result(visit: Visit) -> str:
-    return UNDER_WAY if visit.ended is None else visit.result
+    if visit.ended is None:
+        return UNDER_WAY
+    return visit.result
 
 
 def _letter(visit: Visit) -> str:

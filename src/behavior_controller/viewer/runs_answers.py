@@ -1,7 +1,6 @@
 """The server's answers about earlier runs."""
 from typing import Any, List, Tuple
 
-import msgspec
 from tornado.iostream import StreamClosedError
 
 from behavior_controller.errors import BehaviorControllerError
@@ -14,17 +13,6 @@ class _OfRuns(PageAnswer):
     @property
     def runs(self) -> EarlierRuns:
         return self.settings["runs"]
-
-    def send(self, data: Any) -> None:
-        """PageAnswer with data as JSON."""
-        self.set_header("Content-Type", "application/json; charset=utf-8")
-        self.write(msgspec.json.encode(data))
-
-    def refuse(self, error: BehaviorControllerError) -> None:
-        """PageAnswer with why something cannot be sent."""
-        self.set_status(404)
-        self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.write(f"{error}\n")
 
 
 class _List(_OfRuns):
@@ -44,7 +32,7 @@ class _Compared(_OfRuns):
         try:
             self.send(await self.runs.compare([(one, int(number)), (other, int(second))]))
         except BehaviorControllerError as error:
-            self.refuse(error)
+            self.refuse(404, str(error))
 
 
 class _Report(_OfRuns):
@@ -58,7 +46,7 @@ class _Report(_OfRuns):
                 self.note_use()
                 await self.flush()
         except BehaviorControllerError as error:
-            self.refuse(error)
+            self.refuse(404, str(error))
         except StreamClosedError:
             return
 

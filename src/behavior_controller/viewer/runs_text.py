@@ -2,8 +2,8 @@
 from typing import Iterator, List, Sequence
 
 from behavior_controller.run.state import BROKEN_OFF, COMPLETE, IN_PART
-from behavior_controller.run.statistics import statistics
-from behavior_controller.text import clean, count
+from behavior_controller.run.statistics import NodeFigures, statistics
+from behavior_controller.text import clean, count, joined
 from behavior_controller.viewer.run_index import Listed
 from behavior_controller.viewer.view import clock
 
@@ -13,8 +13,8 @@ def text_lines(listed: Sequence[Listed]) -> Iterator[str]:
     figures = statistics(each.digest for each in listed)
     number = sum(figures.visits.values())
     results = ", ".join(f"{many} {result}" for result, many in figures.visits.items())
-    runs = f"{count(number, 'visit', 'visits')} in {count(figures.runs, 'run', 'runs')}"
-    yield f"{runs}: {results}" if results else runs
+    runs = f"{count(number, 'visit')} in {count(figures.runs, 'run')}"
+    yield joined(": ", runs, results)
     yield from _table(["day", "runs", "visits", "complete", "broken off", "could be served"], [
         [day.day, day.runs, sum(day.visits.values()),
          day.visits.get(COMPLETE, 0) + day.visits.get(IN_PART, 0),
@@ -22,12 +22,17 @@ def text_lines(listed: Sequence[Listed]) -> Iterator[str]:
     yield from _table(["fault of the robot", "visits that met it", "that it ended"], [
         [fault.fault, fault.visits, fault.ended] for fault in figures.faults])
     yield from _table(["node", "times not well", "once in", "back after", "at the longest"], [
-        [node.node, node.outages, seconds(node.between),
-         "not yet" if node.back is None else seconds(node.back),
-         "" if node.longest is None else seconds(node.longest)] for node in figures.nodes])
+        [node.node, node.outages, seconds(node.between), *_back(node)] for node in figures.nodes])
     yield ""
     for each in reversed(listed):
         yield _run(each)
+
+
+def _back(node: NodeFigures) -> List[str]:
+    """Return how long it took until a node was back, and at the longest."""
+    if node.back is None or node.longest is None:
+        return ["not yet", ""]
+    return [seconds(node.back), seconds(node.longest)]
 
 
 def seconds(length: float) -> str:
@@ -35,7 +40,9 @@ def seconds(length: float) -> str:
     if length < 60:
         return f"{length:.1f} s"
     minutes, rest = divmod(round(length), 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else "{} h {} min".format(*divmod(minutes, 60))
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    return "{} h {} min".format(*divmod(minutes, 60))
 
 
 def _table(head: List[str], rows: List[List[object]]) -> Iterator[str]:
@@ -53,6 +60,6 @@ def _table(head: List[str], rows: List[List[object]]) -> Iterator[str]:
 
 def _run(listed: Listed) -> str:
     digest = listed.digest
-    facts = [digest.mission, f"{clock(digest.began)} to {clock(digest.ended)}",
-             count(len(digest.visits), "visit", "visits"), listed.ending]
-    return clean(f"{listed.name}  " + ", ".join(filter(None, facts)))
+    facts = joined(", ", digest.mission, f"{clock(digest.began)} to {clock(digest.ended)}",
+                   count(len(digest.visits), "visit"), listed.ending)
+    return clean(f"{listed.name}  {facts}")

@@ -15,6 +15,7 @@ import sys
 import textwrap
 import threading
 import time
+from functools import partial
 from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple, Union
 
 import msgspec
@@ -36,7 +37,7 @@ from behavior_controller.viewer import parts
 from behavior_controller.viewer.addresses import is_loopback
 from behavior_controller.viewer.backlog import Batch
 from behavior_controller.viewer.view import CONTROLLER_STOPPED, View
-from behavior_controller.text import clean
+from behavior_controller.text import clean, joined
 
 DONE_AGAIN = "again"
 """Instead of the letter of a failed node that a recovery does again."""
@@ -152,22 +153,17 @@ def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
     parser.add_argument("--robot", default="", type=lambda text: text.lstrip("/"),
                         help="robot of the node, if it is one of several; else the one with that "
                              "address and port")
-    parser.add_argument("--port", type=_port, default=8080,
+    parser.add_argument("--port", type=partial(ros_arguments.port, least=1), default=8080,
                         help="monitorPort of the node (default %(default)s)")
     return ros_arguments.parse(parser, arguments)
-
-
-def _port(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 65535:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a port: 1 to 65535")
-    return int(text)
 
 
 def _print(text: List[str], is_window: bool) -> None:
     """Print; in a window, replace the text that was printed before."""
     if is_window:
-        text = [TOP + (END_OF_LINE + "\n").join([*text, BELOW])]
-    print("\n".join(text), end="" if is_window else "\n", flush=True)
+        print(TOP + (END_OF_LINE + "\n").join([*text, BELOW]), end="", flush=True)
+    else:
+        print("\n".join(text), flush=True)
 
 
 # ----------------------------------------------------------------------------------------- the node
@@ -239,11 +235,14 @@ def _of_record(address: str, port: int, robot: str, oldest: float) -> Iterator[V
     that port, or else of one without a page, again and again until the run ends, its record cannot
     be read, or lags by ``oldest`` seconds, as on a disk that is full. If a robot is named, its page
     may have any port."""
-    places = files.runs(folders.records()) if is_loopback(address) else []
-    for page, path in itertools.product((port, 0), reversed(places)):
+    if not is_loopback(address):
+        return
+    for page, path in itertools.product((port, 0), reversed(files.runs(folders.records()))):
         with contextlib.suppress(OSError, MissionError):
             view, is_shown = View(), False
-            for line in follow(path, _files_shown(path)) if files.is_written(path) else ():
+            if not files.is_written(path):
+                continue
+            for line in follow(path, _files_shown(path)):
                 if line is not None:
                     view.take(line.time, line.event)
                     continue
@@ -263,9 +262,7 @@ def _files_shown(path: str) -> int:
 
 
 def _is_wanted(state: State, port: int, robot: str) -> bool:
-    if state.started is None:
-        return False
-    known = state.started.settings
+    known = state.start.settings
     return known.get("robot", "") == robot and (robot != "" or known.get("monitorPort") == port)
 
 
@@ -334,7 +331,9 @@ def _head(state: ShownState) -> List[str]:
 
 def ready_lines(ready: parts.Ready) -> List[str]:
     """Return the list of what is ready, with a headline."""
-    head = "ready" if ready.is_ready else "not ready"
+    head = "not ready"
+    if ready.is_ready:
+        head = "ready"
     return [head, *(clean(f"{READY_MARKS[row.state]} {row.kind} {row.name}: {row.text}")
                     for row in ready.rows)]
 
@@ -359,8 +358,8 @@ def _troubles(state: ShownState) -> Iterator[str]:
         if not part.well:
             yield f"{part.kind} {part.name}: {part.status}; {part.consequence}"
     for first, *rest in list(_entries(state.story.sentences))[-MOST_ENTRIES:]:
-        came = "; " + rest[-1].text if rest else ""
-        yield f"{first.time}  {first.text}{came}"
+        came = (row.text for row in rest[-1:])
+        yield f"{first.time}  {joined('; ', first.text, *came)}"
 
 
 def _entries(rows: List[parts.SentenceRow]) -> Iterator[List[parts.SentenceRow]]:
@@ -398,9 +397,8 @@ def _tree(nodes: List[parts.NodeRow], statuses: parts.Statuses, is_all: bool) ->
         is_shown = is_all or letter != "-" and (not node.bare or is_tip) or number == 1
         if is_tip and letter != "R":
             letter = DONE_AGAIN
-        depths.append(depths[parent] + 1 if is_shown and number > 1 else depths[parent])
+        depths.append(depths[parent] + (is_shown and number > 1))
         if is_shown:
-            label = clean(" ".join(filter(None, (node.name, node.kind))))
-            words = ": " + MEANINGS[letter] if MEANINGS.get(letter) else ""
-            indent = "  " * min(depths[number], MAX_INDENT)
-            yield f"{indent}{MARKS.get(letter, '·')} {label}{words}"
+            label = clean(joined(" ", node.name, node.kind))
+            words = joined(": ", label, MEANINGS.get(letter, ""))
+            yield f"{'  ' * min(depths[number], MAX_INDENT)}{MARKS.get(letter, '·')} {words}"

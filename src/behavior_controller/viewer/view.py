@@ -17,8 +17,7 @@ from behavior_controller.viewer.values import VisitValues
 from behavior_controller.run import story
 from behavior_controller.run.moment import card, robot_line
 from behavior_controller.run.readiness import is_ready, readiness
-from behavior_controller.robot.gateway import Failure
-from behavior_controller.text import clean
+from behavior_controller.text import clean, joined
 
 SENTENCES = 100
 """Number of the newest sentences of the story that are kept."""
@@ -102,7 +101,7 @@ class View(story.Story):
         if exchange.answered is not None:
             before = self.calls.get(exchange.service, Calls())
             self.calls[exchange.service] = Calls(
-                before.calls + 1, before.failures + isinstance(exchange.result, Failure),
+                before.calls + 1, before.failures + (exchange.failure is not None),
                 exchange.answered - exchange.asked)
 
     def _end(self, ended: NodeResult) -> None:
@@ -116,7 +115,7 @@ class View(story.Story):
     def ended(self) -> str:
         """How the run ended, and what was reached of the safe state; empty while it goes on."""
         outcome = story.run_end(self.state) or self.stopped
-        return outcome and "; ".join(filter(None, (outcome, story.safe_state(self.state))))
+        return outcome and joined("; ", outcome, story.safe_state(self.state))
 
     # ------------------------------------------------------------------------------------ the parts
 
@@ -125,8 +124,9 @@ class View(story.Story):
         fold an event."""
         now = self.state
         names = [name for name, fields in PARTS.items() if _change(fields, before, now)]
-        # without a step, the card shows the statuses
-        return names + (["now"] if "statuses" in names and now.step is None else [])
+        if "statuses" in names and now.step is None:  # which the card shows then
+            names.append("now")
+        return names
 
     def part(self, name: str) -> Any:
         """Return a part of the board as data that JSON can carry."""
@@ -149,9 +149,8 @@ class View(story.Story):
     @property
     def language(self) -> str:
         """The code of the language that the robot speaks; empty: that of the page, or unknown."""
-        started = self.state.started
         said = [check.name for check in self.state.checks.values() if check.kind == "language"]
-        usual = str(started.settings.get("language", "")) if started is not None else ""
+        usual = str(self.state.start.settings.get("language", ""))
         return LANGUAGE_CODES.get((said or [usual])[0], "")
 
     def statuses(self) -> parts.Statuses:
@@ -164,8 +163,8 @@ class View(story.Story):
 
     def now(self) -> parts.Now:
         state = self.state
-        over = self._ended_visits()
-        last = f"visitor {over[-1].number}: {story.how_it_ended(over[-1])}" if over else ""
+        last = "".join(f"visitor {visit.number}: {story.how_it_ended(visit)}"
+                       for visit in self._ended_visits()[-1:])
         return parts.Now(card(state), robot_line(state), state.visit_count, self.ended, last)
 
     def story(self) -> parts.StoryPart:
@@ -204,8 +203,7 @@ class View(story.Story):
     def offers(self) -> Dict[str, parts.Offer]:
         """Return how each service and topic is, by name."""
         state = self.state
-        offers = state.started.offers if state.started is not None else {}
-        names = {**offers, **{change.name: change.kind for change in state.robot.ill}}
+        names = {**state.start.offers, **{change.name: change.kind for change in state.robot.ill}}
         return {name: _offer(name, kind, state.robot.trouble(name)) for name, kind in names.items()}
 
     def ready(self) -> parts.Ready:
@@ -312,8 +310,7 @@ def _step(step: Step, has_failed: bool) -> Dict[str, Any]:
 
 def _result(last: NodeResult, times: int) -> Dict[str, Any]:
     return {"time": clock(last.ended), "letter": last.letter, "times": times,
-            "seconds": last.ended - last.began,
-            "why": story.cause(last.failure) if last.failure is not None else ""}
+            "seconds": last.ended - last.began, "why": story.cause(last.failure)}
 
 
 def _visit(visit: Visit) -> Dict[str, Any]:

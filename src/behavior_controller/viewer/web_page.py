@@ -127,8 +127,7 @@ class _Data(PageAnswer):
         data = self._find(board, *arguments)
         if data is None:
             self.set_status(404)
-        self.set_header("Content-Type", "application/json; charset=utf-8")
-        self.write(msgspec.json.encode(data))
+        self.send(data)
 
 
 DATA: Dict[str, Callable[..., Any]] = {

@@ -46,7 +46,9 @@ class Peer:
     @property
     def silence(self) -> float:
         """The seconds since the last message; infinite if the connection is over."""
-        return math.inf if self.stream.closed() else time.monotonic() - self._heard
+        if self.stream.closed():
+            return math.inf
+        return time.monotonic() - self._heard
 
     async def shake_hands(self, kind: bytes) -> None:
         """Begin as a socket of that kind. Raises StreamClosedError if it is no ZeroMQ there."""

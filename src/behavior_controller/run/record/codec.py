@@ -72,16 +72,17 @@ class Decoder:
     def __init__(self, file: str, former: "Optional[Decoder]" = None, is_late: bool = False):
         """``former`` has read the file before it of the same run, if there is one. ``is_late``:
         what the files before it have is not missing."""
-        self.has_mission: bool = former is not None and former.has_mission
+        self.has_mission = False
         self._file = file
         self._is_late = is_late
         self._read = 0  # lines
         self.head = Header(FORMAT, VERSION, 0, 0.0)
-        # process and beginning
-        self._run: Optional[Tuple[int, float]] = former._run if former is not None else None
+        self._run: Optional[Tuple[int, float]] = None  # process and beginning
         self._is_foreign = False  # the file is of another run
-        self._lines: int = former._lines if former is not None else 0  # of the run
-        self._visits: int = former._visits if former is not None else 0
+        self._lines = self._visits = 0  # of the run
+        if former is not None:
+            self.has_mission, self._run = former.has_mission, former._run
+            self._lines, self._visits = former._lines, former._visits
         self._interface = DEFAULT  # of the running mission
         self._shown = self._running = 0  # nodes of the newest tree, and of the running mission's
 

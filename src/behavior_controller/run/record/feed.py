@@ -32,9 +32,10 @@ def entry_text(value: Any) -> str:
         text = "x {:g} m, y {:g} m, {:g}°".format(*value)
     elif isinstance(value, Point):
         text = "x {:g} m, y {:g} m, z {:g} m".format(*value)
+    elif isinstance(value, float) and value.is_integer():
+        text = f"{value:.0f}"
     else:
-        is_whole = isinstance(value, float) and value.is_integer()
-        text = f"{value:.0f}" if is_whole else str(value)
+        text = str(value)
     return clean(text, LONGEST_ENTRY)
 
 
@@ -74,8 +75,9 @@ class Entries:
         before, self._known = self._known, {}
         changed: List[Tuple[str, Any]] = []
         for path, board in self._tree.blackboards.items():
+            prefix = path and path + "/"
             for key, entry in board.local.items():
-                name = f"{path}/{key}" if path else key
+                name = prefix + key
                 self._known[name] = entry, entry.sequence
                 if before.pop(name, None) != self._known[name]:
                     changed.append((name, entry.value))

@@ -114,7 +114,9 @@ def parts(path: str) -> List[str]:
 
 def part(path: str, number: int) -> str:
     """Return the file with this number of the run with this first file, whose number is 0."""
-    return os.path.join(os.path.dirname(path), f"mission.{number}.jsonl") if number else path
+    if not number:
+        return path
+    return os.path.join(os.path.dirname(path), f"mission.{number}.jsonl")
 
 
 def robot_of(path: str) -> str:

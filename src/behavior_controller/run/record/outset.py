@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from behavior_controller.run import events
 from behavior_controller.run.fold import fold
-from behavior_controller.run.state import State
+from behavior_controller.run.state import State, letter_after
 from behavior_controller.run.record.codec import encode, header
 
 LASTING: Dict[type, Callable[[Any], Any]] = {
@@ -68,8 +68,7 @@ class Outset:
             self._note_entries(event)
         elif isinstance(event, events.Tick):
             for uid, letter in event.changes:
-                before = self._letters.get(uid, letter)
-                self._letters[uid] = before.lower() if letter == "-" else letter
+                self._letters[uid] = letter_after(self._letters.get(uid, letter), letter)
         elif isinstance(event, events.Answered):
             for about in reversed(list(self._lasting.values())):
                 asked = about[0].event
@@ -106,5 +105,7 @@ class Outset:
         texts = [encode(line.time, replace(line.event, read=1)
                         if isinstance(line.event, events.Message) else line.event)
                  for line in known]
-        repeated = len(texts) if has_former else 0
+        repeated = 0
+        if has_former:
+            repeated = len(texts)
         return b"".join([header(os.getpid(), self._began, lines, self._visits, repeated), *texts])

@@ -13,10 +13,17 @@ LATEST = "latest"
 """The argument that means the newest run of the default folder."""
 
 
+def folder_of(name: str) -> str:
+    """Return the folder of that name; of ``latest`` the default one."""
+    if name == LATEST:
+        return folders.records()
+    return name
+
+
 def find_record(name: str) -> str:
     """Return the first file of a run, given that or its folder; of the newest run below a folder of
     runs, or below the default one (``latest``)."""
-    folder = folders.records() if name == LATEST else name
+    folder = folder_of(name)
     newest = runs(folder)[-1:]
     if newest:
         return newest[0]

@@ -34,11 +34,12 @@ def shown(tree: Tree, number: int = 1, specs: Sequence[NodeSpec] = (),
 
 def _shown_node(node: Any, successors: Successors) -> TreeNode:
     name, kind = label(node)
+    parent, is_bare = 0, False
+    if node.parent is not None:
+        parent, is_bare = node.parent.uid, _is_bare(node.spec, node.name)
     return TreeNode(
-        node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
-        _pause(node), successors.of(node), clean(name), clean(kind),
-        node.parent is not None and _is_bare(node.spec, node.name), node.blackboard.path,
-        node.place_in_file().rstrip(": "),
+        node.full_path, node.registration_id, node.name, parent, _pause(node), successors.of(node),
+        clean(name), clean(kind), is_bare, node.blackboard.path, node.place_in_file().rstrip(": "),
         _ports(node))
 
 
@@ -46,7 +47,9 @@ def _pause(node: Node) -> float:
     if not node.spec.pause:
         return 0.0
     milliseconds = node.attributes.get(node.spec.pause, "")
-    return int(milliseconds) / 1000.0 if milliseconds.isdecimal() else -1.0
+    if not milliseconds.isdecimal():
+        return -1.0
+    return int(milliseconds) / 1000.0
 
 
 def _is_bare(spec: NodeSpec, name: str) -> bool:
@@ -57,7 +60,7 @@ def _is_bare(spec: NodeSpec, name: str) -> bool:
 
 def _ports(node: Node) -> List[PortText]:
     defaults = {port.name: port.default for port in node.spec.ports if port.default is not None}
-    given = node.element.attributes if node.element is not None else node.attributes
+    given = getattr(node.element, "attributes", node.attributes)
     ports = []
     for name, text in {**defaults, **node.attributes}.items():
         key, entry = reference(text, name), ""
@@ -79,9 +82,11 @@ def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:
     for node in tree.nodes:
         path, parent = node.blackboard.path, node.parent
         if path not in texts:
-            name = tree.id if parent is None else parent.attributes["ID"]
+            name = tree.id
+            if parent is not None:
+                name = parent.attributes["ID"]
             texts[path] = [_tag("BehaviorTree", {"ID": name, "_fullpath": path})]
-        _close(texts[path], unclosed[path], node.parent)
+        _close(texts[path], unclosed[path], parent)
         texts[path].append(_tag(node.registration_id, _attributes(node)))
         unclosed[path].append(node)
     for path, text in texts.items():
