@@ -13,8 +13,7 @@ from behavior_controller.robot.declarations import Interface, Offer
 OK, WARN, ERROR = range(3)
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
 
-_LEVELS = {SLOW: WARN}
-"""Those of troubles that are no errors, by respect."""
+_LEVELS = {SLOW: WARN}  # of troubles that are no errors
 
 
 class Status(NamedTuple):

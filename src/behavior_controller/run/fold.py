@@ -379,20 +379,18 @@ def _recovered(state: State, event: Recovered) -> State:
     state = _end_steps(state, lambda step: step.uid == uid)
     state = replace(state, omitted=0, recovered=decided,
                     recoveries=_without(state.recoveries, known))
-    state = _change_course(state, handler=event.uid, failed=(0, None), stuck=None)
-    if event.outcome == GIVEN_UP:
-        state = _change_course(state, stuck=why)
-    elif omitted is None:
-        return state
-    if omitted is not None and state.course.left_by is not None:
-        why = state.why_left
-    if omitted is not None and is_left_out:
-        state = _change_course(_end_stop(state, why, LEFT_OUT, omitted), given_up=None)
-        if is_false:
-            state = _count_skipped(state, omitted.name)
-        return state
+    state = _change_course(state, handler=event.uid, failed=(0, None),
+                           stuck=why if event.outcome == GIVEN_UP else None)
     if omitted is not None:
-        state = _end_stop(state, why, BROKEN_OFF, omitted)
+        if state.course.left_by is not None:
+            why = state.why_left
+        state = _end_stop(state, why, LEFT_OUT if is_left_out else BROKEN_OFF, omitted)
+        if is_left_out and is_false:
+            state = _count_skipped(state, omitted.name)
+        if is_left_out:
+            return _change_course(state, given_up=None)
+    elif event.outcome != GIVEN_UP:
+        return state
     if is_known:
         return state
     return _change_course(state, given_up=event, gave_up=why)

@@ -129,8 +129,7 @@ def _of_step(state: State, step: Step, where: str) -> Card:
     for recovery in state.recoveries:
         if step.is_wait and recovery.uid == step.uid:  # its node is done again after the wait
             following = _purpose(state, state.uids.get(recovery.path, 0))
-    also = [step_words(other) for other in state.steps
-            if other is not step and other.cause is None]
+    also = [step_words(other) for other in state.steps if other is not step and not other.cause]
     return Card(kind, step_words(step), where, step.began, step.until, step.attempt, step.attempts,
                 waits_for, why, state.due or following, step.uid, also)
 

@@ -77,11 +77,6 @@ class Reason(Struct, frozen=True):
     blind: Optional[HealthChanged] = None
     without: str = ""
 
-    @property
-    def is_false_condition(self) -> bool:
-        """Whether it ended for a condition that did not hold."""
-        return self.failure is not None and self.failure.is_false_condition
-
 
 class Stop(Struct, frozen=True):
     """One stop of a visit: what the mission takes one after the other.
@@ -128,11 +123,6 @@ class Visit(Struct, frozen=True):
     skipped: Dict[str, int] = {}
 
     @property
-    def last_stop(self) -> Optional[Stop]:
-        """The stop that was begun last."""
-        return self.stops[-1] if self.stops else None
-
-    @property
     def has_visitor(self) -> bool:
         """Whether a visitor has come, and the visit goes on."""
         return self.arrived is not None and self.ended is None
@@ -156,7 +146,7 @@ class Visit(Struct, frozen=True):
             return BROKEN_OFF
         if reason.kind in _RESULT_OF:
             return _RESULT_OF[reason.kind]
-        if reason.is_false_condition:
+        if reason.failure is not None and reason.failure.is_false_condition:
             return NO_REACTION
         if self.outcome != "SUCCESS":
             return BROKEN_OFF

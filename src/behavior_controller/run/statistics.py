@@ -94,8 +94,7 @@ def statistics(digests: Iterable[Digest], choice: Choice = Choice()) -> Statisti
     chosen = [digest for digest in digests if choice.has_run(digest) and any(
         choice.day in ("", day) for day, _ in _days((digest.began, digest.ended)))]
     visits = [visit for digest in chosen for visit in digest.visits if choice.has_visit(visit)]
-    days = [figures for figures in _day_figures(chosen, visits)
-            if choice.day in ("", figures.day)]
+    days = [each for each in _day_figures(chosen, visits) if choice.day in ("", each.day)]
     return Statistics(len(chosen), _by_result(visits), _fault_counts(visits),
                       _node_figures(chosen), days)
 

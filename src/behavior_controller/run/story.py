@@ -132,7 +132,7 @@ def why(reason: Optional[Reason]) -> str:
         text = clean(f"{reason.policy}; {text}")
     if reason.blind is not None:
         return f"{_UNSEEN.get(reason.kind, text)}: {condition(reason.blind)}"
-    if reason.without and reason.is_false_condition:
+    if reason.without and reason.failure is not None and reason.failure.is_false_condition:
         text += clean(f": went on without {reason.without}")
     return text
 
@@ -233,7 +233,7 @@ def how_it_ended(visit: Visit) -> str:
 
 
 def _ending(visit: Visit) -> str:
-    reason, last, text = visit.why, visit.last_stop, why(visit.why)
+    reason, last, text = visit.why, next(reversed(visit.stops), None), why(visit.why)
     if reason is None:
         return ""
     if reason.kind == DONE_ALL:

@@ -18,8 +18,7 @@ import msgspec
 from behavior_controller.run.events import (
     LETTERS, BreakpointChanged, HookEnded, Letter, Line, Tick, TreeShown, unix_now)
 from behavior_controller.run.fold import fold
-from behavior_controller.run.from_viewer import (
-    ALLOWED, Hook, HookChange, HookPlace, Unlocking)
+from behavior_controller.run.from_viewer import ALLOWED, Hook, HookChange, HookPlace, Unlocking
 from behavior_controller.run.state import State
 from behavior_controller.viewer.hook_list import HookList
 from behavior_controller.viewer.server import LoopThread, opened
@@ -150,8 +149,7 @@ class Groot2Publisher:
             text = f"{type(error).__name__}: {error}"
         return [b"error", text.encode("utf-8", "replace")]
 
-    def _reply(self, frames: List[bytes], client: Peer,
-               shown: "Optional[_Shown]") -> List[bytes]:
+    def _reply(self, frames: List[bytes], client: Peer, shown: "Optional[_Shown]") -> List[bytes]:
         if len(frames[0]) != 6:
             raise Refused("wrong request header")
         if shown is None:

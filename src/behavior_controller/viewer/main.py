@@ -154,7 +154,8 @@ def _show_parent(chosen: argparse.Namespace) -> int:
 
     texts: "queue.SimpleQueue[bytes]" = queue.SimpleQueue()
     threading.Thread(target=_read, args=(texts.put,), daemon=True).start()
-    alive = _Alive(send)
+    ports = [0, 0]
+    threading.Thread(target=_give_sign_of_life, args=(send, ports), daemon=True).start()
     # the controller may replace another one, whose viewer goes on for a moment
     ends = time.monotonic() + PORTS_LIMIT
     if chosen.attempts > 1:
@@ -162,7 +163,7 @@ def _show_parent(chosen: argparse.Namespace) -> int:
     while time.monotonic() < ends and _trouble(sum(_ports(chosen), [])) == errno.EADDRINUSE:
         time.sleep(NEWER_RUN_POLL)
     viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)
-    alive.ports = viewer.ports
+    ports[:] = viewer.ports
     if viewer.missing:
         threading.Thread(target=_end_when_free, args=(viewer.missing, send), daemon=True).start()
     decoder = Decoder("the controller")
@@ -186,18 +187,11 @@ def _read(put: Callable[[bytes], None]) -> None:
     os._exit(exit_codes.UNAVAILABLE)
 
 
-class _Alive:
-    """Tells the controller once in ``ALIVE_INTERVAL`` that this process goes on."""
-
-    def __init__(self, send: Callable[[FromViewer], None]):
-        self.ports = [0, 0]
-        self._send = send
-        threading.Thread(target=self._work, daemon=True).start()
-
-    def _work(self) -> None:
-        while True:
-            self._send(ViewerAlive(*self.ports))
-            time.sleep(ALIVE_INTERVAL)
+def _give_sign_of_life(send: Callable[[FromViewer], None], ports: List[int]) -> None:
+    """Tell the controller once in ``ALIVE_INTERVAL`` that this process goes on."""
+    while True:
+        send(ViewerAlive(*ports))
+        time.sleep(ALIVE_INTERVAL)
 
 
 def _ports(chosen: argparse.Namespace) -> Tuple[List[Port], List[Port]]:

@@ -1,13 +1,13 @@
 """Two visits of any runs side by side, and the node at which they part."""
-from typing import List, Optional, Set
+from typing import List, Optional
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from behavior_controller.run import story
-from behavior_controller.run.events import TreeShown
+from behavior_controller.run.events import TreeNode, TreeShown
 from behavior_controller.run.record.reader import stream_record
-from behavior_controller.run.state import NodeResult, State
+from behavior_controller.run.state import NodeResult, Visit
 from behavior_controller.text import clean, joined
 
 MOST_ROWS = 5000
@@ -48,44 +48,34 @@ def parting(one: List[ResultRow], other: List[ResultRow]) -> Parting:
 
 def visit_rows(path: str, number: int) -> List[ResultRow]:
     """Return the results of a visit of the run with this first file. Raises MissionError."""
-    run, rows = story.Story(), RowList()
+    run, parents = story.Story(), set()
+    rows: List[ResultRow] = []
     for line in stream_record(path):
         run.take(line.time, line.event)
         visit = run.state.visit
-        if visit is not None and visit.number == number:
-            rows.take(run.state)
-        elif visit is not None and visit.number > number:
+        if isinstance(line.event, TreeShown):
+            parents = {node.parent for node in line.event.nodes}
+        if visit is None or visit.number < number:
+            continue
+        if visit.number > number:
             break
-    return rows.rows
+        for ended in run.state.concluded(NodeResult):
+            if ended.uid not in parents and len(rows) < MOST_ROWS:
+                _add(rows, _row(run.state.nodes[ended.uid - 1], visit, ended))
+    return rows
 
 
-class RowList:
-    """The results of leaves, those in a row that are alike as one."""
+def _row(node: TreeNode, visit: Visit, ended: NodeResult) -> ResultRow:
+    name = node.label
+    if node.kind != name:
+        name = joined(" ", name, node.kind)
+    return ResultRow(ended.uid, clean(node.path), clean(name), ended.letter,
+                     story.cause(ended.failure),
+                     round(ended.ended - (visit.arrived or visit.began), 1))
 
-    def __init__(self) -> None:
-        self.rows: List[ResultRow] = []
-        self._tree = TreeShown("", [])
-        self._parents: Set[int] = set()
 
-    def take(self, state: State) -> None:
-        """Add those that the last event concluded."""
-        visit = state.visit
-        assert visit is not None
-        if state.tree is not self._tree:
-            self._tree = state.tree
-            self._parents = {node.parent for node in state.nodes}
-        for ended in state.concluded(NodeResult):
-            node = state.nodes[ended.uid - 1]
-            if ended.uid in self._parents or len(self.rows) >= MOST_ROWS:
-                continue
-            name = node.label
-            if node.kind != name:
-                name = joined(" ", name, node.kind)
-            row = ResultRow(ended.uid, clean(node.path), clean(name), ended.letter,
-                            story.cause(ended.failure),
-                            round(ended.ended - (visit.arrived or visit.began), 1))
-            last = self.rows[-1] if self.rows else None
-            if last is not None and (last.path, last.letter) == (row.path, row.letter):
-                self.rows[-1] = replace(row, times=last.times + 1)
-            else:
-                self.rows.append(row)
+def _add(rows: List[ResultRow], row: ResultRow) -> None:
+    """Add a row, or count it with one that is alike just before it."""
+    if rows and (rows[-1].path, rows[-1].letter) == (row.path, row.letter):
+        row = replace(row, times=rows.pop().times + 1)
+    rows.append(row)

@@ -195,8 +195,7 @@ def _states(chosen: argparse.Namespace, is_watching: bool) -> Iterator[ShownStat
         wait = LATE if silent < LATE else 1.0
 
 
-def _read(chosen: argparse.Namespace,
-          put: Callable[[Union[ShownState, NoMission]], None]) -> None:
+def _read(chosen: argparse.Namespace, put: Callable[[Union[ShownState, NoMission]], None]) -> None:
     """Read the run from its record, or else from its viewer, or from a record that lags."""
     reason = "the answer is not a mission's"
     address, port, robot = chosen.address, chosen.port, chosen.robot
@@ -242,7 +241,8 @@ def _of_record(address: str, port: int, robot: str, oldest: float) -> Iterator[V
             view, is_shown = View(), False
             if not files.is_written(path):
                 continue
-            for line in follow(path, _files_shown(path)):
+            newest = 1 if os.path.getsize(files.parts(path)[-1]) >= ENOUGH_BYTES else 2
+            for line in follow(path, newest):
                 if line is not None:
                     view.take(line.time, line.event)
                     continue
@@ -254,11 +254,6 @@ def _of_record(address: str, port: int, robot: str, oldest: float) -> Iterator[V
                 view.stopped = CONTROLLER_STOPPED
                 yield view
                 return
-
-
-def _files_shown(path: str) -> int:
-    """Return how many of the newest files of a run are read."""
-    return 1 if os.path.getsize(files.parts(path)[-1]) >= ENOUGH_BYTES else 2
 
 
 def _is_wanted(state: State, port: int, robot: str) -> bool:

@@ -12,13 +12,11 @@ from behavior_controller.run.state import State, letter_after
 from behavior_controller.run.record.codec import encode, header
 
 LASTING: Dict[type, Callable[[Any], Any]] = {
-    events.Starting: lambda event: None, events.Checked: lambda event: event.name,
-    events.TopicSaid: lambda event: event.topic, events.TreeShown: lambda event: None,
-    events.RunStarted: lambda event: None, events.PassStarted: lambda event: None,
-    events.Suspended: lambda event: None, events.SafeStateReported: lambda event: None,
-    events.Message: lambda event: event.topic,
-    events.HealthChanged: lambda event: (event.name, event.respect),
-    events.Asked: lambda event: type(event.request)}
+    **dict.fromkeys((events.Starting, events.TreeShown, events.RunStarted, events.PassStarted,
+                     events.Suspended, events.SafeStateReported), lambda event: None),
+    **dict.fromkeys((events.TopicSaid, events.Message), lambda event: event.topic),
+    events.Checked: lambda event: event.name, events.Asked: lambda event: type(event.request),
+    events.HealthChanged: lambda event: (event.name, event.respect)}
 """The events that hold until another one of the same kind with the same key."""
 
 FREQUENT = (events.EntriesWritten, events.Tick, events.Message, events.RecognitionPending,

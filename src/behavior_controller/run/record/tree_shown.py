@@ -54,8 +54,7 @@ def _pause(node: Node) -> float:
 
 def _is_bare(spec: NodeSpec, name: str) -> bool:
     """Whether a node below the root, with that name, only says how the mission is put together."""
-    return spec.is_recovery or (
-        spec.kind in (Kind.CONTROL, Kind.DECORATOR) and name == spec.id)
+    return spec.is_recovery or spec.kind in (Kind.CONTROL, Kind.DECORATOR) and name == spec.id
 
 
 def _ports(node: Node) -> List[PortText]:
