@@ -51,10 +51,8 @@ class Fault(NamedTuple):
         """Return ``file:line:column: text (hint)`` on one line, leaving out what is not known."""
         place = ":".join([clean(self.file)] +
                          [str(number) for number in (self.line, self.column) if number])
-        text = clean(self.text) + bracketed(clean(self.hint))
-        if self.is_warning:
-            text = "warning: " + text
-        return f"{place}: {text}"
+        kind = "warning: " if self.is_warning else ""
+        return f"{place}: {kind}{clean(self.text)}{bracketed(clean(self.hint))}"
 
 
 class BehaviorControllerError(Exception):

@@ -27,8 +27,7 @@ _MODULES = {
     "config.config_file": "LineReader TextLine read_source number",
     "ros_packages": "package_folder",
     "missions.trial": "Trial",
-    "errors": "FaultsFound",
-}
+    "errors": "FaultsFound"}
 """Names by module. A module is imported when one of its names is: a package's declarations are read
 before the leaves, which need all declarations."""
 

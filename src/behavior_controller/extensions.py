@@ -88,10 +88,9 @@ class Extension(NamedTuple):
         """Return an error that names the module, with the line that has one of the texts ``near``,
         the first that it finds."""
         name, file = self.module.__name__, getattr(self.module, "__file__", None) or ""
-        try:
+        lines: List[str] = []
+        with contextlib.suppress(Unreadable):
             lines = read_bytes(file).decode(errors="replace").splitlines()
-        except Unreadable:
-            lines = []
         where = next((bracketed(place(file, number)) for wanted in near
                       for number, line in enumerate(lines, 1) if wanted in line), "")
         return BrokenExtension(self.package, f"{name}: {text}{where}")
@@ -166,8 +165,7 @@ def thread_failure(error: BaseException) -> Optional[BrokenExtension]:
 
 
 def _package_of(frame: FrameType) -> Optional[str]:
-    module = frame.f_globals.get("__name__", "")
-    return _packages.get(module.partition(".")[0])
+    return _packages.get(frame.f_globals.get("__name__", "").partition(".")[0])
 
 
 def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:

@@ -54,7 +54,7 @@ class OutputKind(NamedTuple):
             sys.stdout.buffer.write(data)
             return
         with _errors_of(path), _stops_held():
-            _replace(os.path.realpath(path), data)
+            replace_file(os.path.realpath(path), data, _mode(path))
 
     def _is_begun(self, path: str) -> bool:
         with open(path, "rb") as file:
@@ -70,23 +70,23 @@ def page_of(command: str) -> OutputKind:
 
 def is_standard_output(path: str) -> bool:
     """Return whether ``path`` is the file, terminal or pipe that this process prints to."""
-    try:
+    with contextlib.suppress(OSError):
         return os.path.samestat(os.stat(path), os.fstat(1))
-    except OSError:
-        return False
+    return False
 
 
 def _folder(path: str) -> str:
     return os.path.dirname(os.path.realpath(path))  # a link stays a link
 
 
-def _replace(path: str, data: bytes) -> None:
-    with tempfile.NamedTemporaryFile(dir=_folder(path), prefix=".", delete=False) as file:
+def replace_file(path: str, data: bytes, mode: int = 0o600) -> None:
+    """Write a file with these permissions; an earlier one stays until the new one is complete."""
+    with tempfile.NamedTemporaryFile(dir=os.path.dirname(path), prefix=".", delete=False) as file:
         try:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-            os.fchmod(file.fileno(), _mode(path))
+            os.fchmod(file.fileno(), mode)
             os.replace(file.name, path)
         except BaseException:
             os.unlink(file.name)

@@ -30,17 +30,14 @@ def main(arguments: Optional[List[str]] = None) -> int:
     parser.add_argument("record", help="mission.jsonl of a run, its folder, a folder of runs (the "
                                        f"newest), or {LATEST}: the newest in {folders.records()}")
     instead = parser.add_mutually_exclusive_group()
-    instead.add_argument(
-        "--mission", metavar="FILE",
-        help="run this file, such as the edited mission, instead of the mission in the record")
-    instead.add_argument("--report", metavar="OUT.html",
-                         help="write a report of the recorded run as a web page instead: a new "
-                              "file, or in place of an earlier report")
+    instead.add_argument("--mission", metavar="FILE", help="run this file, such as the edited "
+                         "mission, instead of the mission in the record")
+    instead.add_argument("--report", metavar="OUT.html", help="write a report of the recorded run "
+                         "as a web page instead: a new file, or in place of an earlier report")
     instead.add_argument("--story", action="store_true",
                          help="print what happened instead, a line each")
-    instead.add_argument("--runs", action="store_true",
-                         help="list the runs of the folder instead, with their visits, the robot's "
-                              "faults and the days")
+    instead.add_argument("--runs", action="store_true", help="list the runs of the folder instead, "
+                         "with their visits, the robot's faults and the days")
     parser.add_argument("--json", action="store_true", help="with --runs: all of it as JSON")
     chosen = ros_arguments.parse(parser, arguments)
     if chosen.json and not chosen.runs:
@@ -64,9 +61,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print(error, file=sys.stderr)
         return exit_codes.WRONG_INPUT
     print(outcome)
-    if outcome.divergence:
-        return exit_codes.FAILURE
-    return exit_codes.SUCCESS
+    return exit_codes.FAILURE if outcome.divergence else exit_codes.SUCCESS
 
 
 def _list_runs(record: str, as_json: bool) -> int:
@@ -76,8 +71,7 @@ def _list_runs(record: str, as_json: bool) -> int:
         raise MissionError.of(folder_of(record), "there is no record of a run below it",
                               f"name a folder of runs, or {LATEST}")
     if as_json:
-        figures = statistics(each.digest for each in listed)
-        data = {"figures": figures, "runs": listed}
+        data = {"figures": statistics(each.digest for each in listed), "runs": listed}
         print(msgspec.json.format(msgspec.json.encode(msgspec.to_builtins(data))).decode())
     else:
         print("\n".join(text_lines(listed)))

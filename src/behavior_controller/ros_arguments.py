@@ -1,6 +1,7 @@
 """The words of a command line that ROS reads, or roslaunch was given; needs no py_trees, as
 missionStatus does not."""
 import argparse
+import contextlib
 import os
 import re
 import sys
@@ -23,11 +24,9 @@ _PACKAGE = re.compile(r"[a-z]\w*")
 
 def version() -> str:
     """Return the version in the package's manifest, or the one that pip has installed."""
-    try:
+    with contextlib.suppress(OSError, ElementTree.ParseError):
         manifest = ElementTree.parse(os.path.join(folders.share(), MANIFEST))
         return manifest.findtext("version") or "unknown"
-    except (OSError, ElementTree.ParseError):
-        pass
     from importlib import metadata  # takes long, and is seldom needed
     try:
         return metadata.version(PACKAGE)
@@ -48,8 +47,7 @@ class CommandParser(argparse.ArgumentParser):
         """Exit with that message."""
         unknown = message.partition("unrecognized arguments: ")[2].split(" ")[0]
         options = [option for action in self._actions for option in action.option_strings]
-        hint = did_you_mean(unknown.partition("=")[0], options)
-        super().error(message + bracketed(hint))
+        super().error(message + bracketed(did_you_mean(unknown.partition("=")[0], options)))
 
 
 def parse(parser: argparse.ArgumentParser,
@@ -82,11 +80,9 @@ def explain_node(name: str, does: str, exit_codes: str) -> None:
 
 def parent_command() -> List[str]:
     """Return the command line of the parent process; empty if it cannot be read."""
-    try:
-        with open(f"/proc/{os.getppid()}/cmdline", "rb") as file:
-            return file.read().decode(errors="replace").split("\0")[:-1]
-    except OSError:
-        return []
+    with contextlib.suppress(OSError), open(f"/proc/{os.getppid()}/cmdline", "rb") as file:
+        return file.read().decode(errors="replace").split("\0")[:-1]
+    return []
 
 
 def given_to_roslaunch(command: Sequence[str], package: str, launch_file: str) -> List[str]:

@@ -1,4 +1,5 @@
 """Finds ROS packages as ``rospack`` does, without ROS, and whatever their package.xml may be."""
+import contextlib
 import itertools
 import os
 import re
@@ -20,11 +21,9 @@ def package_folder(name: str) -> Optional[str]:
     """
     folders = [os.path.join(root, name) for root in _roots()]
     for folder in itertools.chain(folders, package_folders(MOST_FOLDERS)):
-        try:
+        with contextlib.suppress(Unreadable):
             if package_name(read_bytes(os.path.join(folder, MANIFEST))) == name:
                 return folder
-        except Unreadable:
-            pass
     return None
 
 

@@ -1,6 +1,7 @@
 """Reads text files safely, makes outside text safe to show, and suggests the word that was meant.
 """
 import ast
+import contextlib
 import difflib
 import inspect
 import itertools
@@ -126,11 +127,10 @@ def docstring(thing: Any) -> str:
     source has it; empty if that is missing too."""
     if thing.__doc__ is not None:
         return thing.__doc__
-    try:
+    with contextlib.suppress(OSError, SyntaxError):
         definition = ast.parse(inspect.getsource(thing)).body[0]
         return ast.get_docstring(definition, clean=False) or ""  # type: ignore[arg-type]
-    except (OSError, SyntaxError):
-        return ""
+    return ""
 
 
 def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:

@@ -230,8 +230,7 @@ class TextLine:
     """A line of a file without its comment, in words; the first word is its key."""
 
     def __init__(self, file: str, number: int, text: str, comment: Pattern[str]):
-        self.file = file
-        self.number = number
+        self.file, self.number = file, number
         self.text = text[:comment.search(text).start()].rstrip()  # type: ignore[union-attr]
         self.words = list(_WORD.finditer(self.text))
 

@@ -67,8 +67,7 @@ _FILE = some_text("a file in the folder data beside the configuration's folder, 
 _CONFIGURATION_KEYS = (
     Key(_KNOWLEDGE_BASE, _FILE, REQUIRED, "the knowledge file"),
     Key("verboseMode", boolean, None, "for the release's own programs"),
-    Key("valueTypes", _FILE, None, "for the release's own programs"),
-)
+    Key("valueTypes", _FILE, None, "for the release's own programs"))
 
 
 @dataclass(frozen=True)
@@ -106,9 +105,8 @@ class _EntryReader(LineReader):
         attempt(self.read, [])  # too many faults: the last one says so
 
     def line(self, line: TextLine) -> None:
-        is_known, entry = line.key in self.keys, line.key
-        if is_known:
-            entry = self.entry(line)
+        is_known = line.key in self.keys
+        entry = self.entry(line)
         if not entry:
             return
         first = self.lines.setdefault(entry, line.number)
@@ -129,7 +127,7 @@ class _EntryReader(LineReader):
                       key=lambda fault: (not fault.line, fault.line, fault.column))
 
     def entry(self, line: TextLine) -> str:
-        """Return the name of the entry of a known key; empty, with a fault, if it has none."""
+        """Return the name of an entry; empty, with a fault, if it has none."""
         return line.key
 
     def meant(self, key: str) -> str:
@@ -203,8 +201,8 @@ class _Environment(_EntryReader):
         return super().meant(key) or f"the keys: {', '.join(self.keys)}"
 
     def entry(self, line: TextLine) -> str:
-        if line.key == _TOUR:
-            return _TOUR
+        if line.key == _TOUR or line.key not in self.keys:
+            return line.key
         location = self.value(line, 1, f"the id of {line.key}", _ID)
         if location is None:
             return ""
@@ -299,16 +297,14 @@ def read(environment: Optional[Source], culture: Optional[Source], *,
          takes_arm: bool = False, faults: Sequence[Fault] = ()) -> Knowledge:
     """Return the knowledge of two files, given their texts. Raises ConfigurationError with every
     fault; ``faults`` are those of the files that could not be read."""
-    languages: List[str] = []
-    findings: List[Fault] = []
-    if culture:
-        chosen = _Culture(culture, takes_arm)
-        languages += filter(None, [chosen.values.get(_LANGUAGE)])
-        findings += chosen.findings()
+    findings, nothing = list(faults), Source("", "")
+    chosen = _Culture(culture or nothing, takes_arm)
+    languages = list(filter(None, [chosen.values.get(_LANGUAGE)]))
+    places = _Environment(environment or nothing, languages)
     if environment:
-        places = _Environment(environment, languages)
-        findings[:0] = places.findings()
-    findings[:0] = faults
+        findings += places.findings()
+    if culture:
+        findings += chosen.findings()
     ConfigurationError.raise_any(findings)
     language, = languages
     defaults = {key: default for key, (_, default) in chosen.gestures.items()}

@@ -52,8 +52,7 @@ SPEECHES = (
     Speech("MaybeAnotherTimeSpeech", False, "Lets a visitor go without a tour.", utility=3),
     Speech("EndTourSpeech", False, "Closes the tour after the last exhibit.", True),
     Speech("HereIsTheDoorSpeech", False, "Shows the way out in words.", True, 6),
-    Speech("SayGoodByeSpeech", False, "Says goodbye.", True, 7),
-)
+    Speech("SayGoodByeSpeech", False, "Says goodbye.", True, 7))
 
 YES, NO, UNCLEAR = "yes", "no", "unclear"
 _WORD = re.compile(r"[^\W_]+(?:['’][^\W_]+)*")
@@ -93,8 +92,7 @@ PHRASE_KEYS = _keys_of(SPEECHES) + (
     Key("tabletNo", _LABEL, REQUIRED, "a button on the tablet"),
     Key(YES, _PHRASES, REQUIRED, "what means yes"),
     Key(NO, _PHRASES, REQUIRED, "what means no"),
-    Key(UNCLEAR, _PHRASES, (), "what is not an answer although it sounds like one"),
-)
+    Key(UNCLEAR, _PHRASES, (), "what is not an answer although it sounds like one"))
 _OF_ANSWERS = frozenset(key.name for key in PHRASE_KEYS[len(SPEECHES):])
 
 
@@ -217,5 +215,4 @@ def _phrases(source: Source, keys: Tuple[Key, ...]) -> Phrases:
     ConfigurationError.raise_any(faults)
     return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS},
                    (values["tabletYes"], values["tabletNo"]),
-                   {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)},
-                   source)
+                   {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)}, source)

@@ -15,7 +15,6 @@ from behavior_controller.text import Source, did_you_mean
 
 CAUSE_NAMES = [cause.value for cause in Cause]
 SKIP, GIVE_UP = "skip", "giveUp"
-_IN_WORDS = {SKIP: "skip", GIVE_UP: "give up"}
 
 MOST_RECOVERIES = 99
 """The largest budget of recoveries, and the most retries of a step."""
@@ -42,7 +41,7 @@ class Rule(NamedTuple):
 
     def __str__(self) -> str:
         """Return the rule in words."""
-        words = _IN_WORDS[self.then]
+        words = "skip" if self.then == SKIP else "give up"
         if self.substitute:
             words = f"{self.substitute.id} instead, or {words}"
         if self.retries:

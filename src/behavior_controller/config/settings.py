@@ -44,36 +44,30 @@ class Settings:
     verbose_mode: bool = key(boolean, REQUIRED, "`true`: a line for every leaf that finishes")
     asr_enabled: bool = key(boolean, REQUIRED,
                             "`true`: visitors answer by voice; `false`: on the tablet")
-    robot_interface: str = key(
-        one_of(*INTERFACES), DEFAULT.name,
-        "the interface of the robot's nodes: " + " or ".join(map("`{}`".format, INTERFACES)))
+    robot_interface: str = key(one_of(*INTERFACES), DEFAULT.name, "the interface of the robot's "
+                               "nodes: " + " or ".join(map("`{}`".format, INTERFACES)))
     robot: str = key(namespace, "", "`robot1`: all names, also the controller's, are below "
                                     "`/robot1`; empty: as in the document")
-    tablet_success_is: str = key(
-        one_of("done", YES), "done", "release-1.0, release-1.1: `yes` counts any press on the "
-        "tablet as yes, `done` as no answer")
-    wait_for_speech: str = key(one_of(DESCRIPTIONS, "all", "none"), DESCRIPTIONS,
-                               "release-1.0, in English: the speeches that last as long as "
-                               "their words")
-    speech_pace: float = key(
-        number(0.1, 100.0, of="words per second"), 3.0,
-        "release-1.0, in English: the words that the robot speaks per second")
+    tablet_success_is: str = key(one_of("done", YES), "done", "release-1.0, release-1.1: `yes` "
+                                 "counts any press on the tablet as yes, `done` as no answer")
+    wait_for_speech: str = key(one_of(DESCRIPTIONS, "all", "none"), DESCRIPTIONS, "release-1.0, in "
+                               "English: the speeches that last as long as their words")
+    speech_pace: float = key(number(0.1, 100.0, of="words per second"), 3.0, "release-1.0, in "
+                             "English: the words that the robot speaks per second")
     language: str = key(language_name, "English",
                         "the robot's phrases: `data/phrases_<language>.ini`")
     mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0: no limit")
     startup_timeout: float = key(seconds(), 0.0,
                                  "seconds to wait for missing robot nodes at the start")
-    startup_check: str = key(one_of("mission", "all"), "mission",
-                             "checked at the start and monitored: the services and topics "
-                             "of the `mission`, or `all` of the robot")
+    startup_check: str = key(one_of("mission", "all"), "mission", "checked at the start and "
+                             "monitored: the services and topics of the `mission`, or `all` of the "
+                             "robot")
     topic_max_age: float = key(seconds(0.001), 2.0,
                                "seconds after which a face or gaze message counts as absent")
-    condition_wait: float = key(
-        seconds(), 0.0,
-        "seconds that a condition waits for its evidence, for missions that do not wait themselves")
-    mutual_gaze_value: int = key(integer(1, 2), 1,
-                                 "the value of `/overtAttention/mode` that means mutual gaze: 1 in "
-                                 "the document, 2 on the robot")
+    condition_wait: float = key(seconds(), 0.0, "seconds that a condition waits for its evidence, "
+                                "for missions that do not wait themselves")
+    mutual_gaze_value: int = key(integer(1, 2), 1, "the value of `/overtAttention/mode` that means "
+                                 "mutual gaze: 1 in the document, 2 on the robot")
     welcome_gesture_id: int = key(integer(0, 255), 1, "the iconic gesture of WelcomeGesture")
     goodbye_gesture_id: int = key(integer(0, 255), 3, "the iconic gesture of GoodbyeGesture")
     deictic_gesture_id: int = key(integer(0, 255), 1, "the gesture of PerformDeicticGesture")
@@ -81,19 +75,16 @@ class Settings:
                                 "duration of a gesture, in ms")
     groot2_port: int = key(port(65534), 1667,
                            "port for Groot2, which also uses the next one; 0: none")
-    groot2_address: str = key(
-        bind_address, "127.0.0.1", "bind address for Groot2: `127.0.0.1` serves this computer "
-        "alone, `0.0.0.0` all networks")
+    groot2_address: str = key(bind_address, "127.0.0.1", "bind address for Groot2: `127.0.0.1` "
+                              "serves this computer alone, `0.0.0.0` all networks")
     monitor_port: int = key(port(65535), 8080,
                             "port of the page that shows the mission; 0: no page")
     monitor_address: str = key(bind_address, "127.0.0.1",
                                "bind address for the page, as `groot2Address`")
-    ros_interface: bool = key(
-        boolean, False, "`true`: publishes `/diagnostics` and `~state`, offers `~start`, `~pause`, "
-        "`~stop` and `~reload`")
-    start_by: str = key(
-        one_of("robot", OPERATOR), "robot", "`operator`: the first visitor waits for a call of "
-        "`~start` (with `rosInterface true`)")
+    ros_interface: bool = key(boolean, False, "`true`: publishes `/diagnostics` and `~state`, "
+                              "offers `~start`, `~pause`, `~stop` and `~reload`")
+    start_by: str = key(one_of("robot", OPERATOR), "robot", "`operator`: the first visitor waits "
+                        "for a call of `~start` (with `rosInterface true`)")
     record_directory: str = key(folder, "", "folder for the records; empty: one among ROS' "
                                             "logs; `none`: no record")
 
@@ -192,8 +183,7 @@ def unread(words: Iterable[str], keys: Optional[Sequence[str]] = None) -> List[F
 def load(path: str, overrides: Mapping[str, object] = {},
          arguments: Mapping[str, str] = {}) -> Settings:
     """Read the controller's configuration. Raises ConfigurationError with every fault."""
-    source = read_source(path, "the configuration")
-    reader = collected(source, KEYS, overrides, arguments, UNUSED)
+    reader = collected(read_source(path, "the configuration"), KEYS, overrides, arguments, UNUSED)
     return _settings(reader.result(), reader.warnings)
 
 

@@ -106,8 +106,7 @@ class Call:
         self.result: Optional[Union[Answer, Failure]] = None
         self.on_feedback: Callable[[str], None] = lambda text: None
         """Called with what an action reports while the request is under way, in words."""
-        self._wake = wake
-        self._abandon = abandon
+        self._wake, self._abandon = wake, abandon
 
     @tick_thread_only
     def finish(self, result: Union[Answer, Failure]) -> None:
@@ -148,8 +147,7 @@ class FilesGateway(Gateway):
     requests."""
 
     def __init__(self, inner: Gateway, places: Mapping[str, Tuple[Exhibit, ...]]):
-        self._inner = inner
-        self._places = places
+        self._inner, self._places = inner, places
 
     def start(self, request: Request) -> Call:
         """Return a call that is already answered, or the robot's call."""
@@ -228,8 +226,7 @@ class FakeGateway(Gateway):
         self.requests: List[Request] = []
         self.calls: List[Call] = []
         self.dropped: List[Request] = []
-        self._wake = wake
-        self._reply = reply
+        self._wake, self._reply = wake, reply
 
     def start(self, request: Request) -> Call:
         """Store the request; finish the call if ``reply`` has a result for it."""
@@ -246,8 +243,7 @@ class FakeTopics(Topics):
     """Topics whose messages a test writes with ``publish``."""
 
     def __init__(self, now: Callable[[], float], wake: Callable[[], None] = lambda: None):
-        self._now = now
-        self._wake = wake
+        self._now, self._wake = now, wake
         self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
         self.ignoring: Dict[Topic, str] = {}
         """Why the messages of a topic are ignored."""

@@ -83,9 +83,8 @@ def _request_fault(request: object) -> str:
     return ""
 
 
-INTERFACES: Dict[str, Interface] = {
-    robot.name: _extended(robot)
-    for robot in (d543.INTERFACE, release_1_0.INTERFACE, release_1_1.INTERFACE)}
+INTERFACES: Dict[str, Interface] = {robot.name: _extended(robot) for robot in (
+    d543.INTERFACE, release_1_0.INTERFACE, release_1_1.INTERFACE)}
 
 DEFAULT = INTERFACES[d543.INTERFACE.name]
 

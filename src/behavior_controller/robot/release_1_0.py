@@ -45,8 +45,7 @@ SERVICES = (
             answer=lambda response: requests.Answer(), is_optional=True, fails_without=True),
     replace(d543.INTERFACE.service(requests.Say), type="cssr_system/sayTextService",
             fields=lambda request: (request.text, request.language),
-            answers_early=lambda request: request.language == "English"),
-)
+            answers_early=lambda request: request.language == "English"))
 
 ATTENTION = replace(d543.ATTENTION, impact_if_missing="visitors are not noticed",
                     is_event=lambda status: status == ("scanning", FOUND))

@@ -97,8 +97,7 @@ class SetAnimation(Request, frozen=True):
     @property
     def words(self) -> Words:
         """The end of switching lifelike movement has no sentence."""
-        doing = "starting" if self.state == "enabled" else "stopping"
-        return Words(doing + " lifelike movement")
+        return Words(("starting" if self.state == "enabled" else "stopping") + " lifelike movement")
 
 
 class PerformGesture(Request, frozen=True):

@@ -92,9 +92,8 @@ class Digester:
     def _end_visit(self, visit: Visit) -> None:
         reason, decisive = visit.why, ""
         if reason is not None and visit.result == BROKEN_OFF:
-            decisive = story.why(reason)
-            if reason.failure is not None:
-                decisive = fault(reason.node, reason.failure)
+            failure = reason.failure
+            decisive = fault(reason.node, failure) if failure is not None else story.why(reason)
         if not visit.is_empty:
             words = story.how_it_ended(visit)
             self._visits.append(self._ended(visit, visit.result, words, decisive))
@@ -123,17 +122,16 @@ class Digester:
 
     def digest(self, is_over: bool) -> Digest:
         """Return the run up to now. ``is_over``: no further line comes, also without an end."""
-        state, began = self._state, self._began or 0.0
-        visits, unserved, visit = list(self._visits), list(self._unserved), state.visit
+        state, visit = self._state, self._state.visit
+        visits, unserved = list(self._visits), list(self._unserved)
         if self._unserved_since is not None:
             unserved.append((self._unserved_since, state.at))
         if is_over and state.finished is None and visit is not None and visit.has_visitor:
             visits.append(self._ended(visit.until(state.at), BROKEN_OFF, KILLED, KILLED))
-        return Digest(
-            mission_name(state.start.mission),
-            {name: str(value) for name, value in state.start.settings.items()},
-            began, state.at, story.run_end(state), tuple(visits),
-            (*self._outages, *self._open.values()), tuple(unserved))
+        settings = {name: str(value) for name, value in state.start.settings.items()}
+        return Digest(mission_name(state.start.mission), settings, self._began or 0.0, state.at,
+                      story.run_end(state), tuple(visits),
+                      (*self._outages, *self._open.values()), tuple(unserved))
 
 
 def serves(state: State) -> bool:

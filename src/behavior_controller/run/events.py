@@ -208,9 +208,7 @@ class HealthChanged(BaseEvent, frozen=True):
     @property
     def owner(self) -> str:
         """The node that offers it, or else its own name."""
-        if self.node:
-            return "/" + self.node
-        return self.name
+        return "/" + self.node if self.node else self.name
 
 
 class PassStarted(BaseEvent, frozen=True):

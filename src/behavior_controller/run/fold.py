@@ -60,11 +60,6 @@ def _without(items: Iterable[Item], item: Item) -> Tuple[Item, ...]:
     return tuple(other for other in items if other is not item)
 
 
-def _changed(steps: Iterable[Step], step: Step, **changes: Any) -> Tuple[Step, ...]:
-    """Return the steps, with changes of one of them."""
-    return tuple(replace(step, **changes) if other is step else other for other in steps)
-
-
 def _conclude(state: State, *facts: Fact) -> State:
     return replace(state, facts=state.facts + facts)
 
@@ -195,11 +190,11 @@ def _step_started(state: State, event: StepStarted) -> State:
     same = _first(state.steps, lambda step: step.uid == event.uid and event.goes_on)
     if same is None:
         return _begin_step(state, step)
-    answered, robot = state.course.answered, state.robot
+    answered, longer = state.course.answered, state.at - same.began + event.limit
     if answered is not None and answered.call == same.call:
-        robot = _left_open(robot, answered)
-    return replace(state, robot=robot, steps=_changed(
-        state.steps, same, limit=state.at - same.began + event.limit))
+        state = replace(state, robot=_left_open(state.robot, answered))
+    return replace(state, steps=tuple(
+        replace(step, limit=longer) if step is same else step for step in state.steps))
 
 
 def _begin_step(state: State, step: Step) -> State:
@@ -218,9 +213,7 @@ def _end_steps(state: State, is_over: Callable[[Step], bool] = lambda step: True
 
 
 def _note_uid(state: State, path: str, uid: int) -> State:
-    if state.uids.get(path) == uid:
-        return state
-    return replace(state, uids={**state.uids, path: uid})
+    return state if state.uids.get(path) == uid else replace(state, uids={**state.uids, path: uid})
 
 
 def _leaf_finished(state: State, event: LeafFinished) -> State:
@@ -426,8 +419,7 @@ def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) ->
 
 
 def _paused(state: State, event: Paused) -> State:
-    paused = Step("", state.at, event.limit, 0, True, cause=event)
-    return _begin_step(_end_steps(state), paused)
+    return _begin_step(_end_steps(state), Step("", state.at, event.limit, 0, True, cause=event))
 
 
 def _safe_state_reported(state: State, event: SafeStateReported) -> State:
@@ -468,11 +460,11 @@ def _asked(state: State, event: Asked) -> State:
             doing, what = step.words, step.what
         state = replace(state, steps=state.steps[:-1] + (replace(step, call=event.call),))
     services = {**state.robot.services, type(request).__name__: event.service}
-    state = _change_robot(state, services=services)
     if isinstance(request, GoTo):
         name = what[3:] if what.startswith("to ") else what
-        state = _change_robot(state, goal=request.goal, goal_name=name, is_lost=False,
-                              services={**services, GoTo.__name__: event.service})
+        state = _change_robot(state, goal=request.goal, goal_name=name, is_lost=False)
+        services[GoTo.__name__] = event.service
+    state = _change_robot(state, services=services)
     if isinstance(request, GoTo) or type(request) in _SWITCHES and request.state != "disabled":
         state = replace(state, safe_state=None)
     said = clean(joined(" ", doing, what))
@@ -501,10 +493,9 @@ def _unasked(state: State, exchange: Exchange) -> Optional[Failure]:
 
 
 def _feedback_received(state: State, event: FeedbackReceived) -> State:
-    for step in state.steps:
-        if step.call == event.call:
-            return replace(state, steps=_changed(state.steps, step, feedback=clean(event.text)))
-    return state
+    steps = tuple(replace(step, feedback=clean(event.text)) if step.call == event.call else step
+                  for step in state.steps)
+    return replace(state, steps=steps)
 
 
 def _abandon(state: State,

@@ -178,9 +178,7 @@ def next_node(state: State, uid: int) -> str:
     if node is None:
         return ""
     words = [_purpose(state, other) if other else "the end of the visit" for other in node.next]
-    if not all(words):
-        return ""
-    return " or ".join(words)
+    return " or ".join(words) if all(words) else ""
 
 
 def _purpose(state: State, uid: int) -> str:
@@ -253,9 +251,7 @@ def _place(robot: Robot) -> str:
 
 
 def _to(goal: str) -> str:
-    if goal == HOME:
-        return goal
-    return "to " + goal
+    return goal if goal == HOME else "to " + goal
 
 
 def instruction(state: State) -> str:

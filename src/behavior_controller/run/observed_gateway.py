@@ -12,9 +12,7 @@ class ObservedGateway(Gateway):
     """Forwards to the robot's."""
 
     def __init__(self, inner: Gateway, interface: Interface, emit: Callable[[Event], None]):
-        self._inner = inner
-        self._interface = interface
-        self._emit = emit
+        self._inner, self._interface, self._emit = inner, interface, emit
         self._numbers = itertools.count(1)
         self._awaited: Set[_ObservedCall] = set()
 
@@ -39,10 +37,7 @@ class _ObservedCall(Call):
     def __init__(self, inner: Call, number: int, emit: Callable[[Event], None],
                  awaited: "Set[_ObservedCall]"):
         """``awaited`` are the calls whose results have not been read, and will be."""
-        self._inner = inner
-        self._number = number
-        self._emit = emit
-        self._awaited = awaited
+        self._inner, self._number, self._emit, self._awaited = inner, number, emit, awaited
         self._is_read = False
         self.request = inner.request
         inner.on_feedback = self._report

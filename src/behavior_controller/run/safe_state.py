@@ -27,10 +27,7 @@ class SafeState:
     def __init__(self, gateway: Gateway, interface: Interface, used: Container[Offer],
                  now: Callable[[], float]):
         """``used`` are the services and topics that the mission cannot do without."""
-        self._gateway = gateway
-        self._interface = interface
-        self._used = used
-        self._now = now
+        self._gateway, self._interface, self._used, self._now = gateway, interface, used, now
         self._began = now()
         self._calls = [gateway.start(request) for request in interface.safe_state]
         self._due: Dict[Call, float] = {}  # when a request that failed is sent again

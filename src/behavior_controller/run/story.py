@@ -182,8 +182,7 @@ def few(names: List[str], kinds: List[str], most: int) -> str:
     """Return the names, or of more than ``most`` how many there are of each kind."""
     if len(names) <= most:
         return listed(names)
-    numbers = collections.Counter(kinds)
-    return listed([count(number, kind) for kind, number in numbers.items()])
+    return listed([count(number, kind) for kind, number in collections.Counter(kinds).items()])
 
 
 def listed(names: List[str]) -> str:
@@ -354,9 +353,7 @@ def switched_off(state: State) -> str:
     reached; empty for none.
     """
     off = safe_parts(state, is_off=True)
-    if not off:
-        return ""
-    return clean(f"{listed(off)} {form(len(off), 'is', 'are')} off")
+    return clean(f"{listed(off)} {form(len(off), 'is', 'are')} off") if off else ""
 
 
 def safe_state(state: State) -> str:

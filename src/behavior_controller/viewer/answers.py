@@ -14,12 +14,11 @@ from behavior_controller.viewer.addresses import ip_of, is_loopback
 
 def host_names(address: str) -> Set[str]:
     """Return the names, besides localhost, under which a browser may ask for the page."""
-    own, names = socket.gethostname().lower(), set()
-    if ip_of(address) is None:
-        names.add(address)
-    if not is_loopback(address):
-        names.update((own, own + ".local"))
-    return names
+    own = socket.gethostname().lower()
+    names = {address} if ip_of(address) is None else set()
+    if is_loopback(address):
+        return names
+    return names | {own, own + ".local"}
 
 
 def stream_of(request: HTTPServerRequest) -> IOStream:

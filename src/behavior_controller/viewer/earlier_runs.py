@@ -81,8 +81,7 @@ class EarlierRuns:
 
     def __init__(self, place: str):
         """Without a ``place`` there are no runs."""
-        self._index = RunIndex(place)
-        self._place = place
+        self._index, self._place = RunIndex(place), place
         self._listed: List[Listed] = []
         self._read = -CURRENT  # when they were
         self._is_reading = False
@@ -110,11 +109,11 @@ class EarlierRuns:
         chosen = [each for each in reversed(listed) if choice.has_run(each.digest)]
         visits = [(each, visit) for each in chosen for visit in reversed(each.digest.visits)
                   if choice.has_visit(visit)]
-        figures = statistics(digests, choice._replace(result="", fault=""))
+        missions, robots = ({digest.mission for digest in digests} - {""},
+                            {digest.robot for digest in digests} - {""})
         return RunList(
-            self._place, reading, sorted({digest.mission for digest in digests} - {""}),
-            sorted({digest.robot for digest in digests} - {""}),
-            days_of(digests), figures,
+            self._place, reading, sorted(missions), sorted(robots), days_of(digests),
+            statistics(digests, choice._replace(result="", fault="")),
             [_run_row(each) for each in chosen[:NEWEST]],
             [_visit_row(*each) for each in visits[first:first + NEWEST]],
             max(0, len(visits) - first - NEWEST))
@@ -143,12 +142,11 @@ class EarlierRuns:
         assert process.stdout is not None
         is_begun = False
         try:
-            while True:
-                data = await process.stdout.read(CHUNK)
-                if not data:
-                    break
-                is_begun = True
+            data = await process.stdout.read(CHUNK)
+            is_begun = bool(data)
+            while data:
                 yield data
+                data = await process.stdout.read(CHUNK)
         finally:
             if process.returncode is None:
                 process.kill()
@@ -174,9 +172,8 @@ async def on_a_thread(function: Callable[[], Result]) -> Result:
 
 
 def _visit_row(listed: Listed, visit: EndedVisit) -> VisitRow:
-    digest = listed.digest
     return VisitRow(listed.name, visit.number, day_of(visit.began), clock(visit.began),
-                    digest.mission, digest.robot, visit.result, visit.words,
+                    listed.digest.mission, listed.digest.robot, visit.result, visit.words,
                     visit.seconds, visit.faults)
 
 

@@ -52,19 +52,18 @@ class Groot2Publisher:
     def __init__(self, address: str, port: int, warn: Callable[[str], None],
                  send: Optional[Callable[[HookChange], None]] = None, attempts: int = 1):
         """Open the sockets, of later ports as ``opened`` says; if a port is taken, ``warn`` gets
-        one line and nothing is served.
+        one line and nothing is served; with port 0, nothing is served either.
 
         ``send`` gets each change of a hook, on the publisher's thread; without it the tree is that
         of a record, and hooks are refused.
         """
-        self._warn = warn
-        self._send = send
+        self._warn, self._send = warn, send
         self._state = State()
         self._shown: Optional[_Shown] = None
         self._is_closed = False
         # of the requests, and of the breakpoints reached
-        self._sockets = opened(
-            address, [port, port + 1], "Groot2 cannot connect", "groot2Port", warn, attempts)
+        self._sockets = opened(address, [each for each in (port, port + 1) if port],
+                               "Groot2 cannot connect", "groot2Port", warn, attempts)
         self._thread = LoopThread("groot2", self._sockets, self._begin, self._end)
         self.is_served, self.port = self._thread.is_serving, self._thread.port
 

@@ -27,8 +27,7 @@ class HookList:
 
     def __init__(self, tree: TreeShown, send: Callable[[HookChange], None], first: int = 1):
         """``first`` is the number of the first change."""
-        self.tree = tree
-        self._send = send
+        self.tree, self._send = tree, send
         self.next_number = first
         self._listed: Dict[Tuple[int, int], _Listed] = {}  # by position and uid
 

@@ -65,9 +65,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
                         help="of the page; 0: no page (default %(default)s)")
     parser.add_argument("--groot2-address", default="127.0.0.1",
                         help="of Groot2's protocol (default %(default)s)")
-    parser.add_argument("--groot2-port", type=ros_arguments.port, default=1667,
-                        help="of Groot2's protocol, and the one after it; 0: none (default "
-                             "%(default)s)")
+    parser.add_argument("--groot2-port", type=ros_arguments.port, default=1667, help="of Groot2's "
+                        "protocol, and the one after it; 0: none (default %(default)s)")
     parser.add_argument("--records", default="", help="folder of the runs that the page lists "
                         "(default: the one of the record)")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
@@ -87,21 +86,14 @@ class Viewer:
     def __init__(self, chosen: argparse.Namespace, warn: Callable[[str], None],
                  send: Optional[Callable[[HookChange], None]] = None):
         """``send`` gets changes of hooks; without it they are refused."""
-        self._page: Optional[Page] = None
-        self._groot2: Optional[Groot2Publisher] = None
-        if chosen.port:
-            self._page = Page(chosen.address, chosen.port, self._new_board(), warn,
-                              chosen.records, chosen.attempts)
-        if chosen.groot2_port:
-            self._groot2 = Groot2Publisher(chosen.groot2_address, chosen.groot2_port, warn, send,
-                                           chosen.attempts)
-        self.has_page = self._page is not None and self._page.is_served
-        has_groot2 = self._groot2 is not None and self._groot2.is_served
-        self.is_serving = self.has_page or has_groot2
-        self.ports = [watcher.port if watcher is not None else 0
-                      for watcher in (self._page, self._groot2)]
+        self._page = Page(chosen.address, chosen.port, self._new_board(), warn, chosen.records,
+                          chosen.attempts)
+        self._groot2 = Groot2Publisher(chosen.groot2_address, chosen.groot2_port, warn, send,
+                                       chosen.attempts)
+        self.is_serving = self._page.is_served or self._groot2.is_served
+        self.ports = [self._page.port, self._groot2.port]
         page, groot2 = _ports(chosen)
-        self.missing = page * (not self.has_page) + groot2 * (not has_groot2)
+        self.missing = page * (not self._page.is_served) + groot2 * (not self._groot2.is_served)
         """The ports that could not be opened."""
 
     def _new_board(self) -> Board:
@@ -111,28 +103,24 @@ class Viewer:
 
     def begin(self) -> None:
         """Show another run, whose lines follow."""
-        if self._page is not None:
-            self._page.show(self._new_board())
+        self._page.show(self._new_board())
 
     def take(self, line: Line) -> None:
         """Show the next event. Of simulated time only signs of life tell how far it is."""
         if line.ros is not None and isinstance(line.event, SignOfLife):
             use_clock_of(line.time - time.monotonic())
-        if self.has_page:
+        if self._page.is_served:
             self._lines.append(line)
-        if self._groot2 is not None:
-            self._groot2.take(line)
+        self._groot2.take(line)
 
     def note_end(self) -> None:
         """Show that the run is over."""
-        if self._page is not None:
-            self._page.note_end()
+        self._page.note_end()
 
     def close(self) -> None:
         """Show the end, and stop serving."""
-        for watcher in (self._page, self._groot2):
-            if watcher is not None:
-                watcher.close()
+        self._page.close()
+        self._groot2.close()
 
 
 # ------------------------------------------------------------------------------------ as a child
@@ -157,9 +145,7 @@ def _show_parent(chosen: argparse.Namespace) -> int:
     ports = [0, 0]
     threading.Thread(target=_give_sign_of_life, args=(send, ports), daemon=True).start()
     # the controller may replace another one, whose viewer goes on for a moment
-    ends = time.monotonic() + PORTS_LIMIT
-    if chosen.attempts > 1:
-        ends = time.monotonic() + NEXT_PORTS_AFTER
+    ends = time.monotonic() + (NEXT_PORTS_AFTER if chosen.attempts > 1 else PORTS_LIMIT)
     while time.monotonic() < ends and _trouble(sum(_ports(chosen), [])) == errno.EADDRINUSE:
         time.sleep(NEWER_RUN_POLL)
     viewer = Viewer(chosen, lambda text: send(ViewerTold(text)), send)

@@ -1,4 +1,5 @@
 """Two visits of any runs side by side, and the node at which they part."""
+import itertools
 from typing import List, Optional
 
 from msgspec import Struct
@@ -39,11 +40,8 @@ class Parting(Struct, frozen=True):
 def parting(one: List[ResultRow], other: List[ResultRow]) -> Parting:
     """Compare two visits: the path of each leaf, and how it ended."""
     keys, others = ([(row.path, row.letter) for row in rows] for rows in (one, other))
-    first = next((number for number, pair in enumerate(zip(keys, others)) if pair[0] != pair[1]),
-                 None)
-    if first is None and len(one) != len(other):
-        first = min(len(one), len(other))
-    return Parting(one, other, first)
+    pairs = enumerate(itertools.zip_longest(keys, others))
+    return Parting(one, other, next((number for number, pair in pairs if pair[0] != pair[1]), None))
 
 
 def visit_rows(path: str, number: int) -> List[ResultRow]:
@@ -66,12 +64,10 @@ def visit_rows(path: str, number: int) -> List[ResultRow]:
 
 
 def _row(node: TreeNode, visit: Visit, ended: NodeResult) -> ResultRow:
-    name = node.label
-    if node.kind != name:
-        name = joined(" ", name, node.kind)
-    return ResultRow(ended.uid, clean(node.path), clean(name), ended.letter,
-                     story.cause(ended.failure),
-                     round(ended.ended - (visit.arrived or visit.began), 1))
+    kind = node.kind if node.kind != node.label else ""
+    seconds = round(ended.ended - (visit.arrived or visit.began), 1)
+    return ResultRow(ended.uid, clean(node.path), clean(joined(" ", node.label, kind)),
+                     ended.letter, story.cause(ended.failure), seconds)
 
 
 def _add(rows: List[ResultRow], row: ResultRow) -> None:

@@ -85,8 +85,7 @@ class Drawn:
 
     def __init__(self, began: float, started: events.RunStarted, tree: events.TreeShown):
         self.began = self.ended = began
-        self.started = started
-        self.tree, self.nodes = tree, tree.nodes
+        self.started, self.tree, self.nodes = started, tree, tree.nodes
         self.visits: Dict[int, Visit] = {}
         # by visit; 0 is what was before the first
         self.sentences: Dict[int, List[story.Sentence]] = collections.defaultdict(list)

@@ -1,13 +1,13 @@
 """The digests of all runs below a folder, kept in a file beside them that can be thrown away."""
 import contextlib
 import os
-import tempfile
 import time
 from typing import Dict, Iterator, List, Optional
 
 import msgspec
 
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.output_files import replace_file
 from behavior_controller.run.digest import Digest, Digester
 from behavior_controller.run.record.codec import VERSION
 from behavior_controller.run.record.files import is_written, runs, size
@@ -53,8 +53,7 @@ class _Reading:
     """A run as far as it was read."""
 
     def __init__(self, path: str):
-        self.path = path
-        self.trouble = ""
+        self.path, self.trouble = path, ""
         self._tail, self._digester = RunTail(path), Digester()
 
     def listed(self) -> Listed:
@@ -118,16 +117,8 @@ class RunIndex:
 
     def _write(self, listed: List[Listed]) -> None:
         """Write the index; a folder in which nothing can be written has none."""
-        data = msgspec.json.encode(_Index(_LAYOUT, listed))
-        with contextlib.suppress(OSError), tempfile.NamedTemporaryFile(
-                dir=self.place, prefix=".", delete=False) as file:
-            try:
-                file.write(data)
-                file.flush()
-                os.replace(file.name, self._file)
-            except OSError:
-                os.unlink(file.name)
-                raise
+        with contextlib.suppress(OSError):
+            replace_file(self._file, msgspec.json.encode(_Index(_LAYOUT, listed)))
 
 
 def all_runs(place: str) -> List[Listed]:

@@ -13,8 +13,7 @@ def text_lines(listed: Sequence[Listed]) -> Iterator[str]:
     figures = statistics(each.digest for each in listed)
     number = sum(figures.visits.values())
     results = ", ".join(f"{many} {result}" for result, many in figures.visits.items())
-    runs = f"{count(number, 'visit')} in {count(figures.runs, 'run')}"
-    yield joined(": ", runs, results)
+    yield joined(": ", f"{count(number, 'visit')} in {count(figures.runs, 'run')}", results)
     yield from _table(["day", "runs", "visits", "complete", "broken off", "could be served"], [
         [day.day, day.runs, sum(day.visits.values()),
          day.visits.get(COMPLETE, 0) + day.visits.get(IN_PART, 0),
@@ -40,9 +39,7 @@ def seconds(length: float) -> str:
     if length < 60:
         return f"{length:.1f} s"
     minutes, rest = divmod(round(length), 60)
-    if minutes < 60:
-        return f"{minutes} min {rest} s"
-    return "{} h {} min".format(*divmod(minutes, 60))
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def _table(head: List[str], rows: List[List[object]]) -> Iterator[str]:

@@ -150,9 +150,9 @@ def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
                         help="whether all is ready for a demonstration, instead of the tree")
     parser.add_argument("--address", default="127.0.0.1",
                         help="monitorAddress of the node (default %(default)s)")
-    parser.add_argument("--robot", default="", type=lambda text: text.lstrip("/"),
-                        help="robot of the node, if it is one of several; else the one with that "
-                             "address and port")
+    parser.add_argument("--robot", default="", type=lambda text: text.lstrip("/"), help="robot of "
+                        "the node, if it is one of several; else the one with that address and "
+                        "port")
     parser.add_argument("--port", type=partial(ros_arguments.port, least=1), default=8080,
                         help="monitorPort of the node (default %(default)s)")
     return ros_arguments.parse(parser, arguments)
@@ -310,9 +310,10 @@ def _head(state: ShownState) -> List[str]:
         doing = f"{now.ended}; last: {now.card.what}"
     of_robot = f" of {mission.robot}" * bool(mission.robot)
     name = f"mission {mission_name(mission.file)}".rstrip()  # it is not known before the start
-    head = [f"{name}{of_robot}: {doing}",
-            *["to do: " + now.robot.instruction] * bool(now.robot.instruction),
-            "robot: " + replace(now.robot, instruction="").text]
+    head = [f"{name}{of_robot}: {doing}"]
+    if now.robot.instruction:
+        head.append("to do: " + now.robot.instruction)
+    head.append("robot: " + replace(now.robot, instruction="").text)
     heard = [f"{row.name}: {row.text}" for row in state.ready.rows
              if row.kind == "topic" and row.state == READY]
     if heard and not now.ended:
@@ -353,27 +354,23 @@ def _troubles(state: ShownState) -> Iterator[str]:
         if not part.well:
             yield f"{part.kind} {part.name}: {part.status}; {part.consequence}"
     for first, *rest in list(_entries(state.story.sentences))[-MOST_ENTRIES:]:
-        came = (row.text for row in rest[-1:])
-        yield f"{first.time}  {joined('; ', first.text, *came)}"
+        yield f"{first.time}  {joined('; ', first.text, *(row.text for row in rest[-1:]))}"
 
 
 def _entries(rows: List[parts.SentenceRow]) -> Iterator[List[parts.SentenceRow]]:
     """Yield in the order of time what went wrong, and what came of it: the sentences of an incident
     together as far as none of another one came between them."""
-    incidents: Set[Any] = set()
-    entry: List[parts.SentenceRow] = []
+    incidents: Set[Tuple[int, float]] = set()
+    shown: List[parts.SentenceRow] = []
     for row in rows:
-        is_health = row.kind == "health" and row.severity != "info"  # which has a line of its own
-        if row.severity != "info" and not is_health:
-            incidents.add(_incident(row))
-        if is_health or _incident(row) not in incidents:
+        if row.kind == "health" and row.severity != "info":  # it has a line of its own
             continue
-        if entry and _incident(entry[0]) != _incident(row):
-            yield entry
-            entry = []
-        entry.append(row)
-    if entry:
-        yield entry
+        if row.severity != "info":
+            incidents.add(_incident(row))
+        if _incident(row) in incidents:
+            shown.append(row)
+    for _, entry in itertools.groupby(shown, _incident):
+        yield list(entry)
 
 
 def _incident(row: parts.SentenceRow) -> Tuple[int, float]:
@@ -394,6 +391,5 @@ def _tree(nodes: List[parts.NodeRow], statuses: parts.Statuses, is_all: bool) ->
             letter = DONE_AGAIN
         depths.append(depths[parent] + (is_shown and number > 1))
         if is_shown:
-            label = clean(joined(" ", node.name, node.kind))
-            words = joined(": ", label, MEANINGS.get(letter, ""))
+            words = joined(": ", clean(joined(" ", node.name, node.kind)), MEANINGS.get(letter, ""))
             yield f"{'  ' * min(depths[number], MAX_INDENT)}{MARKS.get(letter, '·')} {words}"

@@ -1,6 +1,7 @@
 """What is shown of a run: the same for now, for an earlier moment, and for each moment of a record.
 """
 import collections
+import contextlib
 import time
 from typing import Any, Deque, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
@@ -99,10 +100,10 @@ class View(story.Story):
 
     def _count_call(self, exchange: Exchange) -> None:
         if exchange.answered is not None:
-            before = self.calls.get(exchange.service, Calls())
-            self.calls[exchange.service] = Calls(
-                before.calls + 1, before.failures + (exchange.failure is not None),
-                exchange.answered - exchange.asked)
+            calls, failures, _ = self.calls.get(exchange.service, Calls())
+            failures += exchange.failure is not None
+            seconds = exchange.answered - exchange.asked
+            self.calls[exchange.service] = Calls(calls + 1, failures, seconds)
 
     def _end(self, ended: NodeResult) -> None:
         results = self._results.setdefault(ended.uid, collections.deque(maxlen=RESULTS))
@@ -163,9 +164,9 @@ class View(story.Story):
 
     def now(self) -> parts.Now:
         state = self.state
-        last = "".join(f"visitor {visit.number}: {story.how_it_ended(visit)}"
-                       for visit in self._ended_visits()[-1:])
-        return parts.Now(card(state), robot_line(state), state.visit_count, self.ended, last)
+        last = [f"visitor {visit.number}: {story.how_it_ended(visit)}"
+                for visit in self._ended_visits()[-1:]]
+        return parts.Now(card(state), robot_line(state), state.visit_count, self.ended, *last)
 
     def story(self) -> parts.StoryPart:
         visit = self.state.visit
@@ -195,10 +196,10 @@ class View(story.Story):
         visit = self.state.visit
         if name not in self.state.tree.times or visit is None:
             return text
-        try:
+        # a script of the mission may have written something else
+        with contextlib.suppress(ValueError, OverflowError):
             return clock(visit.began + float(text) - self.state.course.pass_began)
-        except (ValueError, OverflowError):  # a script of the mission wrote something else
-            return text
+        return text
 
     def offers(self) -> Dict[str, parts.Offer]:
         """Return how each service and topic is, by name."""
@@ -251,18 +252,13 @@ class View(story.Story):
 
 
 PARTS: Dict[str, Tuple[str, ...]] = {
-    "mission": ("started", "tree"),
-    "statuses": ("letters", "recoveries"),
+    "mission": ("started", "tree"), "statuses": ("letters", "recoveries"),
     "now": ("starting", "started", "finished", "held", "suspended", "resume", "due", "steps",
             "exchanges", "robot", "visits", "safe_state", "tree", "failures", "recoveries"),
     "story": ("visits",),
     "ready": ("checks", "said", "starting", "started", "finished", "robot"),
-    "visits": ("visit_results", "finished"),
-    "timeline": ("steps", "visit_count"),
-    "values": (),
-    "blackboard": ("entries", "tree"),
-    "health": ("started", "robot"),
-    "alive": ()}
+    "visits": ("visit_results", "finished"), "timeline": ("steps", "visit_count"), "values": (),
+    "blackboard": ("entries", "tree"), "health": ("started", "robot"), "alive": ()}
 """All parts of the board in the order in which they are sent, and the fields of the model that each
 shows."""
 

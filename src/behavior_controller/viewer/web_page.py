@@ -44,16 +44,16 @@ class Page:
     def __init__(self, address: str, port: int, board: Board, warn: Callable[[str], None],
                  records: str = "", attempts: int = 1):
         """Start to serve at the port, or at a later one, as ``opened`` says; if it is taken,
-        ``warn`` gets one line and nothing is served. ``records`` is the folder of the runs that are
-        listed; empty: there is none."""
+        ``warn`` gets one line and nothing is served; with port 0, nothing is served either.
+        ``records`` is the folder of the runs that are listed; empty: there is none."""
         self.board = board
         self._runs = EarlierRuns(records)
         self.streams: Set[_Pushed] = set()
         self._host_names = host_names(address.lower())
         self.connections = Connections(MOST_CONNECTIONS)
         self.is_closing = False
-        self._sockets = opened(address, [port], "no page in the browser", "monitorPort", warn,
-                               attempts)
+        self._sockets = opened(address, list(filter(None, [port])), "no page in the browser",
+                               "monitorPort", warn, attempts)
         self._thread = LoopThread("page", self._sockets, self._begin)
         self.is_served, self.port = self._thread.is_serving, self._thread.port
 

@@ -39,8 +39,7 @@ class Peer:
 
     def __init__(self, stream: IOStream, most_bytes: int):
         """``most_bytes`` is the most that a message may have, with the lengths of its frames."""
-        self.stream = stream
-        self._most_bytes = most_bytes
+        self.stream, self._most_bytes = stream, most_bytes
         self._heard = -math.inf
 
     @property

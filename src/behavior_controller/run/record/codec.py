@@ -73,8 +73,7 @@ class Decoder:
         """``former`` has read the file before it of the same run, if there is one. ``is_late``:
         what the files before it have is not missing."""
         self.has_mission = False
-        self._file = file
-        self._is_late = is_late
+        self._file, self._is_late = file, is_late
         self._read = 0  # lines
         self.head = Header(FORMAT, VERSION, 0, 0.0)
         self._run: Optional[Tuple[int, float]] = None  # process and beginning

@@ -62,8 +62,7 @@ class Entries:
     """Which entries of a tree's blackboards were written since the last call of ``news``."""
 
     def __init__(self, tree: Tree) -> None:
-        self._tree = tree
-        self._writes = 0
+        self._tree, self._writes = tree, 0
         self._known: Dict[str, Tuple[EntryOfTree, int]] = {}
 
     def news(self) -> List[Tuple[str, Any]]:

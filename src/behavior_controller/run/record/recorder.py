@@ -87,8 +87,7 @@ class Record(Feed, Topics):
     def __init__(self, *outputs: Output, describe: Describe = shown):
         """``describe`` makes the event for a tree that is going to run; its number counts them."""
         super().__init__()
-        self._outputs = list(outputs)
-        self._describe = describe
+        self._outputs, self._describe = list(outputs), describe
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._work, name="record", daemon=True)
         self._reads: Dict[Topic, int] = {}  # in this traversal

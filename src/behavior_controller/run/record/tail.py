@@ -28,8 +28,7 @@ def follow(path: str, newest: int = 0) -> Iterator[Optional[Line]]:
         try:
             goes_on = is_written(path)  # asked before reading: what was written until then is read
         except OSError as error:
-            why = f"the record cannot be read: {error.strerror}"
-            raise MissionError.of(path, why) from error
+            raise MissionError.of(path, f"the record cannot be read: {error.strerror}") from error
         yield from tail.news()
         if goes_on:
             tail.use_clock()
@@ -43,8 +42,7 @@ class RunTail:
     def __init__(self, path: str, newest: int = 0):
         """``path`` is the first file of the run. With ``newest``, reading begins with the last
         files, of that number, each of which begins with what was so before it."""
-        self._path = path
-        self._newest = newest
+        self._path, self._newest = path, newest
         self._places: Dict[str, int] = {}  # bytes that were read of each file, in their order
         self._decoder: Optional[Decoder] = None  # of the last one
 

@@ -37,19 +37,17 @@ def _shown_node(node: Any, successors: Successors) -> TreeNode:
     parent, is_bare = 0, False
     if node.parent is not None:
         parent, is_bare = node.parent.uid, _is_bare(node.spec, node.name)
+    place = node.place_in_file().rstrip(": ")
     return TreeNode(
         node.full_path, node.registration_id, node.name, parent, _pause(node), successors.of(node),
-        clean(name), clean(kind), is_bare, node.blackboard.path, node.place_in_file().rstrip(": "),
-        _ports(node))
+        clean(name), clean(kind), is_bare, node.blackboard.path, place, _ports(node))
 
 
 def _pause(node: Node) -> float:
     if not node.spec.pause:
         return 0.0
     milliseconds = node.attributes.get(node.spec.pause, "")
-    if not milliseconds.isdecimal():
-        return -1.0
-    return int(milliseconds) / 1000.0
+    return int(milliseconds) / 1000.0 if milliseconds.isdecimal() else -1.0
 
 
 def _is_bare(spec: NodeSpec, name: str) -> bool:
