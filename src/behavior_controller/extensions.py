@@ -188,8 +188,7 @@ def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
             raise extension.broken(
                 f"{wanted} is not a tuple; with one item it needs a comma: {wanted} = (…,)", wanted)
     lacking = [wanted for wanted in EXPORTS[kind] if wanted not in values]
-    near = [other for other, value in vars(module).items()
-            if did_you_mean(other, lacking, 0.8)
+    near = [other for other, value in vars(module).items() if did_you_mean(other, lacking, 0.8)
             and (_is_list(value) or not values and other.isupper())]
     if near or not values:
         raise extension.broken("it has no {}{}".format(

@@ -21,7 +21,7 @@ import pytest
 import zmq
 
 from behavior_controller.run.events import (
-    Asked, BreakpointChanged, Noticed, RunFinished, SignOfLife, unix_at, use_clock_of)
+    Asked, BreakpointChanged, Line, Noticed, RunFinished, SignOfLife, unix_at, use_clock_of)
 from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode, header
 from behavior_controller.robot.requests import GoTo, Location
@@ -417,10 +417,19 @@ def test_the_folder_of_runs_is_that_of_the_record_unless_one_is_given(monkeypatc
     assert seen == [expected]
 
 
-def test_the_end_of_a_run_is_shown_where_there_is_a_page():
-    viewer, ends = object.__new__(main.Viewer), []
-    viewer._page = None
+def test_a_viewer_without_ports_takes_a_run_and_serves_nothing():
+    chosen = argparse.Namespace(address="127.0.0.1", port=0, groot2_address="127.0.0.1",
+                                groot2_port=0, records="", attempts=1)
+    viewer = main.Viewer(chosen, pytest.fail)
+    assert (viewer.is_serving, viewer.ports, viewer.missing) == (False, [0, 0], [])
+    viewer.begin()
+    viewer.take(Line(1.0, RunFinished("stopped", 0)))
     viewer.note_end()
+    viewer.close()
+
+
+def test_the_end_of_a_run_is_shown_on_the_page():
+    viewer, ends = object.__new__(main.Viewer), []
     viewer._page = types.SimpleNamespace(note_end=lambda: ends.append(1))
     viewer.note_end()
     assert ends == [1]

@@ -64,10 +64,9 @@ _COUNT = integer(1, 999)
 _COORDINATE = number(-10000, 10000)
 
 _FILE = some_text("a file in the folder data beside the configuration's folder, or a path")
-_CONFIGURATION_KEYS = (
-    Key(_KNOWLEDGE_BASE, _FILE, REQUIRED, "the knowledge file"),
-    Key("verboseMode", boolean, None, "for the release's own programs"),
-    Key("valueTypes", _FILE, None, "for the release's own programs"))
+_CONFIGURATION_KEYS = (Key(_KNOWLEDGE_BASE, _FILE, REQUIRED, "the knowledge file"),
+                       Key("verboseMode", boolean, None, "for the release's own programs"),
+                       Key("valueTypes", _FILE, None, "for the release's own programs"))
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from typing import Callable, Dict, Hashable, List, Mapping, Optional, Tuple, Uni
 from msgspec import Struct
 
 from behavior_controller.thread_check import tick_thread_only
-from behavior_controller.robot.declarations import (
-    Message, Sample, Service, Topic, Unusable, Value)
+from behavior_controller.robot.declarations import Message, Sample, Service, Topic, Unusable, Value
 from behavior_controller.robot.requests import Answer, Exhibit, QueryKnowledge, Request
 
 

@@ -80,9 +80,8 @@ class Digester:
         before, self._state = self._state, fold(self._state, line.time, line.event)
         if self._began is None:
             self._began = self._unserved_since = line.time
-        for failed in self._state.concluded(LeafFailure):
-            if not failed.is_false_condition:
-                self._faults.append(fault(failed.node, failed.failure))
+        self._faults += [fault(failed.node, failed.failure) for failed
+                         in self._state.concluded(LeafFailure) if not failed.is_false_condition]
         for visit in self._state.concluded(Visit):
             self._end_visit(visit)
         if before.robot.troubles is not self._state.robot.troubles:

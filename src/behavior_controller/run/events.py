@@ -474,11 +474,10 @@ class Lost(BaseEvent, frozen=True):
 
 
 Event = Union[
-    Starting, RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering,
-    Retried, Recovered, HealthChanged, PassFinished, Paused, SafeStateReported,
-    BreakpointChanged, HookEnded, Suspended, Noticed, RunFinished, TreeShown, Tick,
-    TreeStatuses, Asked, Answered, FeedbackReceived, Message, RecognitionPending,
-    EntriesWritten, SignOfLife, Lost, Checked, TopicSaid]
+    Starting, RunStarted, PassStarted, StepStarted, LeafFinished, StopChanged, Recovering, Retried,
+    Recovered, HealthChanged, PassFinished, Paused, SafeStateReported, BreakpointChanged, HookEnded,
+    Suspended, Noticed, RunFinished, TreeShown, Tick, TreeStatuses, Asked, Answered, Message,
+    FeedbackReceived, RecognitionPending, EntriesWritten, SignOfLife, Lost, Checked, TopicSaid]
 EVENTS: Tuple[Any, ...] = get_args(Event)
 """The kinds of events."""
 

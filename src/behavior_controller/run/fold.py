@@ -372,8 +372,9 @@ def _recovered(state: State, event: Recovered) -> State:
     state = _end_steps(state, lambda step: step.uid == uid)
     state = replace(state, omitted=0, recovered=decided,
                     recoveries=_without(state.recoveries, known))
-    state = _change_course(state, handler=event.uid, failed=(0, None),
-                           stuck=why if event.outcome == GIVEN_UP else None)
+    state = _change_course(state, handler=event.uid, failed=(0, None), stuck=None)
+    if event.outcome == GIVEN_UP:
+        state = _change_course(state, stuck=why)
     if omitted is not None:
         if state.course.left_by is not None:
             why = state.why_left

@@ -240,8 +240,9 @@ def _safety(state: State) -> str:
 def _place(robot: Robot) -> str:
     last = robot.last_place and "at " + robot.last_place
     if robot.goal is not None:
-        # of a node that is gone nothing has taken the goal
-        verb = "asked to drive" if robot.cannot_drive else "driving"
+        verb = "driving"
+        if robot.cannot_drive:  # nothing has taken the goal
+            verb = "asked to drive"
         return f"{verb} {_to(robot.goal_name or f'{robot.goal.x:g}, {robot.goal.y:g}')}"
     if robot.place is not None:
         return last or f"at {robot.place.x:g}, {robot.place.y:g}"

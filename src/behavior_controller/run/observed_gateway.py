@@ -38,8 +38,7 @@ class _ObservedCall(Call):
                  awaited: "Set[_ObservedCall]"):
         """``awaited`` are the calls whose results have not been read, and will be."""
         self._inner, self._number, self._emit, self._awaited = inner, number, emit, awaited
-        self._is_read = False
-        self.request = inner.request
+        self.request, self._is_read = inner.request, False
         inner.on_feedback = self._report
 
     @property

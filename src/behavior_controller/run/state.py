@@ -189,9 +189,7 @@ class Step(Struct, frozen=True):
     @property
     def until(self) -> Optional[float]:
         """When it ends at the latest."""
-        if not self.limit:
-            return None
-        return self.began + self.limit
+        return self.began + self.limit if self.limit else None
 
 
 class Exchange(Struct, frozen=True):
@@ -442,9 +440,7 @@ class State(Struct, frozen=True):
     @property
     def stops(self) -> Tuple[Stop, ...]:
         """The stops of the visit under way, or else of the last one."""
-        if not self.visits:
-            return ()
-        return self.visits[-1].stops
+        return next((visit.stops for visit in self.visits[-1:]), ())
 
     @property
     def stop(self) -> Optional[Stop]:
@@ -454,10 +450,8 @@ class State(Struct, frozen=True):
     @property
     def waits_for(self) -> Optional[Exchange]:
         """The request whose answer the step under way waits for."""
-        step = self.step
-        if step is None:
-            return None
-        return next((exchange for exchange in self.exchanges if exchange.call == step.call), None)
+        calls = [step.call for step in self.steps[-1:]]
+        return next((exchange for exchange in self.exchanges if exchange.call in calls), None)
 
     @property
     def held_by(self) -> Optional[HealthChanged]:

@@ -108,8 +108,7 @@ def _fault_counts(visits: List[EndedVisit]) -> List[FaultCount]:
     """Return the faults, that which ended most visits first, then that which most met."""
     ended = collections.Counter(visit.decisive for visit in visits if visit.decisive)
     met: Counter[str] = collections.Counter(
-        fault for visit in visits if visit.faults or visit.decisive
-        for fault in {*visit.faults, visit.decisive} - {""})
+        fault for visit in visits for fault in {*visit.faults, visit.decisive} - {""})
     return [FaultCount(fault, count, ended[fault]) for fault, count in sorted(
         met.items(), key=lambda item: (-ended[item[0]], -item[1], item[0]))]
 

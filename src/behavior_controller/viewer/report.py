@@ -45,10 +45,9 @@ step, a value."""
 _LETTERS = {COMPLETE: "S", IN_PART: "S", BROKEN_OFF: "F", STOPPED: "-", UNDER_WAY: "R"}
 """The kinds of bars for visits by result; for one that the visitor chose it is that of a step."""
 
-LEGEND = {
-    "S": "success", "F": "failure", "h": "halted", UNTRUE: "not yet true",
-    RETRIED: "a retry failed", "w": "waiting for a visitor", "warning": "warning", "error": "error",
-    VALUE: "value"}
+LEGEND = {"S": "success", "F": "failure", "h": "halted", UNTRUE: "not yet true",
+          RETRIED: "a retry failed", "w": "waiting for a visitor", "warning": "warning",
+          "error": "error", VALUE: "value"}
 
 MAX_LIST_DEPTH = 100
 """Levels of nested lists; browsers accept no more than about 170, so deeper nodes are shown beside

@@ -327,9 +327,7 @@ def _head(state: ShownState) -> List[str]:
 
 def ready_lines(ready: parts.Ready) -> List[str]:
     """Return the list of what is ready, with a headline."""
-    head = "not ready"
-    if ready.is_ready:
-        head = "ready"
+    head = "ready" if ready.is_ready else "not ready"
     return [head, *(clean(f"{READY_MARKS[row.state]} {row.kind} {row.name}: {row.text}")
                     for row in ready.rows)]
 

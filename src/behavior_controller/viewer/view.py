@@ -102,7 +102,7 @@ class View(story.Story):
         if exchange.answered is not None:
             calls, failures, _ = self.calls.get(exchange.service, Calls())
             failures += exchange.failure is not None
-            seconds = exchange.answered - exchange.asked
+            seconds = round(exchange.answered - exchange.asked, 3)
             self.calls[exchange.service] = Calls(calls + 1, failures, seconds)
 
     def _end(self, ended: NodeResult) -> None:
@@ -215,12 +215,10 @@ class View(story.Story):
         """Return this with what is known for now only: how often each was called, or heard last."""
         offers = {}
         for name, offer in self.offers().items():
-            calls, heard = self.calls.get(name), self.state.heard.get(name)
-            if calls is not None:
-                offer = replace(offer, calls=calls.calls, failures=calls.failures,
-                                seconds=round(calls.seconds, 3))
-            if heard is not None:
-                offer = replace(offer, age=round(unix_now() - heard, 1))
+            if name in self.calls:
+                offer = replace(offer, **self.calls[name]._asdict())
+            if name in self.state.heard:
+                offer = replace(offer, age=round(unix_now() - self.state.heard[name], 1))
             offers[clean(name)] = offer
         return offers
 

@@ -11,9 +11,8 @@ import msgspec
 from msgspec.structs import replace
 
 from behavior_controller.errors import Fault, MissionError
-from behavior_controller.run.events import (
-    Event, Line, Lost, Message, PassFinished, RunStarted, Tick, TreeNode, TreeShown,
-    is_simulated, unix_at)
+from behavior_controller.run.events import (Event, Line, Lost, Message, PassFinished, RunStarted,
+                                            Tick, TreeNode, TreeShown, is_simulated, unix_at)
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 
 FORMAT = "behaviorController record"
