@@ -198,7 +198,7 @@ def test_a_folder_in_which_nothing_can_be_written_is_listed_all_the_same(copy, m
     def refuse(*arguments, **named):
         raise OSError(30, "Read-only file system")
 
-    monkeypatch.setattr("behavior_controller.viewer.run_index.tempfile.NamedTemporaryFile", refuse)
+    monkeypatch.setattr("behavior_controller.output_files.tempfile.NamedTemporaryFile", refuse)
     assert len(listed_of(copy)) == 3 and not os.path.exists(os.path.join(copy, INDEX))
 
 
