@@ -88,8 +88,9 @@ class SetBlackboard(SyncActionLeaf):
 
 def _of_write(attributes: possible.Attributes, _children: List[int]) -> int:
     """Return how a SetBlackboard can end: it fails if the entry that it copies is empty."""
-    is_copy = ports.reference(attributes.get("value", "="), "value") is not None
-    return possible.OF_A_LEAF if is_copy else possible.SUCCEEDS
+    if ports.reference(attributes.get("value", "="), "value") is None:
+        return possible.SUCCEEDS
+    return possible.OF_A_LEAF
 
 
 class UnsetBlackboard(SyncActionLeaf):

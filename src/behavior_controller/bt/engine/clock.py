@@ -79,8 +79,10 @@ class Clock:
         ``is_foreign``: it belongs to no node; the search for one is saved. Its seconds begin when
         it is set, not with the traversal: a slow leaf's time does not count against a request.
         """
-        owner = None if is_foreign else owner_of(callback) or self._running
-        timer = Timer((self.source if is_foreign else self.now)() + seconds, callback, owner)
+        now, owner = self.source, None
+        if not is_foreign:
+            now, owner = self.now, owner_of(callback) or self._running
+        timer = Timer(now() + seconds, callback, owner)
         if len(self._queue) >= self._room:
             self._queue = [entry for entry in self._queue if entry[2].callback is not None]
             heapq.heapify(self._queue)
@@ -91,7 +93,10 @@ class Clock:
     def post(self, callback: Callable[[], None], is_foreign: bool = False) -> None:
         """Have ``callback`` run soon on the tick thread, in the order of posting. Then the caller
         must wake the tree. ``is_foreign``: see ``call_after``."""
-        self._posted.append((callback, None if is_foreign else owner_of(callback)))
+        owner = None
+        if not is_foreign:
+            owner = owner_of(callback)
+        self._posted.append((callback, owner))
 
     @tick_thread_only
     def run_posted(self) -> None:
@@ -103,15 +108,20 @@ class Clock:
     @tick_thread_only
     def next_due(self) -> Optional[float]:
         """Return when the next timer is due, or None when there is none."""
-        while self._queue and self._queue[0][2].callback is None:
+        while self._queue:
+            due, _, timer = self._queue[0]
+            if timer.callback is not None:
+                return due
             heapq.heappop(self._queue)
-        return self._queue[0][0] if self._queue else None
+        return None
 
     @tick_thread_only
     def time_left(self) -> Optional[float]:
         """Return for how many seconds of the process to wait for a timer; None: any."""
         due = self.next_due()
-        return None if due is None else due - self.now()
+        if due is None:
+            return None
+        return due - self.now()
 
     def take_jump(self) -> float:
         """Return by how many seconds the source has jumped back since the last call."""
@@ -143,7 +153,7 @@ class Clock:
         try:
             callback()
         except BaseException as error:  # a leaf's callback may raise anything
-            raise failure_of(owner, error, "a callback of " if owner is not None else "")
+            raise failure_of(owner, error, "a callback of " * (owner is not None))
         finally:
             self._running = None
 
@@ -225,7 +235,9 @@ class SimulatedClock(Clock):
         due = self.next_due()
         self._alarm = math.inf if due is None else due
         # asked after the alarm is set: a message that comes in between is seen by one of the two
-        return 0.0 if self.source() >= self._alarm else self.process.time_left()
+        if self.source() >= self._alarm:
+            return 0.0
+        return self.process.time_left()
 
     @tick_thread_only
     def run_due(self) -> None:

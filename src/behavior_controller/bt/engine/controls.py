@@ -4,7 +4,7 @@ A control node stores RUNNING at the start of its tick. When it returns SKIPPED 
 therefore stays RUNNING, and its parent will halt it: that is the library's behaviour, recorded in
 its traces.
 """
-from typing import Any, Iterator, Optional, Tuple
+from typing import Any, Dict, Iterator, Optional, Tuple
 
 from py_trees import composites
 from py_trees.common import ParallelPolicy
@@ -174,7 +174,9 @@ class ParallelBase(Control, composites.Parallel):
         value, count = self.get_input(port), len(self.children)
         if value > count:
             raise NodeError(f"Number of children is less than threshold. Can never {verb}.")
-        return value if value >= 0 else max(count + value + 1, 0)
+        if value < 0:
+            return max(count + value + 1, 0)
+        return value
 
     def tick_children(self) -> Iterator[Tuple[int, int, int]]:
         """Tick every child that has not completed, and yield after each child how many have
@@ -240,6 +242,10 @@ class ParallelAll(ParallelBase):
         return RUNNING
 
 
+_CHOSEN: Dict[Result, int] = {SUCCESS: 1, FAILURE: 2}
+"""The child that follows, by the result of the condition."""
+
+
 class _Branches(Control):
     """The base of IfThenElse and WhileDoElse."""
 
@@ -270,7 +276,7 @@ class IfThenElse(_Branches):
                 # the condition keeps its status, with which its next tick may differ
                 self.services.actions += was is not result
                 return FAILURE
-            self.branch = 1 if result is SUCCESS else 2
+            self.branch = _CHOSEN[result]
         result = self.children[self.branch].execute()
         if result is not RUNNING:
             self.branch = 0
@@ -293,7 +299,7 @@ class WhileDoElse(_Branches):
         if result is SKIPPED:
             result = IDLE  # which is refused, as in the library
         elif result is SUCCESS or (result is FAILURE and len(self.children) == 3):
-            chosen = 1 if result is SUCCESS else 2
+            chosen = _CHOSEN[result]
             if len(self.children) == 3:
                 halt_child(self.children[3 - chosen])
             result = self.children[chosen].execute()
@@ -326,7 +332,9 @@ class Switch(Control):
     def _choose(self) -> int:
         default = len(self.children) - 1
         variable, enums = self.input_or("variable", None), self.services.enums
-        for index in range(default if variable is not None else 0):
+        if variable is None:
+            return default
+        for index in range(default):
             case = self.input_or(f"case_{index + 1}", None)
             if case is not None and ports.same_text_or_number(variable, case, enums):
                 return index
@@ -346,7 +354,9 @@ class TryCatch(_InOrder):
         """Tick the try block, or the catch child once the block has failed."""
         if self.status is IDLE:
             self.catching = False
-        return self._catch() if self.catching else super().update()
+        if self.catching:
+            return self._catch()
+        return super().update()
 
     def ended(self) -> Result:
         """Go on with the catch child."""

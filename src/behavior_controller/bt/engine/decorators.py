@@ -53,7 +53,9 @@ class Inverter(Decorator):
         result = self.tick_child()
         if result is SUCCESS:
             return FAILURE
-        return SUCCESS if result is FAILURE else result
+        if result is FAILURE:
+            return SUCCESS
+        return result
 
 
 class ForceSuccess(Decorator):
@@ -293,7 +295,7 @@ class Loop(Decorator):
         """Take the next item unless the child is under way, then tick the child."""
         if self.status is IDLE:
             self.child_runs = False
-            self.queue = None if self.literal is None else deque(self.literal)
+            self.queue = self.literal and self.literal.copy()
         if not self.child_runs:
             if self.literal is None:
                 self.queue = self._from_blackboard()

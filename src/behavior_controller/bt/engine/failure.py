@@ -24,11 +24,12 @@ class TickError(BehaviorControllerError):
             owner = f"node '{node.full_path}' [{node.registration_id}]"
             place = node.place_in_file()
         self.origin = getattr(node, "element", None), None
-        if isinstance(cause, BehaviorControllerError):
-            text = str(cause)
-            self.origin = cause.origin if cause.origin[0] else self.origin
-        else:
+        if not isinstance(cause, BehaviorControllerError):
             text = described(cause, type(node))
+        else:
+            text = str(cause)
+            if cause.origin[0]:
+                self.origin = cause.origin
         super().__init__(f"Exception in {where}{owner}: {place}{text}")
         self.node = node
         self.cause = cause

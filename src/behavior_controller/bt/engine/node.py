@@ -153,7 +153,9 @@ def place_of(error: BehaviorControllerError) -> str:
     """Return ``file:line:column`` of the node at which a tick failed, or of its script; "" if the
     tree is not from a file."""
     element, attribute = error.origin
-    return "" if element is None else element.where(attribute)
+    if element is None:
+        return ""
+    return element.where(attribute)
 
 
 class Node(Behaviour):
@@ -235,7 +237,7 @@ class Node(Behaviour):
     @property
     def hook(self) -> Optional[NodeHook]:
         """The hook that may replace the node's rule, or None. On the tick thread only."""
-        return self.interception.hook if self.interception is not None else None
+        return getattr(self.interception, "hook", None)
 
     @hook.setter
     def hook(self, hook: Optional[NodeHook]) -> None:
@@ -295,7 +297,9 @@ class Node(Behaviour):
     def place_in_file(self) -> str:
         """Return ``file:line:column: `` as a message begins with it, or nothing if the node was not
         made from a file."""
-        return "" if self.element is None else f"{self.element.where()}: "
+        if self.element is None:
+            return ""
+        return f"{self.element.where()}: "
 
     def reset(self) -> None:
         """Go back to IDLE; children and scripts are not touched."""

@@ -44,7 +44,10 @@ class FunctionAction(SyncActionLeaf):
 
     def update(self) -> Result:
         """Call the function; True means SUCCESS, False FAILURE."""
-        result = self.function() if takes(self.function, 0) else self.function(self)
+        if takes(self.function, 0):
+            result = self.function()
+        else:
+            result = self.function(self)
         if isinstance(result, bool):
             return SUCCESS if result else FAILURE
         return result
@@ -84,7 +87,9 @@ def class_fault(spec: NodeSpec, made: Any) -> str:
     missing = sorted(made.__abstractmethods__)
     if all(getattr(made, name, None) is getattr(base, name, None) for name in base.RULE):
         missing += [name for name in base.RULE[:1] if _names(made, name, "NotImplementedError")]
-    return f"{made.__name__}, the class of {spec.id}, has no {missing[0]}()" if missing else ""
+    if not missing:
+        return ""
+    return f"{made.__name__}, the class of {spec.id}, has no {missing[0]}()"
 
 
 def _names(made: type, method: str, name: str) -> bool:

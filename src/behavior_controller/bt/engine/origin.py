@@ -37,9 +37,7 @@ def _origins(nodes: Iterable[Any], since: int) -> List[Any]:
 
 def _below(node: Any, since: int) -> List[Any]:
     """Return the origins below a node."""
-    spec, children = node.spec, node.children
-    if spec.last_child_is_handler:
-        children = children[:-1]
+    spec, children = node.spec, node.spec.in_turn(node.children)
     failed = [child for child in children
               if not child.spec.is_recovery and _has_failed(child, spec.repeats_on)]
     if failed and spec.advances_on != FAILS:  # it went on after the others

@@ -30,11 +30,15 @@ class TypeClash(PortError):
 def reference(text: str, port_name: str) -> Optional[str]:
     """Return the entry that an attribute refers to (``{key}``; ``{=}`` and ``=`` mean the port's
     own name), or None."""
+    if text == "=":
+        return port_name
     if "{" not in text:  # as of almost every literal
-        return port_name if text == "=" else None
+        return None
     inner = text.strip(_BLANKS)
+    if inner == "{=}":
+        return port_name
     if len(inner) >= 3 and inner[0] == "{" and inner[-1] == "}":
-        return port_name if inner == "{=}" else inner[1:-1]
+        return inner[1:-1]
     return None
 
 
@@ -54,10 +58,9 @@ def literal_fault(text: str, port: Port, enums: Enums) -> Optional[str]:
     if len(text) >= 3 and text[0] == "{" and text[-1] == "}":
         return None
     port_type = TYPES[port.type]
-    if not port_type.checked_at_load or port_type.from_text is None:
-        return None
     try:
-        port_type.from_text(text, enums)
+        if port_type.checked_at_load:
+            port_type.from_text(text, enums)
     except ValueFault as fault:
         return str(fault)
     return None
@@ -67,7 +70,7 @@ def entry_value(text: str, port_name: str, blackboard: Blackboard) -> Any:
     """Return the value of the entry that ``text`` refers to. Raises PortError if there is none or
     it is empty."""
     key = reference(text, port_name)
-    entry = None if key is None else blackboard.read(key)
+    entry = blackboard.read(key or "")
     if entry is None:
         raise NoValue(f"port [{port_name}]: the blackboard has no entry [{key}]")
     if entry.value is None:
@@ -80,8 +83,7 @@ def read(text: str, port: Port, blackboard: Blackboard, enums: Enums) -> Any:
     """
     try:
         if reference(text, port.name) is None:
-            port_type = TYPES[port.type]
-            return text if port_type.from_text is None else port_type.from_text(text, enums)
+            return TYPES[port.type].from_text(text, enums)
         return values.convert(entry_value(text, port.name, blackboard), port.type, enums)
     except PortError:
         raise
@@ -96,8 +98,7 @@ def write(text: str, port: Port, blackboard: Blackboard, value: Any) -> None:
         raise PortError(
             f"port [{port.name}] is the literal [{text}]; only an entry {{name}} can be written")
     try:
-        blackboard.set(key, values.declared(value, port.type),
-                       None if port.type in GENERIC else port.type)
+        blackboard.set(key, values.declared(value, port.type), port.type)
     except ValueFault as fault:
         raise PortError(f"port [{port.name}]: {fault}") from fault
 
@@ -105,7 +106,7 @@ def write(text: str, port: Port, blackboard: Blackboard, value: Any) -> None:
 def clear(text: str, port: Port, blackboard: Blackboard) -> None:
     """Empty the entry that an output port refers to, if there is one."""
     key = reference(text, port.name)
-    entry = None if key is None else blackboard.find(key)
+    entry = blackboard.find(key or "")
     if entry is not None:
         entry.clear()
 
@@ -126,10 +127,12 @@ def declare(text: str, port: Port, blackboard: Blackboard) -> None:
         raise TypeClash(key, entry, port)
 
 
-def subtree_reference(text: str, name: str) -> Optional[str]:
+def subtree_reference(text: Optional[str], name: str) -> Optional[str]:
     """Return the entry that an attribute of a SubTree refers to, or None; there a sole ``=`` is a
     literal."""
-    return None if text == "=" else reference(text, name)
+    if text is None or text == "=":
+        return None
+    return reference(text, name)
 
 
 def subtree_literal(text: str) -> Tuple[str, Any]:
@@ -147,8 +150,7 @@ def subtree_literal(text: str) -> Tuple[str, Any]:
 
 def loop_items(text: str, item_type: str) -> List[Any]:
     """Return the items of a Loop's queue, which ``;`` separates. Raises ValueFault."""
-    from_text = TYPES[item_type].from_text
-    return [from_text(item, {}) for item in values.items_of(text)]  # type: ignore[misc]
+    return [TYPES[item_type].from_text(item, {}) for item in values.items_of(text)]
 
 
 def same_text_or_number(left: str, right: str, enums: Enums) -> bool:

@@ -12,7 +12,8 @@ ANY_RESULT = SUCCEEDS | FAILS | SKIPS
 EACH = (SUCCEEDS, FAILS, SKIPS)
 
 Attributes = Mapping[str, str]
-Outcome = Union[int, Callable[[Attributes, List[int]], int]]
+Rule = Callable[[Attributes, List[int]], int]
+Outcome = Union[int, Rule]
 """How a node can end: always so, or by its attributes and the ends of its children."""
 
 ENDS_BY_NAME = {"SUCCESS": SUCCEEDS, "FAILURE": FAILS, "SKIPPED": SKIPS}
@@ -23,7 +24,7 @@ def of_any_child(_attributes: Attributes, children: List[int]) -> int:
     return reduce(or_, children, 0)
 
 
-def of_child(succeeded: int, failed: int, skipped: int = SKIPS, always: int = 0) -> Outcome:
+def of_child(succeeded: int, failed: int, skipped: int = SKIPS, always: int = 0) -> Rule:
     """Return the rule of a node that ends so after its child has SUCCEEDED, FAILED or was SKIPPED,
     and with ``always`` whatever the child does."""
     def outcome(_attributes: Attributes, children: List[int]) -> int:
@@ -47,17 +48,16 @@ def in_chain(children: List[int], advances_on: int) -> int:
 
 def in_rounds(child: int, rounds: str, repeats_on: int) -> int:
     """Return how a Repeat can end, which repeats on SUCCEEDS, or a Retry, on FAILS."""
-    may_be_none = rounds != "-1" and not rounds.strip("0").isdigit()
-    may_be_the_last = rounds != "-1" and child & repeats_on
-    return child & ~repeats_on | (repeats_on if may_be_none or may_be_the_last else 0)
+    may_be_none = not rounds.strip("0").isdigit()
+    if rounds != "-1" and (may_be_none or child & repeats_on):
+        return child | repeats_on
+    return child & ~repeats_on
 
 
 def of_branches(children: List[int]) -> int:
     """Return how an IfThenElse can end, whose first child chooses the second or the third."""
-    condition, branches = children[0], children[1:]
-    result = branches[0] if branches and condition & SUCCEEDS else 0
-    otherwise = branches[1] if len(branches) > 1 else FAILS
-    return result | otherwise if condition & FAILS else result
+    _, then, otherwise = children[:3] + [0, 0, FAILS][len(children):]
+    return of_child(then, otherwise, skipped=0)({}, children)
 
 
 def in_parallel(attributes: Attributes, children: List[int]) -> int:

@@ -3,13 +3,16 @@ import enum
 import sys
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Callable, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple, TypeVar
 
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.engine.possible_results import (
     ANY_RESULT, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, Attributes, Outcome, in_chain, in_rounds,
     of_branches)
+
+
+Child = TypeVar("Child")
 
 
 class Kind(enum.Enum):
@@ -112,22 +115,26 @@ class NodeSpec:
     @cached_property
     def child_range(self) -> Tuple[int, int]:
         """The fewest and the most children that it can have."""
-        if self.kind is Kind.CONTROL:
-            return self.fewest_children, sys.maxsize
-        return (1, 1) if self.kind is Kind.DECORATOR else (0, 0)
+        ranges = {Kind.CONTROL: (self.fewest_children, sys.maxsize), Kind.DECORATOR: (1, 1)}
+        return ranges.get(self.kind, (0, 0))
 
     @cached_property
     def roles(self) -> FrozenSet[Role]:
         """What its ports hold."""
         return frozenset(port.role for port in self.ports)
 
+    def in_turn(self, children: List[Child]) -> List[Child]:
+        """Return the children that a control ticks one after the other: all but a handler."""
+        return children[:len(children) - self.last_child_is_handler]
+
     def ends(self, attributes: Attributes, children: List[int]) -> int:
         """Return how a node can end, given how its children can end."""
+        if callable(self.outcome):
+            return self.outcome(attributes, children)
         if self.outcome is not None:
-            return self.outcome(attributes, children) if callable(self.outcome) else self.outcome
+            return self.outcome
         if self.advances_on:
-            in_turn = children[:-1] if self.last_child_is_handler else children
-            return in_chain(in_turn, self.advances_on)
+            return in_chain(self.in_turn(children), self.advances_on)
         if self.first_child_chooses:
             return of_branches(children)
         if self.repeats_on:
@@ -136,34 +143,49 @@ class NodeSpec:
 
     def first(self, count: int) -> Sequence[int]:
         """Return which of its children a node may tick first."""
-        return range(count) if Role.CHOICE in self.roles else range(1)
+        if Role.CHOICE in self.roles:
+            return range(count)
+        return [0]
 
     def after(self, attributes: Attributes, count: int, index: int,
               end: int) -> Tuple[int, Sequence[int]]:
         """Return how a node can end when its child ``index`` of ``count`` has ended with ``end``,
         and which children it may tick then."""
         if self.advances_on:
-            last = count - 2 if self.last_child_is_handler else count - 1
-            if index > last:
-                return FAILS, ()
-            if not end & (self.advances_on | SKIPS):
-                return (0, [count - 1]) if self.last_child_is_handler else (end, ())
-            return (self.advances_on, ()) if index == last else (0, [index + 1])
+            return self._after_in_chain(count, index, end)
         if self.first_child_chooses and index == 0:
-            following = 1 if end == SUCCEEDS else 2
-            return (0, [following]) if following < count and end != SKIPS else (end & FAILS, ())
+            following = {SUCCEEDS: 1, FAILS: 2}.get(end, count)
+            if following < count:
+                return 0, [following]
+            return end & FAILS, ()
         if self.first_child_chooses or Role.CHOICE in self.roles:
             return end, ()
         if count == 1:
             ends = self.ends(attributes, [end])
-            is_repeated = end & self.repeats_on and attributes.get(self.rounds) != "1"
-            return ends, [0] if is_repeated or not ends else ()
+            if not ends or end & self.repeats_on and attributes.get(self.rounds) != "1":
+                return ends, [0]
+            return ends, ()
         return ANY_RESULT, range(count)  # it may run any of its children in any order
+
+    def _after_in_chain(self, count: int, index: int, end: int) -> Tuple[int, Sequence[int]]:
+        last = count - 1 - self.last_child_is_handler
+        if index > last:
+            return FAILS, ()
+        goes_on = end & (self.advances_on | SKIPS)
+        if goes_on and index < last:
+            return 0, [index + 1]
+        if goes_on:
+            return self.advances_on, ()
+        if self.last_child_is_handler:
+            return 0, [count - 1]
+        return end, ()
 
     @property
     def summary(self) -> str:
         """What it does, and what an instance must be called."""
-        return self.description + (f" Named {', '.join(self.names)}." if self.names else "")
+        if not self.names:
+            return self.description
+        return f"{self.description} Named {', '.join(self.names)}."
 
 
 def argument(name: str) -> str:

@@ -43,8 +43,9 @@ class Successors:
             elif not following and not end:
                 found.add(reached.uid)
             steps += [further for further in following if further not in steps]
-        in_order = sorted(found, key=lambda uid: (uid == END, uid))
-        return tuple(in_order) if len(found) <= _MOST_NAMED else ()
+        if len(found) > _MOST_NAMED:
+            return ()
+        return tuple(sorted(found, key=lambda uid: (uid == END, uid)))
 
     def _following(self, node: Any, end: int) -> Optional[List[_Step]]:
         """Return the steps after one; none after the end of the tree, and after a leaf that takes
@@ -70,8 +71,9 @@ class Successors:
             return None
         if children:
             first = spec.first(len(children))
-            is_open = len(first) > 1 or not spec.roles.isdisjoint(_CONDITIONAL)
-            return None if is_open else [(children[first[0]], 0)]
+            if len(first) > 1 or not spec.roles.isdisjoint(_CONDITIONAL):
+                return None
+            return [(children[first[0]], 0)]
         ends = spec.ends(node.attributes, [])
         is_passed = spec.kind is Kind.ACTION and spec.is_instant and ends in EACH
         return [(node, ends)] if is_passed else []

@@ -77,7 +77,7 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
 def _check_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
     """Warn of an entry that the call does not give to its tree."""
     near = facts.findings.nearest(name, facts.written[tree])
-    hint = f"write {name}=\"{{…}}\", or {name}=\"…\"" + (f"; {near}" if near else "")
+    hint = "; ".join(filter(None, [f"write {name}=\"{{…}}\", or {name}=\"…\"", near]))
     if name in facts.written[tree]:
         hint = f"write {name}=\"{{{name}}}\""
     elif name in facts.defaults or name in facts.written[facts.trees.main]:
@@ -115,7 +115,7 @@ def check_tree_models(facts: MissionFacts) -> None:
     name that the model lacks."""
     for tree in facts.elements:
         names = {port.name for port in facts.trees.models.get(tree, ())}
-        used = set(facts.used[tree]) if names else set()
+        used = set(facts.used[tree])
         for name in sorted(names - used):
             near = _meant(name, used - names)
             if near:
@@ -150,8 +150,8 @@ def check_entries(facts: MissionFacts) -> None:
             by_default.add(id(read.element))
         told.add(id(read.element))
         _check_read(facts, use, read)
-    for use in facts.flow.all() if facts.is_host_known else ():
-        if use.read is not None and id(use.read.element) not in told:
+    for use in facts.flow.all():
+        if facts.is_host_known and use.read is not None and id(use.read.element) not in told:
             _check_order(facts, use, use.read)
 
 

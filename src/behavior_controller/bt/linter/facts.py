@@ -61,7 +61,7 @@ class MissionFacts:
         writers = [spec.id for spec, port in self.defaults.get(name, ())
                    if port.direction is Direction.OUT]
         names = " or ".join(filter(None, [", ".join(writers[:-1]), *writers[-1:]]))
-        return f"{names} writes it" if writers else ""
+        return names and f"{names} writes it"
 
     def walk(self) -> Iterator[Tuple[str, Element]]:
         """Yield each element of the trees in use, with its tree; called trees come first."""

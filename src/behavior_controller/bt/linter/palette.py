@@ -94,8 +94,9 @@ def others(documents: Sequence[Document], registry: Registry) -> Dict[str, Fault
         first.setdefault(model.attributes.get("ID", ""), model)
     found = {}
     for node_id in used_types(documents):
-        spec = registry.get(node_id) if node_id in first and node_id not in _BUILT_IN else None
-        wrong = "" if spec is None else _difference(first[node_id], spec)
+        if node_id not in first or node_id not in registry or node_id in _BUILT_IN:
+            continue
+        wrong = _difference(first[node_id], registry[node_id])
         if wrong:
             text = f"{node_id} is a node of another robot: the palette has {wrong}"
             hint = "of a node of this robot, exportNodeModel prints the model"

@@ -88,9 +88,9 @@ def _effects(facts: MissionFacts, use: Use) -> Iterator[Finding]:
 
 def _assigning(use: Use) -> Iterator[Finding]:
     last = use.script.facts.statements[-1]
-    for assignment in use.script.facts.assignments if use.is_condition else ():
+    for assignment in use.script.facts.assignments:
         is_last = assignment.position >= last.position
-        if is_last and (last.is_assignment or assignment.sign == "="):
+        if use.is_condition and is_last and (last.is_assignment or assignment.sign == "="):
             text = f"{use.attribute} assigns to {assignment.name} instead of comparing"
             hint = f"write {assignment.name} == …"
             yield rules.CONDITION_ASSIGNS, text, hint, assignment.position
@@ -205,7 +205,8 @@ def _with_literal(facts: MissionFacts, use: Use, name: str,
     for operation in _operations(use):
         if name in (operation.left.word, operation.right.word):
             wrong = _wrong(operation, kind_of(operation.left), kind_of(operation.right))
-            yield from [wrong] if wrong else ()
+            if wrong:
+                yield wrong
     for signs, operand in use.script.facts.prefixed:
         if operand.word == name and literal.kind != "number":
             yield f"{signs}{name} needs a number", ""
@@ -258,7 +259,7 @@ def _check_emptied(facts: MissionFacts, values: List[Value]) -> None:
     knows no conversion."""
     made = [value.element for value in values
             if value.assignment is not None and value.assignment.sign == ":="]
-    for value in values if made else ():
+    for value in values:
         if value.assignment is None and any(_is_before(facts, element, value.element)
                                             for element in made):
             text = f"the entry {value.name} was made by a script: this text empties it"

@@ -60,7 +60,7 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
     limit = milliseconds(element.attributes, spec.limit)
     if limit:
         child = element.children[0]
-        least = facts.least_times[id(child)][0]
+        least = facts.least_times[id(child)][SUCCEEDS]
         if limit < least < math.inf:
             text = (f"{spec.id} ends its child after {limit:.0f} ms, and {_called(child)} needs at "
                     f"least {least:.0f} ms to succeed")
@@ -77,8 +77,8 @@ def check_ignored(facts: MissionFacts, element: Element) -> bool:
         if name in CONDITIONS or name in IGNORED_ON_PURPOSE:
             continue
         if name[0] != "_":
-            near = "" if name.isascii() or name in ports_known else did_you_mean(name, ports_known)
-            if near and not is_port_name(name):
+            near = not name.isascii() and did_you_mean(name, ports_known)
+            if near and name not in ports_known and not is_port_name(name):
                 facts.report(rules.ATTRIBUTE_IGNORED, element, f"{name} is ignored", near, name)
             continue
         near = did_you_mean(name, CONDITIONS + ("_autoremap",))
@@ -204,7 +204,7 @@ def _check_case(facts: MissionFacts, element: Element, port: Port, tree: str) ->
 def _check_chain(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     """Apply the rules of a control that ticks its next child after a certain end of the last one.
     """
-    children = element.children[:-1] if spec.last_child_is_handler else element.children
+    children = spec.in_turn(element.children)
     is_sequence, wanted = spec.advances_on == SUCCEEDS, spec.advances_on | SKIPS
     what, wrong, hint = _CHAINS[spec.advances_on]
     for child, following in zip(children, children[1:]):

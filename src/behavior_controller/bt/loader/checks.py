@@ -76,12 +76,11 @@ def _check_known(trees: Trees, element: Element, spec: NodeSpec) -> None:
         trees.report(rules.NODE_TYPE_WARNING, element, spec.warning)
     if spec.names:
         _check_name(trees, element, spec)
-    for child in element.children if spec.refuses_explicit else ():
-        if child.tag in EXPLICIT and child.type_id:
+    for child in element.children:
+        if spec.refuses_explicit and child.tag in EXPLICIT and child.type_id:
             text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
             trees.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
-    tags = [child.tag for child in element.children] if spec.at_most_one else []
-    if tags.count(spec.at_most_one) > 1:
+    if [child.tag for child in element.children].count(spec.at_most_one) > 1:
         text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
         trees.report(rules.TWO_ASYNC, element, text)
     _check_children(trees, element, spec)
@@ -93,12 +92,11 @@ def _check_known(trees: Trees, element: Element, spec: NodeSpec) -> None:
 def _check_name(trees: Trees, element: Element, spec: NodeSpec) -> None:
     """Check the name of a node whose name is its argument."""
     name = element.attributes.get("name", "")
-    text = f"{spec.id} takes an argument in its name, which is not given"
+    text, attribute = f"{spec.id} takes an argument in its name, which is not given", None
     if argument(name):
-        text = f"the name of {spec.id} cannot be {name}"
+        text, attribute = f"the name of {spec.id} cannot be {name}", "name"
     if argument(name) not in spec.names:
         hint = f"allowed: name=\"…\" with {', '.join(spec.names)}"
-        attribute = "name" if argument(name) else None
         trees.report(rules.NAME_ARGUMENT, element, text, hint, attribute)
 
 
@@ -115,7 +113,7 @@ def _report_unknown(trees: Trees, element: Element, node_id: str) -> None:
     else:
         other = _OTHER_NAMES.get(node_id[:1].upper() + node_id[1:])
         hint = (ELSEWHERE.get(node_id)
-                or (f"BehaviorTree.CPP calls it {other}" if other else "")
+                or (other and f"BehaviorTree.CPP calls it {other}")
                 or trees.nearest(node_id, trees.registry)
                 or "exportNodeModel prints every node type with its ports")
         text = f"unknown node {quoted(node_id)}"
@@ -235,8 +233,9 @@ def _check_call(trees: Trees, element: Element, tree_id: str) -> None:
         if not gets_all and port.default is None and port.name not in element.attributes:
             _report_missing(trees, element, tree_id, port)
     is_old = element.document.root.attributes.get("BTCPP_format") != "4"
-    for name, text in element.attributes.items() if is_old else ():
-        if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
+    for name, text in element.attributes.items():
+        if (is_old and is_port_name(name) and text.isidentifier()
+                and text not in ("true", "false")):
             said = f"{name}=\"{text}\" is the text {text} in version 4"
             hint = f"the entry of that name is written {{{text}}}"
             trees.report(rules.UNBRACED, element, said, hint, name)
@@ -268,10 +267,11 @@ def is_cut_short(report: Callable[..., None], element: Element, attribute: str, 
     rest = values.unread(text, type_name)
     if rest:
         try:
-            value = values.TYPES[type_name].from_text(text, {})  # type: ignore[misc]
+            read = values.TYPES[type_name].from_text(text, {})
+            if isinstance(read, list):
+                read = ";".join(map(str, read))
         except ValueFault as fault:
-            value = fault
-        read = ";".join(map(str, value)) if isinstance(value, list) else value
+            read = fault
         wrong = f"{attribute}=\"{text}\" is read only up to \"{rest}\": as {read}"
         hint = _meant(text, port, type_name)
         report(rules.NUMBER_CUT_SHORT, element, wrong, hint, attribute)
@@ -304,8 +304,9 @@ def _meant(text: str, port: Port, type_name: str) -> str:
         return f"the type is {type_name}"
     if type_name == "double":
         return f"write {text.replace(',', '.')}"
-    end = f": write {number:.0f}" if number.is_integer() else ", without fraction"
-    return f"the type is {type_name}{end}"
+    if number.is_integer():
+        return f"the type is {type_name}: write {number:.0f}"
+    return f"the type is {type_name}, without fraction"
 
 
 def condition_meant(name: str) -> str:

@@ -36,7 +36,9 @@ class Element:
     def __init__(self, tag: str, attributes: Dict[str, str], document: "Document", number: int):
         self.tag = tag
         # the node type: the tag of the compact form, the ID of the explicit one (<Action ID="…"/>)
-        self.type_id = attributes.get("ID", "") if tag in EXPLICIT else tag
+        self.type_id = tag
+        if tag in EXPLICIT:
+            self.type_id = attributes.get("ID", "")
         self.attributes = attributes
         self.children: List["Element"] = []
         self.document = document
@@ -222,7 +224,7 @@ def _parsed(clean: str, document: Document) -> Element:
         opened.pop().last = len(elements) - 1
 
     target = types.SimpleNamespace(
-        start=start, end=end, close=lambda: above.children[0] if above.children else None)
+        start=start, end=end, close=lambda: next(iter(above.children), None))
     return etree.fromstring(clean.encode("utf-8"), etree.XMLParser(target=target, huge_tree=True))
 
 
@@ -244,8 +246,8 @@ def _include(document: Document, documents: List[Document], seen: Set[str],
              chain: Tuple[str, ...]) -> None:
     chain += (os.path.realpath(document.file),)
     root = document.root
-    for element in root.children if root.tag == "root" else ():
-        if element.tag == "include":
+    for element in root.children:
+        if root.tag == "root" and element.tag == "include":
             included = attempt(lambda: _included(element, seen, chain), document.faults)
             if included is not None:
                 _include(included, documents, seen, chain)

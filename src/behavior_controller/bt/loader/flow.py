@@ -76,8 +76,9 @@ class Literal(NamedTuple):
     @property
     def kind(self) -> str:
         """The kind that a script finds: text, number, NUMERAL."""
-        is_text = ports.subtree_literal(self.text)[0] == TEXT
-        return _kind_of_text(self.text) if is_text else "number"
+        if ports.subtree_literal(self.text)[0] != TEXT:
+            return "number"
+        return _kind_of_text(self.text)
 
 
 class EntryFacts:
@@ -103,7 +104,7 @@ class EntryFacts:
                 yield self._known(name.below())
 
     def _known(self, names: List["Name"]) -> List[Value]:
-        values = [] if TOUCHED in self.uses else [value for name in names for value in name.values]
+        values = [value for name in names for value in name.values if TOUCHED not in self.uses]
         return sorted(values, key=lambda value: (value.element.document.file, value.element.number))
 
     @cached_property
@@ -236,8 +237,10 @@ class Flow:
         """Note what a port reads and writes; ``is_condition``: the script that it may hold decides
         something."""
         text = element.attributes.get(port.name, port.default)
-        name = None if text is None else ports.reference(text, port.name)
-        if text is None or (port.role is Role.NAMES and name is None):
+        if text is None:
+            return
+        name = ports.reference(text, port.name)
+        if name is None and port.role is Role.NAMES:
             return
         is_given = port.name in element.attributes
         place = Access(element, port.name)
@@ -290,7 +293,7 @@ class Flow:
         called = call.attributes["ID"]
         texts = given(call, model)
         for name, text in texts.items():
-            outer = None if text is None else ports.subtree_reference(text, name)
+            outer = ports.subtree_reference(text, name)
             if outer is not None:
                 self._remap(called, name, tree, outer, call)
             elif text is not None:
@@ -298,9 +301,10 @@ class Flow:
                 inner.entry.uses.update((WRITTEN, CREATED, TOUCHED))
                 inner.is_given = True
                 self.literals.append(Literal(call, text, inner))
-        for name in sorted(self.names[called]) if remaps_all(call) else ():
-            if name[:1] != "_" and name not in texts:
-                self._remap(called, name, tree, name, call)
+        if remaps_all(call):
+            for name in sorted(self.names[called]):
+                if name[:1] != "_" and name not in texts:
+                    self._remap(called, name, tree, name, call)
 
     def _remap(self, called: str, inner: str, tree: str, outer: str, call: Element) -> None:
         """Note that ``inner`` of the called tree is ``outer`` of the tree that calls it."""
@@ -316,9 +320,11 @@ class Flow:
 
 def literal_kind(value: Operand) -> str:
     """Return the kind of an operand of a script, if that is a literal."""
-    if value.kind == "text":
-        return _kind_of_text(value.word[1:-1]) if value.word else ""
-    return value.kind if value.kind == "number" else ""
+    if value.kind == "text" and value.word:
+        return _kind_of_text(value.word[1:-1])
+    if value.kind == "number":
+        return value.kind
+    return ""
 
 
 def _kind_of_text(text: str) -> str:

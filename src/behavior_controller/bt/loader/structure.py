@@ -52,9 +52,10 @@ class Findings:
                attribute: Optional[str] = None, at: int = 0) -> None:
         """Record a finding; an element with an error cannot be instantiated."""
         is_warning = rule.is_warning or (rule.is_late and not self.refuses_late)
+        found = self.warnings
         if not is_warning:
+            found = self.errors
             self.faulty.add(id(element))
-        found = self.warnings if is_warning else self.errors
         if len(found) < MOST_FINDINGS:
             found.append(element.fault(rule, text, hint, attribute, is_warning, at))
         elif not is_warning:
@@ -76,8 +77,9 @@ class Findings:
 
     def nearest(self, word: str, known: Collection[str], otherwise: str = "") -> str:
         """Return ``did you mean …?``, or ``otherwise`` and the known names."""
-        may_compare = len(word) < 60 and self.may_compare(len(known))
-        near = did_you_mean(word, sorted(known)) if may_compare else ""
+        near = ""
+        if len(word) < 60 and self.may_compare(len(known)):
+            near = did_you_mean(word, sorted(known))
         if near or not otherwise:
             return near
         return f"{otherwise}: {first_names(known) or 'none'}"
@@ -155,8 +157,9 @@ class Trees:
             text, hint = "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4"
             meant = next((name for name in root.attributes
                           if did_you_mean(name, ["BTCPP_format"], 0.8)), None)
-            self.report(rules.FORMAT_MISSING, root, text,
-                        "did you mean BTCPP_format?" if meant else hint, meant)
+            if meant:
+                hint = "did you mean BTCPP_format?"
+            self.report(rules.FORMAT_MISSING, root, text, hint, meant)
         elif version != "4":
             text = f"BTCPP_format is {version}; the file is read as version 4"
             self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
@@ -181,9 +184,9 @@ class Trees:
 
     def _check_attributes(self, element: Element) -> None:
         """Warn of the attributes of a tree or of what is around trees that mean nothing."""
-        known = _ATTRIBUTES.get(element.tag, ())
-        for name in element.attributes if element.tag in _ATTRIBUTES else ():
-            if name in known or (name[0] == "_" and name not in CONDITIONS):
+        known = _ATTRIBUTES.get(element.tag)
+        for name in element.attributes:
+            if known is None or name in known or (name[0] == "_" and name not in CONDITIONS):
                 continue
             meant = {"BehaviorTree": "ID", "root": "BTCPP_format"}.get(element.tag, "")
             if meant not in element.attributes and did_you_mean(name, [meant], 0.8):
@@ -232,8 +235,9 @@ class Trees:
             self.report(rules.RESERVED_ID, element, text, attribute="ID")
         elif tree_id in self.registry:
             text = f"{tree_id} is the name of a node type; a tree cannot be called so"
-            is_call = element.tag == "SubTree"
-            hint = f"a node of that type is written <{tree_id}/>" if is_call else ""
+            hint = ""
+            if element.tag == "SubTree":
+                hint = f"a node of that type is written <{tree_id}/>"
             self.report(rules.ID_OF_A_NODE, element, text, hint, "ID")
         elif not set(bad) <= set(self._tolerated):
             text = f"{contains}; not allowed are blanks and {_SIGNS}"
@@ -292,7 +296,11 @@ class Trees:
         own = [tree_id for tree_id, tree in self.trees.items() if tree.document.root is root]
         called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
         free = [tree_id for tree_id in self.trees if tree_id not in called]
-        choices = [[named]] if named else [own, list(self.trees), free if guess else []]
+        choices = [own, list(self.trees)]
+        if named:
+            choices = [[named]]
+        elif guess:
+            choices.append(free)
         self.main = next((choice[0] for choice in choices
                           if len(choice) == 1 and choice[0] in self.trees), "")
         if self.main or (root.tag != "root" and not named):
@@ -337,12 +345,13 @@ class Trees:
         while path:
             tree_id = next(reversed(path))
             call = next(path[tree_id], None)
-            called = "" if call is None else call.attributes.get("ID", "")
             if call is None:
                 del path[tree_id]
                 inner = sum(sizes[call.attributes.get("ID", "")] for call in self.calls[tree_id])
                 sizes[tree_id] = min(len(self.trees[tree_id].below) + inner, _MANY)
-            elif called in path:
+                continue
+            called = call.attributes.get("ID", "")
+            if called in path:
                 circle = " > ".join([*path, called][list(path).index(called):])
                 text = f"the tree {called} contains itself: {circle}"
                 self.report(rules.TREE_CIRCLE, call, text, attribute="ID")
@@ -372,7 +381,7 @@ def given(call: Element, model: Iterable[Port]) -> Dict[str, Optional[str]]:
 def remaps_all(call: Element) -> bool:
     """Return whether a call gives the tree all entries of equal names. Raises ValueFault."""
     text = call.attributes.get("_autoremap", "false")
-    return bool(TYPES["bool"].from_text(text, {}))  # type: ignore[misc]
+    return bool(TYPES["bool"].from_text(text, {}))
 
 
 def is_port_name(name: str) -> bool:

@@ -53,7 +53,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     compiler = _Compiler(trees, services, Substitutions(substitutes or {}))
     services.clients = Clients(trees.main, registry)
     if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
-        compiler.unfold(blackboard if blackboard is not None else Blackboard())
+        compiler.unfold(blackboard or Blackboard())
     faults = lint(trees)
     MissionError.raise_any(faults)
     sources = tuple(Source(document.file, document.text) for document in documents)
@@ -91,7 +91,7 @@ class _Compiler:
     def unfold(self, blackboard: Blackboard) -> None:
         """Make every node, parents before children, in document order."""
         self.blackboards[""] = blackboard
-        faulty, deepest = self.trees.findings.faulty, 0
+        deepest = 0
         stack: List[Tuple[Element, Optional[Node], Blackboard, int]] = [
             (child, None, blackboard, 1) for child in self.trees.trees[self.trees.main].children]
         while stack:
@@ -101,15 +101,13 @@ class _Compiler:
                 text = f"the mission unfolds to more than {MAX_TREE_DEPTH} levels"
                 self.faults.append(element.fault(rules.TOO_LARGE, text))
                 break
-            node = None if id(element) in faulty else self._node(element, parent, blackboard)
             children = element.children
-            if node is None:
-                # it cannot be made, but its content may have mistakes too
-                parent = None
-            else:
-                parent, depth = node, depth + 1
-                if node.spec.kind is Kind.SUBTREE:
-                    blackboard = self._enter(element, blackboard, node)
+            # a node that cannot be made is None, but its content may have mistakes too
+            parent = self._node(element, parent, blackboard)
+            if parent is not None:
+                depth += 1
+                if parent.spec.kind is Kind.SUBTREE:
+                    blackboard = self._enter(element, blackboard, parent)
                     children = self.trees.trees[element.attributes["ID"]].children
             for child in reversed(children):
                 stack.append((child, parent, blackboard, depth))
@@ -120,8 +118,12 @@ class _Compiler:
     def _node(self, element: Element, parent: Optional[Node],
               blackboard: Blackboard) -> Optional[Node]:
         """Make the node of an element; None, with a fault, if it cannot be made."""
+        if id(element) in self.trees.findings.faulty:
+            return None
         uid, type_id = len(self.nodes) + 1, element.type_id
-        own_id = element.attributes.get("ID", "") if type_id == "SubTree" else type_id
+        own_id = type_id
+        if type_id == "SubTree":
+            own_id = element.attributes["ID"]
         name = element.attributes.get("name", own_id)
         path = blackboard.prefix + name
         if name == own_id:
@@ -256,7 +258,7 @@ class _Compiler:
         autoremap = remaps_all(element)
         model = () if autoremap else self.trees.models.get(tree_id, ())
         for name, text in given(element, model).items():
-            entry = None if text is None else ports.subtree_reference(text, name)
+            entry = ports.subtree_reference(text, name)
             if entry is not None:
                 inner.remapping[name] = entry
             elif text is not None:

@@ -141,7 +141,7 @@ def _repaired_attribute(name: str, value: str) -> str:
 def _outside(text: str, first: int, end: int) -> Iterator[MarkupFault]:
     """Yield a fault if there is text before the ``first`` element, and one if there is some after
     its ``end``; comments and similar do not count."""
-    begin = len("\ufeff") if text.startswith("\ufeff") else 0
+    begin = int(text.startswith("\ufeff"))
     for where, begin, stop in (("before", begin, first), ("after the end of", end, len(text))):
         match = next((match for match in _OUTSIDE.finditer(text, begin, stop)
                       if match.group("wrong")), None)
@@ -184,7 +184,9 @@ def nested_comment(comment: "re.Match[str]") -> Optional[MarkupFault]:
     if begin < 0:
         return None
     end, following = (text.find(sign, comment.end()) for sign in ("-->", "<!--"))
-    after = end + 3 if 0 <= end and not 0 <= following < end else comment.end()
+    after = comment.end()
+    if 0 <= end and not 0 <= following < end:
+        after = end + 3
     wrong = "a comment begins inside a comment, and the first --> ends both"
     return MarkupFault(rules.COMMENT_IN_COMMENT, wrong, begin, "end the first one before it", after)
 
@@ -222,9 +224,11 @@ def _refusal(text: str, offset: int) -> MarkupFault:
         return MarkupFault(rules.INSTRUCTION, wrong, offset)
     for begin, rule, wrong, hint in _UNENDED:
         if text.startswith(begin, offset):
-            end = text.find("]>", offset) + 2 if rule is rules.DOCTYPE else offset + len(begin)
+            end = offset + len(begin)
             if begin in _SWALLOWS:
                 end = len(text)
+            elif rule is rules.DOCTYPE:
+                end = text.find("]>", offset) + 2
             return MarkupFault(rule, wrong, offset, hint, end)
     name = TAG_NAME.match(text, offset + 1)
     if name is None:
@@ -291,7 +295,7 @@ def diagnosis(text: str) -> List[MarkupFault]:
         # how lines are indented may say better which element a tag was meant to close
         unclosed = min(_of_structure(text, tags, True), unclosed, key=len)
     elif tags and not any(kind == "perhaps" for _, _, kind in tags):
-        depths = itertools.accumulate(-1 if kind == "close" else 1 for _, _, kind in tags)
+        depths = itertools.accumulate({"open": 1, "close": -1}[kind] for _, _, kind in tags)
         last = next(offset for (_, offset, _), depth in zip(tags, depths) if depth == 0)
         end = text.find(">", last) + 1 or len(text)
         known = [fault.offset for fault in faults]
@@ -342,13 +346,14 @@ def _broken_tag(text: str, begin: int, after: int) -> Iterator[_Tag]:
     """Yield the tag at ``begin``, which cannot be read beyond ``after``, unless it closes
     itself."""
     name = TAG_NAME.match(text, begin + 1)
-    rest = text[after:].split("<", 1)[0] if name is not None else ""
-    plain = _QUOTED.sub("", rest)
-    before = (plain if ">" in plain else rest).partition(">")[0]
     if text.startswith("</", begin):
         yield text[begin + 2:].split("<", 1)[0].strip(_BLANKS), begin, "close"
-    elif name is not None and not (before.endswith("/") and ">" in rest):
-        yield name.group(), begin, "perhaps"
+    elif name is not None:
+        rest = text[after:].split("<", 1)[0]
+        plain = _QUOTED.sub("", rest)
+        before = (plain if ">" in plain else rest).partition(">")[0]
+        if not (before.endswith("/") and ">" in rest):
+            yield name.group(), begin, "perhaps"
 
 
 def _of_structure(text: str, tags: List[_Tag], by_indent: bool) -> List[MarkupFault]:
@@ -387,14 +392,18 @@ def _closes(text: str, tag: _Tag, opened: List[_Tag], by_indent: bool) -> bool:
     """Return whether a tag may close the one element that is ``opened``, if there is one."""
     if not opened or opened[0][0] != tag[0]:
         return False
-    indents = {_indent(text, offset) for _, offset, _ in (tag, opened[0])} if by_indent else {None}
+    if not by_indent:
+        return True
+    indents = {_indent(text, offset) for _, offset, _ in (tag, opened[0])}
     return None in indents or len(indents) == 1
 
 
 def _indent(text: str, offset: int) -> Optional[str]:
     """Return the blanks before a tag; None if it does not begin its line."""
     before = text[text.rfind("\n", 0, offset) + 1:offset]
-    return None if before.strip() else before
+    if before.strip():
+        return None
+    return before
 
 
 def _tag_name(match: "re.Match[str]") -> str:
@@ -412,7 +421,7 @@ def _mismatch(name: str, offset: int, opened: List[_Tag]) -> MarkupFault:
     if any(tag == name for tag, _, _ in opened):
         wrong = f"<{last}> is not closed before </{name}>"
         return MarkupFault(rules.ELEMENT_NOT_CLOSED, wrong, begin)
-    hint = f"</{last}> is due" if last else ""
+    hint = last and f"</{last}> is due"
     return MarkupFault(rules.CLOSES_NOTHING, f"</{name}> closes nothing", offset, hint)
 
 

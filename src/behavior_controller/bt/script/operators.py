@@ -6,7 +6,7 @@ that a long sum is not a deep one.
 """
 import math
 import operator
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, List, Tuple
 
 from behavior_controller.bt.values import values
 from behavior_controller.bt.values.blackboard import Blackboard, Entry
@@ -243,7 +243,7 @@ def value_of(name: str) -> Evaluate:
     return evaluate
 
 
-def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Evaluate:
+def assigned(name: str, sign: str, right: Evaluate, source: str) -> Evaluate:
     """Return the closure of ``name sign right``, whose value is what is stored then; ``name`` is
     empty if the left operand is no name.
 
@@ -261,8 +261,8 @@ def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Ev
         value = right(blackboard, enums)
         _not_empty(value, "right", sign)
         if sign in (":=", "="):
-            copied = None if source is None or source in enums else blackboard.find(source)
-            _store(name, entry, value, enums, "" if copied is None else copied.origin)
+            copied = None if not source or source in enums else blackboard.find(source)
+            _store(name, entry, value, enums, getattr(copied, "origin", ""))
         else:
             entry.is_read = True
             entry.update(_combined(sign, entry.value, value))

@@ -40,6 +40,11 @@ class Operand(NamedTuple):
     word: str  # the name or literal
     position: int
 
+    @property
+    def name(self) -> str:
+        """The name of the entry, if it is one."""
+        return self.word if self.kind == "name" else ""
+
 
 class Assignment(NamedTuple):
     """``name sign value`` in a script; ``is_own`` if the value is calculated from the entry itself.
@@ -107,14 +112,15 @@ _COMPARISON = _LEVELS["=="]
 def _tokens(text: str) -> List[Token]:
     tokens: List[Token] = []
     for match in _TOKEN.finditer(text):
-        kind = match.lastgroup
+        kind, word = str(match.lastgroup), match.group()
         if kind == "blank":
             continue
-        word = match.group()
-        if kind == "wrong":
+        if kind == "operator":
+            kind = word
+        elif kind == "wrong":
             wrong = f"Invalid token '{shown(word)}' at position {match.start()}"
             raise ScriptSyntaxError(wrong, match.start(), _hint(text, match.start()))
-        tokens.append((word if kind == "operator" else str(kind), word, match.start()))
+        tokens.append((kind, word, match.start()))
     tokens.append(("end", "", len(text)))
     return tokens
 
@@ -147,12 +153,15 @@ _MEANT = {":": "a value is assigned with :=", "=<": "write <=", "=>": "write >="
 
 
 def _integer(text: str) -> int:
-    base, digits = (16, text[2:]) if text[:2] in ("0x", "0X") else (10, text)
-    digits = digits.lstrip("0")
+    digits, base = text.lstrip("0"), 10
+    if digits[:1] in ("x", "X"):
+        digits, base = digits[1:].lstrip("0"), 16
     # one that does not fit is 0, as in the library; Python takes long for very many digits, or
     # refuses them
-    value = int(digits or "0", base) if len(digits) < 20 else 0
-    return value if value < 2 ** 63 else 0
+    value = int(digits[:20] or "0", base)
+    if value >= 2 ** 63:
+        return 0
+    return value
 
 
 _LITERALS: Dict[str, Callable[[str], Any]] = {
@@ -213,7 +222,7 @@ class _ScriptParser:
         target, known = self.last, len(self.facts.operations)
         sign = self._next()[0]
         right, value = self.expression(), self.last
-        name = target.word if target.kind == "name" else ""
+        name = target.name
         is_own = any(name and name in (operation.left.word, operation.right.word)
                      for operation in self.facts.operations[known:])
         self.facts.assignments.append(Assignment(name, sign, value, target.position, is_own))
@@ -221,7 +230,7 @@ class _ScriptParser:
             self.last = value._replace(kind="")
         if name and sign not in (":=", "="):
             self.facts.read.setdefault(name, target.position)
-        return operators.assigned(name, sign, right, value.word if value.kind == "name" else None)
+        return operators.assigned(name, sign, right, value.name)
 
     def _choice(self, condition: Evaluate) -> Evaluate:
         """Return ``condition ? expression : …``; what follows the colon may be such a choice, but
@@ -260,8 +269,9 @@ class _ScriptParser:
             whole = Operand(_kind(sign, left, self.last), "", whole.position)
             left = self.last if level == _COMPARISON else whole
         self.last = whole
-        apply = operators.compared if level == _COMPARISON else operators.folded
-        return apply(first, rest)
+        if level == _COMPARISON:
+            return operators.compared(first, rest)
+        return operators.folded(first, rest)
 
     def _use(self) -> None:
         """Note that the value of the operand read last is used; of a name it is an entry's."""
@@ -278,9 +288,10 @@ class _ScriptParser:
             return operand
         self._use()
         self.facts.prefixed.append(("".join(signs), self.last))
-        is_negative = signs == ["-"] and self.last.kind == "number" and self.last.word
-        self.last = Operand("number", "-" + self.last.word if is_negative else "",
-                            self.last.position)
+        word = ""
+        if signs == ["-"] and self.last.kind == "number" and self.last.word:
+            word = "-" + self.last.word
+        self.last = Operand("number", word, self.last.position)
         return operators.prefixed(signs, operand)
 
     def operand(self) -> Evaluate:
@@ -324,7 +335,9 @@ def _kind(sign: str, left: Operand, right: Operand) -> str:
         return "text"
     if sign != "+":
         return "number"
-    return left.kind if left.kind == right.kind and left.kind != "name" else ""
+    if left.kind == right.kind != "name":
+        return left.kind
+    return ""
 
 
 @dataclass(frozen=True)

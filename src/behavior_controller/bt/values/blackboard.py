@@ -52,7 +52,9 @@ class Entry:
         """Return ``text`` in the entry's type, or None if the type has no conversion. Raises
         ValueFault."""
         kind = values.find_type(self.type)
-        return kind.from_text(text, {}) if kind is not None and kind.from_text else None
+        if kind is None or self.type in GENERIC:
+            return None
+        return kind.from_text(text, {})
 
 
 class Blackboard:
@@ -63,7 +65,7 @@ class Blackboard:
         self.parent = parent
         self.path = path
         self.prefix = path and path + "/"  # of the paths of what is inside
-        self.root: Blackboard = self if parent is None else parent.root
+        self.root: Blackboard = getattr(parent, "root", self)
         # of the whole tree, at its root:
         self.write_count = 0
         self.is_stale = False
@@ -131,7 +133,9 @@ class Blackboard:
     def get(self, key: str, default: Any = None) -> Any:
         """Return the value of ``key``, or ``default`` if it has none."""
         entry = self.read(key)
-        return default if entry is None or entry.value is None else entry.value
+        if entry is None or entry.value is None:
+            return default
+        return entry.value
 
     def __getitem__(self, key: str) -> Any:
         """Return the value of ``key``. Raises KeyError if it has none."""
@@ -154,12 +158,13 @@ class Blackboard:
         """Write as a port or the host does (BT.CPP ``Blackboard::set``). Raises ValueFault on a
         type clash.
 
-        ``value_type`` is the type of the writer; without one it follows from the value.
+        ``value_type`` is the type of the writer; without one, or a generic one, it follows from
+        the value.
         """
         if key[:1] == "@":
             self.root.set(key[1:], value, value_type)
             return
-        if value_type is None:
+        if value_type is None or value_type in GENERIC:
             value_type = _natural_type(value)
         entry = self.local.get(key)
         if entry is None:

@@ -38,15 +38,14 @@ class ValueFault(BehaviorControllerError):
 
 
 class ValueType(NamedTuple):
-    """A type of ports and entries. ``from_text`` raises ValueFault; None: no conversion from text
-    is known.
+    """A type of ports and entries. ``from_text`` raises ValueFault.
 
     ``number`` is the pattern of a number as BT.CPP reads it: what follows it in a text is passed
     over.
     """
 
     name: str
-    from_text: Optional[Callable[[str, Enums], Any]]
+    from_text: Callable[[str, Enums], Any]
     limits: Optional[Tuple[int, int]] = None  # the lowest and highest value of an integer
     checked_at_load: bool = True
     number: Optional["re.Pattern[str]"] = None
@@ -58,8 +57,8 @@ _INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero
 _REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?)",
                    re.IGNORECASE | re.ASCII)
 _BLANKS = re.compile(r"[ \t\r\n]+")
-# of an integer of 64 bits: with more it is out of range, and Python refuses to read 4,300
-_MOST_DIGITS = 20
+# one more than of an integer of 64 bits: out of range; Python refuses to read 4,300
+_MOST_DIGITS = 21
 _TRUE, _FALSE = ("1", "true", "TRUE", "True"), ("0", "false", "FALSE", "False")
 
 
@@ -79,8 +78,7 @@ def _integer(text: str, low: int, high: int) -> int:
 
 def _in_range(match: Any, low: int, high: int) -> int:
     sign, digits = match.groups()
-    value = int(digits) if len(digits) <= _MOST_DIGITS else 10 ** _MOST_DIGITS
-    value = -value if sign else value
+    value = int(sign + digits[:_MOST_DIGITS])
     if not low <= value <= high:
         wrong = f"Value out of bound when converting [{shown(match.string)}] to integer"
         raise ValueFault(f"{wrong}: {low} to {high} is allowed")
@@ -92,7 +90,7 @@ def whole_integer(text: str, low: int, high: int) -> Optional[int]:
     """
     match = _INTEGER.fullmatch(text)
     try:
-        return None if match is None else _in_range(match, low, high)
+        return match and _in_range(match, low, high)
     except ValueFault:
         return None
 
@@ -115,6 +113,10 @@ def whole_real(text: str) -> Optional[float]:
         return real_from_text(text) if _REAL.fullmatch(text) else None
     except ValueFault:
         return None
+
+
+def _text(text: str, _enums: Enums) -> str:
+    return text
 
 
 def _boolean(text: str, _enums: Enums) -> bool:
@@ -145,15 +147,16 @@ def _vector_type(name: str, item: str) -> ValueType:
     def read(text: str, enums: Enums) -> Any:
         if text.startswith("json:"):
             return _from_json(text[5:], item)
-        from_text: Any = TYPES[item].from_text
-        return [from_text(part, enums) for part in items_of(text)]
+        return [TYPES[item].from_text(part, enums) for part in items_of(text)]
     return ValueType(name, read, cpp_name=f"std::vector<{'std::string' if item == TEXT else item}>")
 
 
 def items_of(text: str) -> List[str]:
     """Return what ``;`` separates; nothing is meant after the last one."""
     items = text.split(";")
-    return items if items[-1] else items[:-1]
+    if not items[-1]:
+        items.pop()
+    return items
 
 
 def _from_json(text: str, item: str) -> List[Any]:
@@ -226,7 +229,7 @@ def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], tex
 
 
 TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_type in (
-    ValueType(TEXT, lambda text, _enums: text, cpp_name="std::string"),
+    ValueType(TEXT, _text, cpp_name="std::string"),
     _integer_type("int", *INT),
     _integer_type("uint", 0, 2 ** 32 - 1, "unsigned int"),
     _integer_type("int8", -2 ** 7, 2 ** 7 - 1, "signed char"),
@@ -238,25 +241,27 @@ TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_typ
     ValueType("NodeStatus", _status, checked_at_load=False, cpp_name="BT::NodeStatus"),
     ValueType("enum", _enumerator, checked_at_load=False),
     *starmap(_vector_type, VECTORS.items()),
-    ValueType(ANY, None, cpp_name="BT::AnyTypeAllowed"),
-    ValueType(BT_ANY, None, cpp_name="BT::Any"),
+    ValueType(ANY, _text, cpp_name="BT::AnyTypeAllowed"),
+    ValueType(BT_ANY, _text, cpp_name="BT::Any"),
 ))
 
 
 def find_type(name: str) -> Optional[ValueType]:
     """Return the type of that name; None for an entry that the host made of a class of its own."""
-    return TYPES[name] if name in TYPES or isinstance(name, PortType) else None
+    return TYPES.get(name, getattr(name, "value_type", None))
 
 
 def unread(text: str, type_name: str) -> str:
     """Return what a reader of numbers passes over at the end of ``text``, or of the first such item
     of a vector."""
+    if text.startswith("json:"):
+        return ""
     if type_name in VECTORS:
-        items = [] if text.startswith("json:") else text.split(";")
-        return next(filter(None, (unread(item, VECTORS[type_name]) for item in items)), "")
+        rests = (unread(item, VECTORS[type_name]) for item in text.split(";"))
+        return next(filter(None, rests), "")
     number = TYPES[type_name].number
-    match = number.match(text) if number is not None else None
-    return text[match.end():].strip() if match is not None else ""
+    match = number and number.match(text)
+    return text[match.end():].strip() if match else ""
 
 
 _STATUSES = list(NAMES)  # by their numbers
@@ -267,7 +272,9 @@ def stored(value: Any) -> Any:
     """Return ``value`` as an entry holds it: a boolean and a status are integers."""
     if isinstance(value, bool):
         return int(value)
-    return NUMBERS[value] if type(value) in _STATUS_CLASSES else value
+    if type(value) in _STATUS_CLASSES:
+        return NUMBERS[value]
+    return value
 
 
 def is_vector(value: Any, wanted: str) -> bool:
@@ -287,7 +294,9 @@ def origin_of(value: Any) -> str:
         return "double"
     if isinstance(value, int):
         return "int64"
-    return TEXT if isinstance(value, str) else type(value).__name__
+    if isinstance(value, str):
+        return TEXT
+    return type(value).__name__
 
 
 def to_text(value: Any) -> str:
@@ -348,7 +357,7 @@ def convert(value: Any, wanted: str, enums: Enums) -> Any:
             return to_text(value)
         raise _no_conversion(value, "std::string")
     if isinstance(value, str):
-        return TYPES[wanted].from_text(value, enums)  # type: ignore[misc]
+        return TYPES[wanted].from_text(value, enums)
     python = TYPES[wanted].python
     if wanted in VECTORS or python is not None:
         if not is_vector(value, wanted) and (python is None or not isinstance(value, python)):
