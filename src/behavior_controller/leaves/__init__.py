@@ -83,7 +83,8 @@ def _port_fault(port: Port) -> str:
         return "this cannot be the name of a port"
     if port.default is not None and port.direction is not Direction.OUT:
         wrong = ports.literal_fault(port.default, port, {})
-        return f"its default is not of the type {port.type}: {wrong}" if wrong else ""
+        if wrong:
+            return f"its default is not of the type {port.type}: {wrong}"
     return ""
 
 

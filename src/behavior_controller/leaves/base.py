@@ -101,7 +101,7 @@ class MissionContext:
         self.health = health or Health()
         self.knowledge = knowledge
         self.offers = offers
-        self.language = settings.language if knowledge is None else knowledge.language
+        self.language = (knowledge or settings).language
         self.failures = FailureLog()
         # when the last ones began, as many as a budget can have
         self._recoveries: Deque[float] = deque(maxlen=MOST_RECOVERIES)
@@ -129,8 +129,9 @@ class MissionContext:
         if name is None:
             return words
         preposition = words.what.split()[0]
-        is_home = preposition == "to" and name == "its home"
-        return words._replace(what="home" if is_home else f"{preposition} {name}")
+        if preposition == "to" and name == "its home":
+            return words._replace(what="home")
+        return words._replace(what=f"{preposition} {name}")
 
     def ignore_answers(self, reason: str) -> None:
         """Have spoken answers reported as ignored from now on, and why; empty: they count.
@@ -261,12 +262,14 @@ class MissionLeaf(Node):
 
     def report(self, status: Any, failure: Optional[Failure] = None) -> Result:
         """Emit the event that this leaf finished, and return its status."""
-        resource = (failure.resource if failure is not None else "") or self.resource
-        self.feedback_message = failure.message if failure is not None else ""
+        resource = self.feedback_message = ""
+        if failure is not None:
+            resource, self.feedback_message = failure.resource, failure.message
         summary, self.summary = self.summary, None
-        self.mission.events.emit(
-            LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
-                         self.mission.clock.now() - self.started_at, failure, summary))
+        self.mission.events.emit(LeafFinished(
+            self.uid, self.registration_id, self.full_path, NAMES[status],
+            resource or self.resource, self.mission.clock.now() - self.started_at, failure,
+            summary))
         return status
 
     def begin_step(self, words: Words, limit: float, is_wait: bool = False,
@@ -315,7 +318,9 @@ class InstantCondition(InstantLeaf, ConditionLeaf):
 
     def act(self) -> Optional[Failure]:
         """Fail if the condition does not hold."""
-        return None if self.holds() else Failure(Cause.CONDITION_FALSE, self.words_if_false)
+        if self.holds():
+            return None
+        return Failure(Cause.CONDITION_FALSE, self.words_if_false)
 
 
 class WorkingLeaf(MissionLeaf, ActionLeaf):
@@ -436,8 +441,9 @@ class ServiceLeaf(WorkingLeaf):
     @property
     def resource(self) -> str:
         """The service's name, or the files; empty if it does without."""
-        is_lacking = self.does_without and not self.mission.interface.serves(self.asks)
-        return "" if is_lacking else self.mission.interface.resource(self.asks)
+        if self.does_without and not self.mission.interface.serves(self.asks):
+            return ""
+        return self.mission.interface.resource(self.asks)
 
     @abstractmethod
     def request(self) -> Union[Request, Failure, None]:
@@ -465,8 +471,10 @@ class ServiceLeaf(WorkingLeaf):
 
     def try_once(self) -> Waiting[Optional[Failure]]:
         """Make the request, and return its failure."""
+        if self.does_without and not self.resource:
+            return None
         try:
-            wanted = None if self.does_without and not self.resource else self.request()
+            wanted = self.request()
             if wanted is None or isinstance(wanted, Failure):
                 return wanted
             self._check_request(wanted)
@@ -510,12 +518,12 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
             isinstance(evidence, Evidence) and isinstance(evidence.topic, Topic)):
         raise ImportError(f"own_evidence of {leaf.__qualname__} is no Evidence: Evidence(TOPIC)"
                           " wraps a topic")
-    sign = leaf.sense if evidence is None else evidence.topic
+    sign = getattr(evidence, "topic", leaf.sense)
     return MissionSpec(node_id, kind, factory, (*leaf.PORTS, *ports), description,
                        names=tuple(choices or ()), is_instant=issubclass(leaf, InstantLeaf),
                        may_fail_at_once=bool(calls), calls=calls,
                        does_without=getattr(leaf, "does_without", False),
-                       listens=(sign,) if sign is not None else (), **facts)
+                       listens=tuple(filter(None, [sign])), **facts)
 
 
 def _chosen(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]],

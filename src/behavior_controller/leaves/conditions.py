@@ -153,7 +153,9 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     @property
     def _max_age(self) -> float:
-        return self.mission.settings.topic_max_age if self.topic.is_continuous else math.inf
+        if not self.topic.is_continuous:
+            return math.inf
+        return self.mission.settings.topic_max_age
 
     def _is_young(self, sample: Sample) -> bool:
         return self.mission.clock.now() - sample.arrived <= self._max_age
@@ -178,7 +180,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if counting:
             self.unused(counting[-1])
         reason = unheard(samples, self.not_before(), self.mission.clock.now(), self._max_age)
-        message = f"{self.words_if_false}; {reason}" if reason else self.words_if_false
+        message = "; ".join(filter(None, [self.words_if_false, reason]))
         if self._lacks_first(samples):
             name, reason = self.mission.topics.name(self.topic), None
             message = f"{self.registration_id}: no message on {name} yet"
@@ -192,8 +194,9 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _note(self, what: str) -> None:
         """Tell the story that the sign of the sense is ``given`` or ``absent``."""
-        mark = "" if self.own_evidence is not None else getattr(self.sense, what)
-        self.summary = LeafSummary("visit", "", mark, self.mission.clock.now()) if mark else None
+        self.summary, mark = None, getattr(self.sense, what, "")
+        if mark and self.own_evidence is None:
+            self.summary = LeafSummary("visit", "", mark, self.mission.clock.now())
 
     def _fail(self, failure: Failure, since: float) -> Result:
         reported = failure, max(since, self.mission.visit_began)
@@ -211,8 +214,9 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     @property
     def wait(self) -> float:
         """Seconds that the condition waits for its evidence."""
-        wait = self.evidence.wait
-        return self.mission.settings.condition_wait if wait is None else wait
+        if self.evidence.wait is None:
+            return self.mission.settings.condition_wait
+        return self.evidence.wait
 
     @cached_property
     def _may_wait(self) -> bool:
@@ -221,7 +225,9 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def _limit(self, samples: Sequence[Sample]) -> float:
         """Return the seconds to wait from now on, if the wait has not begun: for the evidence, and
         for the topic's first message."""
-        wait = self.wait if self._may_wait else 0.0
+        wait = 0.0
+        if self._may_wait:
+            wait = self.wait
         if not self._lacks_first(samples):
             return wait
         now = self.mission.clock.now()

@@ -60,7 +60,7 @@ class HandleFallBack(WorkingLeaf):
             self._patience = None
         if outcome == GIVEN_UP:
             yield from self._make_safe()
-        self._decided(outcome, f"{self._rule}: {self._reason}" if self._reason else str(self._rule))
+        self._decided(outcome, ": ".join(filter(None, [str(self._rule), self._reason])))
         if outcome != GIVEN_UP:
             return self.succeeded()
         # not recorded as a failure: an outer HandleFallBack looks for the original one
@@ -97,8 +97,9 @@ class HandleFallBack(WorkingLeaf):
     def rule(self, leaf: Node, cause: Cause) -> Rule:
         """Return what to do about the failure of ``leaf``."""
         rule = self.mission.policy.rule(leaf.spec, cause)
-        can_redo = leaf.parent is self.parent and isinstance(leaf, WorkingLeaf) and leaf.can_redo
-        return rule if can_redo else rule._replace(retries=0, substitute=None)
+        if leaf.parent is self.parent and isinstance(leaf, WorkingLeaf) and leaf.can_redo:
+            return rule
+        return rule._replace(retries=0, substitute=None)
 
     def _do_instead(self) -> Waiting[str]:
         """Try the step again, then its substitute; return what helped, or else nothing."""

@@ -106,7 +106,9 @@ class DescribeExhibitSpeech(SpeechLeaf):
 
     def __init__(self, name: str, part: str = ""):
         super().__init__(name)
-        self.part = part or (name if name in self.PARTS else "both")
+        self.part = part or "both"
+        if not part and name in self.PARTS:
+            self.part = name
 
     def configure(self) -> None:
         """Refuse a part that does not exist."""
@@ -119,11 +121,15 @@ class DescribeExhibitSpeech(SpeechLeaf):
     def request(self) -> Union[Request, Failure, None]:
         """Say the descriptions; a missing one is skipped."""
         self.get_input("currentExhibit")
-        part = self.get_input(self.PART.name) if self.PART.name in self.attributes else self.part
+        part = self.part
+        if self.PART.name in self.attributes:
+            part = self.get_input(self.PART.name)
         if part not in self.PARTS:
             return Failure(Cause.MISSING_DATA, f"the part cannot be {part}", self.resource)
         text = " ".join(filter(None, (self.get_input_or(port, "") for port in self.PARTS[part])))
-        return self.asks(text, self.mission.language) if text else None
+        if not text:
+            return None
+        return self.asks(text, self.mission.language)
 
 
 def specs(speeches: Iterable[Speech]) -> Tuple[MissionSpec, ...]:

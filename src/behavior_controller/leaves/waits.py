@@ -36,8 +36,9 @@ def wait_for(condition: Any) -> Optional[float]:
     while isinstance(node.parent, Node):
         parent, place = node.parent, node.parent.children.index(node)
         spec = parent.spec
-        goes_on = not spec.advances_on or outcome & spec.advances_on
-        later = parent.children[place + 1:] if goes_on else []
+        later = parent.children[place + 1:]
+        if spec.advances_on and not outcome & spec.advances_on:
+            later = []
         takes, does_more = _in_turn(parent.children[:place] + later)
         round_takes += takes + _pause(parent)
         if spec.is_reactive and spec.advances_on == FAILS and _in_turn(later)[0]:
@@ -47,7 +48,8 @@ def wait_for(condition: Any) -> Optional[float]:
             wait = round_takes = _number(parent, spec.rounds) * (round_takes or 1.0)
         if spec.limit:
             round_takes = min(round_takes, _number(parent, spec.limit) / 1000.0)
-            wait = None if wait is None else round_takes
+            if wait is not None:
+                wait = round_takes
         if does_more:
             break
         node, outcome = parent, spec.ends(parent.attributes, [outcome, *map(_ends, later)])
@@ -71,18 +73,24 @@ def _in_turn(siblings: List[Any]) -> Tuple[float, bool]:
 def _seconds(node: Any) -> float:
     takes_time = node.spec.repeats_on or not node.spec.is_instant and node.spec.kind in (
         Kind.ACTION, Kind.DECORATOR)
-    return math.inf if takes_time and not _pause(node) else _pause(node)
+    if takes_time:
+        return _pause(node) or math.inf
+    return _pause(node)
 
 
 def _pause(node: Any) -> float:
-    return _number(node, node.spec.pause) / 1000.0 if node.spec.pause else 0.0
+    if not node.spec.pause:
+        return 0.0
+    return _number(node, node.spec.pause) / 1000.0
 
 
 def _number(node: Any, port: str) -> float:
     """Return the number of a port, inf if it is 0 or -1, or if the file does not say it as a
     number."""
     text = node.attributes.get(port, "")
-    return int(text) if text.isdecimal() and int(text) else math.inf
+    if not text.isdecimal():
+        return math.inf
+    return int(text) or math.inf
 
 
 def _does_more(node: Any) -> bool:

@@ -45,7 +45,9 @@ class BlockedTickMonitor:
         # counted, not timed: a machine that was suspended has blocked nothing
         moment = self._runner.moment()
         uid, text = self._leaf() if moment is not None else NO_LEAF
-        self._checks = self._checks + 1 if uid and (moment, uid) == self._before else 0
+        self._checks += 1
+        if not uid or (moment, uid) != self._before:
+            self._checks = 0
         self._before = moment, uid
         if self._checks == CHECKS and uid not in self._reported:
             self._reported.add(uid)

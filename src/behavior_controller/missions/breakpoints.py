@@ -125,7 +125,8 @@ class _NodeHooks(NodeHook):
             self._node.hook = self
             self._set.setdefault(hook.position, _SetHook(change)).is_reported = False
             text = "is set" if hook.mode == BREAKPOINT else "is set to " + hook.desired_status
-            text += "" if hook.enabled else ", but disabled"
+            if not hook.enabled:
+                text += ", but disabled"
         elif hook.position not in self._set:
             self._report_end(hook, change.number)  # it has removed itself already
             return

@@ -22,13 +22,14 @@ def checks(plan: Mission, configuration: str) -> Iterator[Checked]:
     text = f"{len(plan.tree.nodes)} nodes, {_changed(plan.file)}"
     if warnings:
         text += f"; {len(warnings)} warnings: see the terminal, or validateMission"
-    yield Checked("mission", plan.file, DOUBTFUL if warnings else READY, text)
+    yield _checked("mission", plan.file, text, bool(warnings))
     yield Checked("robot", chosen.robot_interface, READY, "the interface that is set")
     yield Checked("language", plan.language, READY, "what the robot says")
     source = plan.phrases.source
-    is_draft = _DRAFT.search(source.text) is not None
-    yield Checked("phrases", source.file, DOUBTFUL if is_draft else READY,
-                  "a draft: have a native speaker review it" if is_draft else _changed(source.file))
+    text, is_draft = _changed(source.file), _DRAFT.search(source.text) is not None
+    if is_draft:
+        text = "a draft: have a native speaker review it"
+    yield _checked("phrases", source.file, text, is_draft)
     yield from _exhibits(plan)
     heard = "speech" if chosen.asr_enabled else "the tablet"
     yield Checked("answers", heard, READY, "how visitors answer")
@@ -43,13 +44,20 @@ def _exhibits(plan: Mission) -> Iterator[Checked]:
         text = f"all texts are in {language}"
         if silent:
             text = f"texts in {language} are missing for {', '.join(dict.fromkeys(silent))}"
-        yield Checked("exhibits", "texts", DOUBTFUL if silent else READY, text)
+        yield _checked("exhibits", "texts", text, bool(silent))
     elif any(offer.request is QueryKnowledge for offer in plan.offers
              if isinstance(offer, Service)):
-        is_usual = language == defaults().language
-        yield Checked("exhibits", "texts", READY if is_usual else DOUBTFUL,
-                      "the knowledge base has the texts" if is_usual else
-                      f"the knowledge base has the texts: hear whether they are in {language}")
+        text, is_usual = "the knowledge base has the texts", language == defaults().language
+        if not is_usual:
+            text += f": hear whether they are in {language}"
+        yield _checked("exhibits", "texts", text, not is_usual)
+
+
+def _checked(what: str, name: str, text: str, is_doubtful: bool) -> Checked:
+    level = READY
+    if is_doubtful:
+        level = DOUBTFUL
+    return Checked(what, name, level, text)
 
 
 def _changed(path: str) -> str:

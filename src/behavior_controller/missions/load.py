@@ -75,7 +75,7 @@ class Mission:
     @property
     def warnings(self) -> Tuple[Fault, ...]:
         """The warnings of configuration, mission and knowledge files."""
-        known = self.knowledge.warnings if self.knowledge is not None else ()
+        known = getattr(self.knowledge, "warnings", ())
         return self.settings.warnings + tuple(self.tree.warnings) + known
 
     def context(self, gateway: Gateway, topics: Topics, events: Events,
@@ -213,10 +213,10 @@ def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None,
                clock: Optional[Clock] = None, wake: Optional[WakeUp] = None,
                registry: Optional[Registry] = None) -> Tree:
     """As ``load_tree``, given documents, the mission last, and optionally other node types."""
-    known = leaves.registry() if registry is None else registry
     if registry is None:
-        MissionError.raise_any(list(others(documents, known).values()))
-    return build(documents, known, clock, main_tree=main_tree, wake=wake, lint=lint)
+        registry = leaves.registry()
+        MissionError.raise_any(list(others(documents, registry).values()))
+    return build(documents, registry, clock, main_tree=main_tree, wake=wake, lint=lint)
 
 
 def mission_folders() -> List[str]:

@@ -196,8 +196,9 @@ class _Follower:
         elif self._is_answer_kept and _needs_answer(node):
             state = state._replace(known=state.known | {(node.registration_id, end)})
         if end == FAILS:
-            is_look = node.sense in (Sense.VISITOR, Sense.PRESENCE)
-            return state._replace(missed_by=node.registration_id) if is_look else state
+            if node.sense in (Sense.VISITOR, Sense.PRESENCE):
+                return state._replace(missed_by=node.registration_id)
+            return state
         if node.spec.is_recovery or node.sense in (Sense.VISITOR, Sense.PRESENCE, Sense.GAZE):
             return state._replace(missed_by="")
         is_stored = (node.spec.writes(VISITOR_RESPONSE.name)

@@ -222,7 +222,8 @@ class _Replay(FakeGateway):
         elif self.skips:
             return 0
         elif isinstance(event, events.Asked):
-            self._before = event.call - 1 if self._before is None else self._before
+            if self._before is None:
+                self._before = event.call - 1
             self._wanted.append(event.request)
         elif isinstance(event, events.Answered):
             self._answer(event.call - (self._before or 0), event.result)
@@ -251,7 +252,8 @@ class _Replay(FakeGateway):
         self.calls.clear()
 
     def _traverse(self, tick: events.Tick) -> None:
-        self._began = tick.at if self._began is None else self._began
+        if self._began is None:
+            self._began = tick.at
         self._topics.begin()
         recorded = [(self._nodes[uid - 1].path, letter) for uid, letter in tick.changes]
         result, _ = traverse_again(self._tree, self._clock, tick, recorded, self._statuses)
@@ -274,11 +276,13 @@ class _Replay(FakeGateway):
 
     def start(self, request: Request) -> Call:
         """Compare a request with the recorded one; its answer is the recorded one's."""
-        recorded = self._wanted.pop(0) if self._wanted else None
+        recorded, words = None, "no request"
+        if self._wanted:
+            recorded = self._wanted.pop(0)
+            words = f"the request {recorded}"
         if not self._difference and recorded != request:
-            self._difference = "recorded is {}, now it asks {} for {}".format(
-                "no request" if recorded is None else f"the request {recorded}",
-                self._interface.resource(type(request)), request)
+            asked = self._interface.resource(type(request))
+            self._difference = f"recorded is {words}, now it asks {asked} for {request}"
         return super().start(request)
 
 

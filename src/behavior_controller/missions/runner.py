@@ -144,7 +144,9 @@ class Runner:
         self._leave_safe()
         code = self._stop_code()
         if code is None:
-            code = exit_codes.SUCCESS if self._outcome in (None, "SUCCESS") else exit_codes.FAILURE
+            code = exit_codes.FAILURE
+            if self._outcome in (None, "SUCCESS"):
+                code = exit_codes.SUCCESS
         ended = "stopped" if self.is_stopped() else "all passes are done"
         last = "no pass is over"
         if self._outcome is not None:
@@ -159,7 +161,9 @@ class Runner:
         """Go on with the mission that was reloaded, if there is one whose nodes can be set up;
         return whether there is."""
         # the plan that is running at a stop must be halted, so it must not be replaced
-        following = None if self.is_stopped() else self._successor()
+        if self.is_stopped():
+            return False
+        following = self._successor()
         if following is None:
             return False
         try:
@@ -176,9 +180,9 @@ class Runner:
     def _begin(self) -> None:
         """Announce the mission, whose nodes are set up."""
         self._begins()
-        mission, knowledge = self.mission, self.mission.knowledge
+        mission = self.mission
         sources = Sources(self.tree.sources, mission.phrases.source, mission.policy.source,
-                          mission.interface.name, knowledge.sources if knowledge else ())
+                          mission.interface.name, getattr(mission.knowledge, "sources", ()))
         self.mission.events.emit(RunStarted(
             self.mission_file, mission.leaves_of(self.tree), mission.settings.values, sources,
             {mission.interface.name_of(offer): offer.kind
@@ -237,7 +241,7 @@ class Runner:
         if words == self._suspended.words == "":  # as at almost every tick
             return False
         is_due = bool(words) and self.mission.gateway.is_busy
-        now = Suspended(words, is_due, self._resume if words else "")
+        now = Suspended(words, is_due, words and self._resume)
         if now != self._suspended:
             self._suspended = now
             self.mission.events.emit(now)
@@ -269,9 +273,10 @@ class Runner:
             origin = origin.__cause__
         if str(origin) != self._reported:
             self._reported = str(origin)
+            at, place = "", place_of(error)
             # foreign code fails at no attribute
-            place = "" if _foreign(error) is not None else place_of(error)
-            at = f" ({place})" if place not in str(error) else ""
+            if _foreign(error) is None and place not in str(error):
+                at = f" ({place})"
             self._report(error, f"{during}{error}{at}")
 
     def _report(self, error: BehaviorControllerError, text: str) -> None:
@@ -288,11 +293,10 @@ class Runner:
         run posted callbacks and due timers."""
         # for a wake-up that is already cleared; a due timer must end the wait
         self.clock.run_posted()
-        left = self.clock.time_left()
-        if left is not None:
-            seconds = left if seconds is None else min(seconds, left)
+        limits = [max(0.0, limit) for limit in (seconds, self.clock.time_left())
+                  if limit is not None]
         self._woke = None
-        self.tree.wake.wait(seconds if seconds is None else max(0.0, seconds))
+        self.tree.wake.wait(min(limits, default=None))
         self._woke = time.monotonic()
         self.clock.run_due()
 
@@ -300,7 +304,9 @@ class Runner:
         """Return what changes with each wait and each traversal; None while the tick thread waits.
         For any thread."""
         woke = self._woke
-        return None if woke is None else (woke, self.clock.held_at)
+        if woke is None:
+            return None
+        return woke, self.clock.held_at
 
     def _wait(self, seconds: Optional[float]) -> None:
         """Wait; report a callback that fails, which ends the pass as a node that fails in a tick
@@ -385,7 +391,9 @@ class VirtualTimeRunner(Runner):
         """Advance time until the tree is woken, by ``seconds`` at most."""
         clock = self.clock
         assert isinstance(clock, ManualClock)
-        limit = math.inf if seconds is None else clock.now() + seconds
+        limit = math.inf
+        if seconds is not None:
+            limit = clock.now() + seconds
         while not self.tree.wake.is_set:
             due = clock.next_due()
             moment = limit if due is None else min(limit, due)
@@ -400,4 +408,6 @@ class VirtualTimeRunner(Runner):
 def _foreign(error: BehaviorControllerError) -> Optional[BaseException]:
     """Return what code other than ours raised and led to ``error``, or None."""
     cause = error.__cause__
-    return None if isinstance(cause, BehaviorControllerError) else cause
+    if isinstance(cause, BehaviorControllerError):
+        return None
+    return cause

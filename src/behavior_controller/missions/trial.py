@@ -35,8 +35,10 @@ class Trial:
         self.settings = settings.defaults(**keys)
         if not mission.lstrip().startswith("<"):
             document = read(mission if os.path.isfile(mission) else missions.find(mission))
+        elif "<root" in mission:
+            document = parse(mission)
         else:
-            document = parse(mission if "<root" in mission else _AROUND.format(mission))
+            document = parse(_AROUND.format(mission))
         loaded = missions.load(self.settings, self.clock, documents=with_includes(document))
         self.tree = loaded.tree
         self.gateway = FakeGateway(self.tree.wake.emit, answer or (lambda request: Answer()))

@@ -48,7 +48,8 @@ class Judgement:
         if not self.is_wrong and self.palette is not None:
             counts.insert(0, f"a palette of {count(self.palette, 'node type', 'node types')}")
         elif self.is_wrong or not self.nodes:
-            counts = counts if warnings else []
+            if not warnings:
+                counts.clear()
             counts.insert(0, count(len(self.faults) - warnings, "error", "errors"))
         else:
             done = "checked" if self.stubs else "can be run"
@@ -81,8 +82,11 @@ class Validation:
         self.files: Set[str] = set()  # that were read
         faults: List[Fault] = []
         file = folders.config(settings.FILE_NAME)
-        chosen = attempt(lambda: settings.load(file), faults) if os.path.lexists(file) else None
-        said_by = file if chosen else "by default"
+        chosen, said_by = None, "by default"
+        if os.path.lexists(file):
+            chosen = attempt(lambda: settings.load(file), faults)
+        if chosen:
+            said_by = file
         if faults:
             said_by += ": the configuration has mistakes"
         self._settings = chosen or settings.defaults()
