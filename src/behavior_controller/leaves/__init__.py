@@ -13,9 +13,8 @@ from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.node_types import class_fault
 from behavior_controller.bt.loader.structure import STRUCTURE, is_port_name
 from behavior_controller.robot.interfaces import INTERFACES
-from behavior_controller.leaves import (
-    attention, dialogue, gesture, knowledge, lifecycle, navigation, recovery, release_1_0,
-    release_1_1, speech)
+from behavior_controller.leaves import (attention, dialogue, gesture, knowledge, lifecycle,
+                                        navigation, recovery, release_1_0, release_1_1, speech)
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.phrases import Speech
 

@@ -90,17 +90,10 @@ class MissionContext:
         ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the
         services and topics that the mission cannot do without.
         """
-        self.gateway = gateway
-        self.topics = topics
-        self.settings = settings
-        self.interface = settings.interface
-        self.phrases = phrases
-        self.policy = policy
-        self.clock = clock
-        self.events = events
-        self.health = health or Health()
-        self.knowledge = knowledge
-        self.offers = offers
+        self.gateway, self.topics, self.offers = gateway, topics, offers
+        self.settings, self.interface = settings, settings.interface
+        self.phrases, self.policy, self.knowledge = phrases, policy, knowledge
+        self.clock, self.events, self.health = clock, events, health or Health()
         self.language = (knowledge or settings).language
         self.failures = FailureLog()
         # when the last ones began, as many as a budget can have
@@ -334,8 +327,7 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
 
     def work(self) -> Waiting[Result]:
         """Do the work, and return the reported result."""
-        failure = yield from self.try_once()
-        return self.ended(self.checked_end("try_once", failure))
+        return self.ended(self.checked_end("try_once", (yield from self.try_once())))
 
     @property
     def can_redo(self) -> bool:

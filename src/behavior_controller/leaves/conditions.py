@@ -19,8 +19,7 @@ class Patience:
     """The time for which a leaf waits for messages of a topic, and for what began within it."""
 
     def __init__(self, leaf: MissionLeaf, topic: Topic, seconds: float):
-        self._leaf = leaf
-        self._topic = topic
+        self._leaf, self._topic = leaf, topic
         self._is_late = False
         self._timer = leaf.mission.clock.call_after(seconds, leaf.wake)
 
@@ -225,9 +224,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def _limit(self, samples: Sequence[Sample]) -> float:
         """Return the seconds to wait from now on, if the wait has not begun: for the evidence, and
         for the topic's first message."""
-        wait = 0.0
-        if self._may_wait:
-            wait = self.wait
+        wait = self.wait if self._may_wait else 0.0
         if not self._lacks_first(samples):
             return wait
         now = self.mission.clock.now()

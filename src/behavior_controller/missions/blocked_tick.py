@@ -24,8 +24,7 @@ class BlockedTickMonitor:
 
     def __init__(self, runner: Runner, tell: Callable[[str, str], None]):
         """``tell`` gets severity and text of a line, on the thread of the watch."""
-        self._runner = runner
-        self._tell = tell
+        self._runner, self._tell = runner, tell
         self._tick_thread = threading.get_ident()
         self._before: Optional[Tuple[object, int]] = None  # moment and leaf of the last check
         self._checks = 0

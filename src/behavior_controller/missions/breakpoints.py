@@ -33,8 +33,7 @@ class Breakpoints:
         """``emit`` gets an event when a breakpoint holds its node, when it lets it go on, and when
         a hook has removed itself; ``warn`` a line for the operator. Both are called on the tick
         thread, and must not block it."""
-        self.emit = emit
-        self._warn = warn
+        self.emit, self._warn = emit, warn
         self._tree: Optional[Tree] = None
         self._count = 0  # of trees
         self._nodes: Dict[int, _NodeHooks] = {}  # by uid
@@ -101,8 +100,7 @@ class _NodeHooks(NodeHook):
     """The hooks of one node, attached to it while there are any."""
 
     def __init__(self, node: Node, owner: Breakpoints):
-        self._node = node
-        self._owner = owner
+        self._node, self._owner = node, owner
         self._set: Dict[int, _SetHook] = {}  # by position
         # while the node waits: the breakpoint, its status before, and its result if it was ticked
         self._held: Optional[Tuple[_SetHook, Any, Optional[Result]]] = None

@@ -14,8 +14,7 @@ def left_out_steps(tree: Tree) -> Iterator[Fault]:
     HandleFallBack behind both goes on."""
     for handler in tree.nodes:
         if handler.parent is not None and handler.spec.is_recovery:
-            steps = handler.parent.children[:handler.parent.children.index(handler)]
-            for step in steps:
+            for step in handler.parent.children[:handler.parent.children.index(handler)]:
                 yield from _left_out(step, handler.registration_id)
 
 

@@ -15,8 +15,7 @@ from behavior_controller.bt.engine.registry import argument
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader import rules
-from behavior_controller.errors import (
-    ConfigurationError, Fault, FaultsFound, MissionError, attempt)
+from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, MissionError, attempt
 from behavior_controller.run.observed_gateway import ObservedGateway
 from behavior_controller.leaves import data
 from behavior_controller.run.events import Events, TreeShown

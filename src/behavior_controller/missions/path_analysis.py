@@ -162,8 +162,7 @@ class _Follower:
                     reached[index] |= during
         if count == 1:
             # the ends that it has by itself, whatever its child does: a Timeout, for one
-            by_itself = spec.ends(node.attributes, [0])
-            ways |= _each(by_itself, _forgotten(during))
+            ways |= _each(spec.ends(node.attributes, [0]), _forgotten(during))
         return ways
 
     def _leaf(self, node: Any, state: PathState) -> Ways:

@@ -97,10 +97,8 @@ class Runner:
         """
         self._use(running)
         self.clock = self.tree.clock
-        self.is_stopped = is_stopped
-        self._successor = successor
-        self._stop_code = stop_code
-        self._held, self._resume = held, resume
+        self.is_stopped, self._stop_code = is_stopped, stop_code
+        self._successor, self._held, self._resume = successor, held, resume
         self._suspended = Suspended("")
         self._number = 0
         self._outcome: Optional[str] = None  # of the last pass
@@ -240,8 +238,7 @@ class Runner:
         words = self._held()
         if words == self._suspended.words == "":  # as at almost every tick
             return False
-        is_due = bool(words) and self.mission.gateway.is_busy
-        now = Suspended(words, is_due, words and self._resume)
+        now = Suspended(words, bool(words) and self.mission.gateway.is_busy, words and self._resume)
         if now != self._suspended:
             self._suspended = now
             self.mission.events.emit(now)

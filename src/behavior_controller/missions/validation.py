@@ -75,10 +75,8 @@ class Validation:
     def __init__(self, main: Optional[str] = None, palettes: Collection[str] = (),
                  ignored: Collection[str] = (), in_folder: bool = False, robot: str = ""):
         """Raise BrokenExtension if what a package exports cannot be used."""
-        self.main = main
-        self.palettes = palettes
-        self.ignored = ignored
-        self.in_folder = in_folder
+        self.main, self.palettes = main, palettes
+        self.ignored, self.in_folder = ignored, in_folder
         self.files: Set[str] = set()  # that were read
         faults: List[Fault] = []
         file = folders.config(settings.FILE_NAME)

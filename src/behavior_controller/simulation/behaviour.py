@@ -78,7 +78,9 @@ _object_to_language = _allow("language", *_LANGUAGES)
 def _object_to_text(request: Fields) -> Optional[str]:
     if not spoken(request).strip():
         return "there is no text"
-    return _object_to_language(request) if "language" in request else None
+    if "language" in request:
+        return _object_to_language(request)
+    return None
 
 
 def _press(request: Fields, world: World) -> Optional[Answer]:
@@ -88,8 +90,9 @@ def _press(request: Fields, world: World) -> Optional[Answer]:
     pressed = world.visitor.press(options)
     if world.settings.interface.tells_pressed:
         return Answer(response=pressed)
-    wanted = options[:1] if world.settings.tablet_success_is == YES else options
-    return Answer() if pressed in wanted else None
+    if pressed == options[0] or pressed in options and world.settings.tablet_success_is != YES:
+        return Answer()
+    return None
 
 
 SYNTHESIZED = 0.2
@@ -103,7 +106,10 @@ DRIVE = 15.0
 
 
 def _speaking(request: Fields, share: float) -> Fields:
-    return {"status": "synthesizing" if share < SYNTHESIZED else "playing", "progress": share}
+    status = "playing"
+    if share < SYNTHESIZED:
+        status = "synthesizing"
+    return {"status": status, "progress": share}
 
 
 _NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
@@ -157,9 +163,7 @@ def seconds(service: Service, request: Fields) -> float:
 def nonsense(success: Success) -> Optional[Plain]:
     """Return a value of the outcome field that has no meaning; None if each of its values has one.
     """
-    if isinstance(success.done, bool):
-        return None
-    return 7 if isinstance(success.done, int) else "perhaps"
+    return {bool: None, int: 7}.get(type(success.done), "perhaps")
 
 
 def possible(fault: Optional[str], service: Service,
@@ -167,10 +171,12 @@ def possible(fault: Optional[str], service: Service,
     """Return the fault of a call whose response has these fields: a refusal where no answer can be
     nonsense. A message that is published has no answer: it is refused where no node subscribes."""
     if isinstance(service, Publication):
-        return REFUSED if fault else None
+        return fault and REFUSED
     brings = len(response_fields) > 1 and simulated(service).nonsense is not None
     has_nonsense = service.success is not None and nonsense(service.success) is not None
-    return fault if fault != WRONG or brings or has_nonsense else REFUSED
+    if fault == WRONG and not brings and not has_nonsense:
+        return REFUSED
+    return fault
 
 
 def response(service: Service, answer: Optional[Answer], fault: Optional[str] = None) -> Fields:
@@ -179,11 +185,14 @@ def response(service: Service, answer: Optional[Answer], fault: Optional[str] = 
     success = service.success
     if success is None:
         return asdict(answer or Answer())
-    outcome = success.refused if answer is None else success.done
+    outcome = success.done
     if fault == WRONG:
         senseless = nonsense(success)
-        outcome = success.done if senseless is None else senseless
+        if senseless is not None:
+            outcome = senseless
         answer = simulated(service).nonsense
+    elif answer is None:
+        outcome = success.refused
     return dict(asdict(answer or Answer()), **{success.field: outcome})
 
 
@@ -222,9 +231,11 @@ def _utterance(world: World) -> Optional[str]:
     """Return the text of speech recognition; where it can be switched off, only what it hears while
     it is on."""
     words = world.visitor.utterance()
-    if world.settings.interface.serves(SetRecognition):
-        return words if words and world.visitor.is_listened_to else None
-    return words or NOTHING_HEARD
+    if not world.settings.interface.serves(SetRecognition):
+        return words or NOTHING_HEARD
+    if not world.visitor.is_listened_to:
+        return None
+    return words or None
 
 
 TOPICS: Mapping[str, SimulatedTopic] = {

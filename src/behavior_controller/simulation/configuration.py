@@ -106,8 +106,10 @@ class Configuration:
     def carrier(self, service: Service, robot: Interface) -> Service:
         """Return what carries out the requests to a service: what stands in for it, if the robot
         lacks it and has that."""
-        other = robot.substitute(service) if self.lacks(service) else None
-        return service if other is None or self.lacks(other) else other
+        other = robot.substitute(service)
+        if self.lacks(service) and other is not None and not self.lacks(other):
+            return other
+        return service
 
     @property
     def takes_time(self) -> bool:

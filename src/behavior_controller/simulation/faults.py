@@ -21,7 +21,7 @@ class PlannedFault(NamedTuple):
 
     def __str__(self) -> str:
         """Return it as a configuration has it."""
-        return f"{self.node}:{self.call}{'+' if self.is_lasting else ''}:{self.kind}"
+        return f"{self.node}:{self.call}{'+' * self.is_lasting}:{self.kind}"
 
 
 def parse_planned_fault(text: str, nodes: Sequence[str]) -> PlannedFault:
@@ -51,6 +51,8 @@ class Faults:
         # both are drawn for every call, so that one decision does not shift the later ones
         fails = self._random.random() < self._rate
         kind = self._random.choice(self._kinds)
-        planned = [fault.kind for fault in self._planned if fault.call == self.calls
-                   or fault.is_lasting and fault.call < self.calls]
-        return planned[-1] if planned else kind if fails else None
+        kinds = [fault.kind for fault in self._planned if fault.call == self.calls
+                 or fault.is_lasting and fault.call < self.calls]
+        if fails:
+            kinds.insert(0, kind)
+        return kinds[-1] if kinds else None

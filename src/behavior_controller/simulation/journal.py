@@ -42,7 +42,9 @@ def plain(value: Any) -> Any:
         return list(map(plain, value))
     names = getattr(value, "_fields", None) or getattr(value, "__slots__", None)
     names = names or getattr(value, "__dict__", None)
-    return {name: plain(getattr(value, name)) for name in names} if names else value
+    if not names:
+        return value
+    return {name: plain(getattr(value, name)) for name in names}
 
 
 class Tail:

@@ -29,8 +29,7 @@ class Offers(NamedTuple):
     @property
     def publisher(self) -> str:
         """The canonical name of the topic, or of the action in its place; empty: neither."""
-        offer = self.action or self.topic
-        return offer.name if offer is not None else ""
+        return getattr(self.action or self.topic, "name", "")
 
 
 def offers_of(node: str, interface: Interface, test: Configuration) -> Offers:
@@ -65,8 +64,7 @@ class SimulatedNode:
     def __init__(self, name: str, test: Configuration, world: World,
                  stamp: Callable[[], float], write: Callable[[JournalEntry], None]):
         """``stamp`` returns the time of an entry of the journal."""
-        self.name = name
-        self.world = world
+        self.name, self.world = name, world
         self.offers = offers_of(name, world.settings.interface, test)
         self._test, self._stamp, self._write = test, stamp, write
         planned = [fault for fault in test.planned_faults if fault.node == name]
@@ -103,7 +101,9 @@ class SimulatedNode:
         objection = simulated.object_to(fields)
         is_at_once = objection is not None or fault in (EXCEPTION, CRASH, UNANSWERED)
         takes_time = self._test.takes_time and self.name not in self._test.quick_nodes
-        seconds = behaviour.seconds(service, fields) if takes_time and not is_at_once else 0.0
+        seconds = 0.0
+        if takes_time and not is_at_once:
+            seconds = behaviour.seconds(service, fields)
         if isinstance(service, Action) and seconds:
             seconds = self._after_last_goal(service, now, seconds)
         answer: Optional[Answer] = None
@@ -123,8 +123,9 @@ class SimulatedNode:
     def _after_last_goal(self, action: Action, now: float, seconds: float) -> float:
         """Return how long a new goal takes, with the rest of the last one that is not stopped."""
         began, end = self._goals.get(action.name, (-math.inf, now))
-        is_stopped = now - began < behaviour.simulated(action).stops_until * (end - began)
-        begins = now if is_stopped else max(now, end)
+        if now - began < behaviour.simulated(action).stops_until * (end - began):
+            end = now
+        begins = max(now, end)
         self._goals[action.name] = begins, begins + seconds
         return begins + seconds - now
 
@@ -139,9 +140,11 @@ class SimulatedNode:
         self.world.visitor.now = now = self._stamp()
         simulated = TOPICS[self.offers.topic.name]
         value = simulated.content(self.world)
-        fields = simulated.fields(value) if value is not None else None
+        if value is None:
+            return None
+        fields = simulated.fields(value)
         content, at = self._reported
-        if fields is not None and (fields != content or not at <= now < at + REPEAT):
+        if fields != content or not at <= now < at + REPEAT:
             self._reported = fields, now
             self._write(JournalEntry(now, self.name, resource, 0, fields))
         return fields

@@ -278,8 +278,7 @@ class _VirtualCall:
         result: Optional[Result] = None
         if robot.test.lacks(service):
             absent = self._failure(Cause.NOT_ADVERTISED, NOT_OFFERED)
-            may_lack = service.is_optional and not service.fails_without
-            result = Answer() if may_lack else absent
+            result = Answer() if service.is_optional and not service.fails_without else absent
         elif node.is_away:
             text = "the master lists it, but " + CONNECTION_REFUSED
             result = self._failure(Cause.NOT_REACHABLE, text)

@@ -5,8 +5,7 @@ Each simulated sensor has its own Visitor and passes it every entry of the journ
 simulate the same person. Only the times of messages are random.
 """
 import math
-from typing import (
-    Any, Callable, Dict, Mapping, NamedTuple, Optional, Pattern, Sequence, Tuple)
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Pattern, Sequence, Tuple
 
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Exhibit
@@ -80,7 +79,7 @@ HABITS = {
 
 def spoken(content: Mapping[str, Any]) -> str:
     """Return the text of a request to speak: a service and an action name its field otherwise."""
-    return str(content["message"] if "message" in content else content["text"])
+    return str(content.get("message", content.get("text")))
 
 
 class Manners(NamedTuple):
@@ -224,7 +223,9 @@ class Visitor:
         self._gaze_attempts += 1
         if not self.is_here or self._gaze_attempts > GAZE_ATTEMPTS and not self.looks_back:
             return GAZE_FAILED
-        return MUTUAL_GAZE if self._gaze_attempts > 1 and self.looks_back else STILL_SEEKING
+        if self._gaze_attempts > 1 and self.looks_back:
+            return MUTUAL_GAZE
+        return STILL_SEEKING
 
     def utterance(self) -> str:
         """Return the recognised words of the visitor; empty if there are none.
@@ -238,7 +239,9 @@ class Visitor:
             return SMALL_TALK
         if behaviour == UNCLEAR:
             return UNCLEAR_ANSWER if self._questions % 2 else NOTHING_HEARD
-        return (self._answer or self.manners.yes) if self._agrees else self.manners.no
+        if not self._agrees:
+            return self.manners.no
+        return self._answer or self.manners.yes
 
     def press(self, options: Sequence[str]) -> str:
         """Return which of the tablet's options is pressed, yes being the first and no the last, or
@@ -249,6 +252,8 @@ class Visitor:
         """
         if not self.is_here or self.manners.behaviour == SILENT:
             return ""
+        if self._agrees:
+            return self._answer or options[0]
         if self._answer:
-            return self._answer if self._agrees else ""
-        return options[0] if self._agrees else options[-1]
+            return ""
+        return options[-1]

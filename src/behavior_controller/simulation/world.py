@@ -46,7 +46,8 @@ def world(behaviour: str, settings: Settings) -> World:
     if settings.interface.has_knowledge_files:
         known = knowledge_files.load(mission, settings.interface.takes_arm)
         language = phrases.load(known.language, mission)
-        utility = known.phrases if settings.interface.numbers_phrases else {}
+        if settings.interface.numbers_phrases:
+            utility = known.phrases
         knowledge = building_of(known)
     else:
         language = phrases.load(settings.language, mission)

@@ -20,13 +20,6 @@ class Control(Parent, composites.Composite):
 
     KIND = Kind.CONTROL
 
-    def input_or(self, port: str, otherwise: Any) -> Any:
-        """Return the value of an input port, or ``otherwise`` if it cannot be read."""
-        try:
-            return self.get_input(port)
-        except ports.PortError:
-            return otherwise
-
     @property
     def current_child(self) -> Any:
         """The last child that is not INVALID, or None (py_trees)."""

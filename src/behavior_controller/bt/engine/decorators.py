@@ -157,19 +157,14 @@ class RunOnce(Decorator):
     def update(self) -> Result:
         """Tick the child unless it has completed before."""
         if self.result is not None:
-            return SKIPPED if self._then_skip() else self.result
+            # that an empty entry skips is the library's rule
+            return SKIPPED if self.input_or("then_skip", True) else self.result
         self.begin()
         result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
             self.result = result
             self.services.actions += 1
         return result
-
-    def _then_skip(self) -> bool:
-        try:
-            return bool(self.get_input("then_skip"))
-        except ports.PortError:
-            return True  # as in the library
 
 
 class Scripted:
@@ -315,8 +310,7 @@ class Loop(Decorator):
     def _from_blackboard(self) -> Optional[Deque[Any]]:
         """Return the items that are left: what was read first stays so while the node runs, but an
         entry that has become empty fails it."""
-        key = ports.reference(self.attributes["queue"], "queue")
-        if self.blackboard.read(key or "") is None:
+        if self.blackboard.read(ports.reference(self.attributes["queue"], "queue") or "") is None:
             return self.queue
         value = ports.entry_value(self.attributes["queue"], "queue", self.blackboard)
         if isinstance(value, deque):

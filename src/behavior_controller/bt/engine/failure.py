@@ -32,8 +32,7 @@ class TickError(BehaviorControllerError):
                 self.origin = cause.origin
         super().__init__(f"Exception in {where}{owner}: {place}{text}")
         self.node = node
-        self.cause = cause
-        self.__cause__ = cause
+        self.cause = self.__cause__ = cause
 
 
 def failure_of(node: Any, error: BaseException, where: str = "") -> BaseException:

@@ -427,6 +427,13 @@ class Parent(Node):
     ROUND: Tuple[str, ...] = ()
     """The attributes that a halt resets to those of the class."""
 
+    def input_or(self, port: str, otherwise: Any) -> Any:
+        """Return the value of an input port, or ``otherwise`` if it cannot be read."""
+        try:
+            return self.get_input(port)
+        except ports.PortError:
+            return otherwise
+
     def begin(self) -> None:
         """Store RUNNING."""
         if self.status is not RUNNING:

@@ -44,12 +44,11 @@ class FunctionAction(SyncActionLeaf):
 
     def update(self) -> Result:
         """Call the function; True means SUCCESS, False FAILURE."""
-        if takes(self.function, 0):
-            result = self.function()
-        else:
-            result = self.function(self)
-        if isinstance(result, bool):
-            return SUCCESS if result else FAILURE
+        result = self.function() if takes(self.function, 0) else self.function(self)
+        if result is True:
+            return SUCCESS
+        if result is False:
+            return FAILURE
         return result
 
     @property

@@ -105,8 +105,7 @@ def write(text: str, port: Port, blackboard: Blackboard, value: Any) -> None:
 
 def clear(text: str, port: Port, blackboard: Blackboard) -> None:
     """Empty the entry that an output port refers to, if there is one."""
-    key = reference(text, port.name)
-    entry = blackboard.find(key or "")
+    entry = blackboard.find(reference(text, port.name) or "")
     if entry is not None:
         entry.clear()
 

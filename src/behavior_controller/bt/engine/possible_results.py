@@ -48,8 +48,7 @@ def in_chain(children: List[int], advances_on: int) -> int:
 
 def in_rounds(child: int, rounds: str, repeats_on: int) -> int:
     """Return how a Repeat can end, which repeats on SUCCEEDS, or a Retry, on FAILS."""
-    may_be_none = not rounds.strip("0").isdigit()
-    if rounds != "-1" and (may_be_none or child & repeats_on):
+    if rounds != "-1" and (child & repeats_on or not rounds.strip("0").isdigit()):
         return child | repeats_on
     return child & ~repeats_on
 

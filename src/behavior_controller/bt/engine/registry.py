@@ -143,9 +143,7 @@ class NodeSpec:
 
     def first(self, count: int) -> Sequence[int]:
         """Return which of its children a node may tick first."""
-        if Role.CHOICE in self.roles:
-            return range(count)
-        return [0]
+        return range(count if Role.CHOICE in self.roles else 1)
 
     def after(self, attributes: Attributes, count: int, index: int,
               end: int) -> Tuple[int, Sequence[int]]:

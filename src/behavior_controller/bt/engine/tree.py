@@ -29,17 +29,11 @@ class Tree:
                  services: Services, warnings: Sequence[Fault] = (),
                  sources: Tuple[Source, ...] = ()):
         """``sources`` are the texts that it was built from, the mission's the last."""
-        self.id = id
-        self.nodes = nodes
-        self.root = nodes[0]
-        self.blackboards = blackboards
-        self.blackboard = blackboards[""]
-        self.services = services
+        self.id, self.warnings, self.sources = id, list(warnings), sources
+        self.nodes, self.root = nodes, nodes[0]
+        self.blackboards, self.blackboard = blackboards, blackboards[""]
+        self.services, self.clock, self.wake = services, services.clock, services.wake
         services.tree = self
-        self.clock = services.clock
-        self.wake = services.wake
-        self.warnings = list(warnings)
-        self.sources = sources
         self.failure: Optional[BehaviorControllerError] = None
         """What a callback raised since the last traversal: the next one ends with it."""
         self._has_foreign_nodes = any(node.is_foreign for node in nodes)

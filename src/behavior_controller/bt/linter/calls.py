@@ -197,7 +197,7 @@ def _check_read(facts: MissionFacts, use: Name, read: Access) -> None:
         operands = [assignment.value for assignment in read.script.facts.assignments]
         operands += [operation.right for operation in read.script.facts.operations]
         # compared or assigned, as a text would be
-        if any(operand.kind == "name" and operand.word == name for operand in operands):
+        if any(operand.name == name for operand in operands):
             hint = f"a text needs single quotes: '{name}'"
     text = f"the entry {quoted(name)} is read here, but nothing writes it"
     facts.report(rules.NEVER_WRITTEN, read.element, text, hint, read.attribute, read.at)

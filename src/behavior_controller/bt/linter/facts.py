@@ -65,9 +65,7 @@ class MissionFacts:
 
     def walk(self) -> Iterator[Tuple[str, Element]]:
         """Yield each element of the trees in use, with its tree; called trees come first."""
-        for tree, elements in self.elements.items():
-            for element in elements:
-                yield tree, element
+        return ((tree, element) for tree, elements in self.elements.items() for element in elements)
 
     def inside(self, element: Element) -> Iterator[Element]:
         """Yield an element and all below it, also of the trees that it calls, each once."""

@@ -3,9 +3,8 @@ from typing import Dict, Iterator, List, Optional, Tuple
 
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.facts import MissionFacts
-from behavior_controller.bt.loader.flow import (
-    CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED, WRITTEN, Literal, Use, Value,
-    literal_kind)
+from behavior_controller.bt.loader.flow import (CREATED, NUMERAL, SOME_TEXT, TOUCHED, UNCREATED,
+                                                WRITTEN, Literal, Use, Value, literal_kind)
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.engine.possible_results import SUCCEEDS
@@ -199,8 +198,9 @@ def _with_literal(facts: MissionFacts, use: Use, name: str,
                   literal: Literal) -> Iterator[Tuple[str, str]]:
     """Yield what fails in a script if ``name`` is a literal, and a hint."""
     def kind_of(operand: Operand) -> str:
-        is_it = (operand.kind, operand.word) == ("name", name)
-        return literal.kind if is_it else _kind(facts, use, operand)
+        if operand.name == name:
+            return literal.kind
+        return _kind(facts, use, operand)
 
     for operation in _operations(use):
         if name in (operation.left.word, operation.right.word):
@@ -211,7 +211,7 @@ def _with_literal(facts: MissionFacts, use: Use, name: str,
         if operand.word == name and literal.kind != "number":
             yield f"{signs}{name} needs a number", ""
     for operand in _conditions(use):
-        if (operand.kind, operand.word) == ("name", name) and (
+        if operand.name == name and (
                 literal.kind != "number" or _no_truth([literal.text])):
             yield f"{name} is neither true nor false", f"compare it, as in {name} == …"
     for assignment in use.script.facts.assignments:
@@ -249,8 +249,7 @@ def _check_changed(facts: MissionFacts, values: List[Value]) -> None:
         if kind != known[0].kind and assignment is not None:
             text = f"{name} is assigned a {kind}, but elsewhere a {known[0].kind}"
             hint = "the first value decides the kind of an entry"
-            at = assignment.position
-            facts.report(rules.KIND_CHANGES, element, text, hint, attribute, at)
+            facts.report(rules.KIND_CHANGES, element, text, hint, attribute, assignment.position)
             return
 
 

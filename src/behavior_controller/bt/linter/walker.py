@@ -2,8 +2,7 @@
 on which each rule looks at each of them."""
 from typing import List
 
-from behavior_controller.bt.linter.calls import (
-    check_call, check_entries, check_tree_models)
+from behavior_controller.bt.linter.calls import check_call, check_entries, check_tree_models
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.linter.palette import check_models
 from behavior_controller.bt.linter.scripts import check_scripts

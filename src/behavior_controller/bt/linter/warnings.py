@@ -326,12 +326,10 @@ def _done_first(facts: MissionFacts, element: Element) -> Iterator[Tuple[Element
             yield element, SUCCEEDS
     # else it may leave its child out
     elif spec.kind is not Kind.DECORATOR or not spec.ends(element.attributes, [0]):
-        is_sequence = spec.advances_on == SUCCEEDS
-        for index, child in enumerate(children if is_sequence else children[:1]):
+        for index, child in enumerate(children if spec.advances_on == SUCCEEDS else children[:1]):
             after = [facts.ends[id(later)] for later in children[index + 1:]]
             for leaf, ends in _done_first(facts, child):
-                all_ends = [SUCCEEDS] * index + [ends] + after
-                yield leaf, spec.ends(element.attributes, all_ends)
+                yield leaf, spec.ends(element.attributes, [SUCCEEDS] * index + [ends] + after)
 
 
 def _does_more(facts: MissionFacts, leaf: Element, spec: NodeSpec) -> bool:

@@ -25,8 +25,7 @@ class Clients:
     values whenever they are."""
 
     def __init__(self, main: str, registry: Registry):
-        self._main = main
-        self._registry = registry
+        self._main, self._registry = main, registry
         self._entries: Dict[Node, List[_ShownEntry]] = {}
 
     def show(self, node: Node, clients: List[Any]) -> None:

@@ -13,8 +13,7 @@ from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.values.values import ValueFault
 from behavior_controller.bt.engine.node_types import Registry
-from behavior_controller.bt.engine.registry import (
-    Direction, Kind, NodeSpec, Port, Role, argument)
+from behavior_controller.bt.engine.registry import Direction, Kind, NodeSpec, Port, Role, argument
 from behavior_controller.bt.loader.structure import (
     AROUND_THEM, CONDITIONS, Trees, is_port_name, remaps_all)
 from behavior_controller.text import did_you_mean, quoted
@@ -194,8 +193,7 @@ def _check_script(trees: Trees, element: Element, name: str, text: str) -> None:
         compile_script(text)
     except ScriptSyntaxError as wrong:
         said = f"the script of {name} cannot be read: {wrong}"
-        hint = wrong.hint or text
-        trees.report(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
+        trees.report(rules.SCRIPT_SYNTAX, element, said, wrong.hint or text, name, wrong.position)
 
 
 def _check_subtree(trees: Trees, element: Element) -> None:
@@ -273,8 +271,7 @@ def is_cut_short(report: Callable[..., None], element: Element, attribute: str, 
         except ValueFault as fault:
             read = fault
         wrong = f"{attribute}=\"{text}\" is read only up to \"{rest}\": as {read}"
-        hint = _meant(text, port, type_name)
-        report(rules.NUMBER_CUT_SHORT, element, wrong, hint, attribute)
+        report(rules.NUMBER_CUT_SHORT, element, wrong, _meant(text, port, type_name), attribute)
     return bool(rest)
 
 

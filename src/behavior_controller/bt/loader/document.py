@@ -82,8 +82,7 @@ class Document:
     """One parsed file. ``root`` is its first element, which the checks want to be ``<root>``."""
 
     def __init__(self, file: str, text: str):
-        self.file = file
-        self.text = text
+        self.file, self.text = file, text
         self.root: Element = None  # type: ignore[assignment]
         self.elements: List[Element] = []  # in document order
         self.faults: List[Fault] = []  # of what it includes
@@ -290,8 +289,7 @@ def _included(element: Element, seen: Set[str], chain: Tuple[str, ...]) -> Optio
         if error.faults[0].line:
             raise
         text, hint = f"cannot include {path}: {error.faults[0].text}", _file_meant(path)
-        fault = element.fault(rules.INCLUDE_UNREADABLE, text, hint, "path")
-        raise MissionError([fault]) from error
+        raise MissionError([element.fault(rules.INCLUDE_UNREADABLE, text, hint, "path")]) from error
 
 
 def _file_meant(path: str) -> str:

@@ -9,8 +9,7 @@ from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.registry import Direction, Kind, Port, Role
-from behavior_controller.bt.script.parser import (
-    Assignment, Operand, Script, compile_script)
+from behavior_controller.bt.script.parser import Assignment, Operand, Script, compile_script
 from behavior_controller.bt.values.values import GENERIC, TEXT, TYPES, ValueFault, real_from_text
 
 NUMERAL = "numeral"
@@ -76,9 +75,8 @@ class Literal(NamedTuple):
     @property
     def kind(self) -> str:
         """The kind that a script finds: text, number, NUMERAL."""
-        if ports.subtree_literal(self.text)[0] != TEXT:
-            return "number"
-        return _kind_of_text(self.text)
+        is_text = ports.subtree_literal(self.text)[0] == TEXT
+        return _kind_of_text(self.text) if is_text else "number"
 
 
 class EntryFacts:
@@ -127,8 +125,7 @@ class Name:
     """What one tree does with an entry, under the name that it has there."""
 
     def __init__(self, tree: str, name: str):
-        self.tree = tree
-        self.name = name
+        self.tree, self.name = tree, name
         self.entry = EntryFacts(self)
         self.mentions = 0  # how often the tree itself names it; not what its callers give it
         self.read: Optional[Access] = None
@@ -198,8 +195,7 @@ class Flow:
 
     def all(self) -> Iterator[Name]:
         """Yield the names of each tree."""
-        for names in self.names.values():
-            yield from names.values()
+        yield from (name for names in self.names.values() for name in names.values())
 
     def used(self, tree: str) -> List[str]:
         """Return the names that ``tree`` uses itself."""
@@ -237,11 +233,9 @@ class Flow:
         """Note what a port reads and writes; ``is_condition``: the script that it may hold decides
         something."""
         text = element.attributes.get(port.name, port.default)
-        if text is None:
+        if text is None or port.role is Role.NAMES and not ports.reference(text, port.name):
             return
         name = ports.reference(text, port.name)
-        if name is None and port.role is Role.NAMES:
-            return
         is_given = port.name in element.attributes
         place = Access(element, port.name)
         if name is None and port.role is Role.WATCHED:
@@ -264,8 +258,7 @@ class Flow:
             value = element.attributes.get("value", "")
             if ports.reference(value, "value") is None:
                 written = self._write(tree, text, place, CREATED)
-                kind = _kind_of_text(value)
-                written.values.append(Value(text, element, "value", kind, value))
+                written.values.append(Value(text, element, "value", _kind_of_text(value), value))
             else:
                 self._write(tree, text, place, CREATED, TOUCHED)
 
@@ -322,9 +315,7 @@ def literal_kind(value: Operand) -> str:
     """Return the kind of an operand of a script, if that is a literal."""
     if value.kind == "text" and value.word:
         return _kind_of_text(value.word[1:-1])
-    if value.kind == "number":
-        return value.kind
-    return ""
+    return value.kind if value.kind == "number" else ""
 
 
 def _kind_of_text(text: str) -> str:

@@ -364,8 +364,7 @@ class Trees:
         for tree_id, tree in self.trees.items():
             if tree.document is self.documents[-1] and tree_id not in self.used:
                 text = f"the tree {quoted(tree_id)} is not used"
-                hint = f"the main tree is {quoted(self.main)}"
-                self.report(rules.TREE_UNUSED, tree, text, hint)
+                self.report(rules.TREE_UNUSED, tree, text, f"the main tree is {quoted(self.main)}")
 
 
 def given(call: Element, model: Iterable[Port]) -> Dict[str, Optional[str]]:
@@ -380,8 +379,7 @@ def given(call: Element, model: Iterable[Port]) -> Dict[str, Optional[str]]:
 
 def remaps_all(call: Element) -> bool:
     """Return whether a call gives the tree all entries of equal names. Raises ValueFault."""
-    text = call.attributes.get("_autoremap", "false")
-    return bool(TYPES["bool"].from_text(text, {}))
+    return bool(TYPES["bool"].from_text(call.attributes.get("_autoremap", "false"), {}))
 
 
 def is_port_name(name: str) -> bool:

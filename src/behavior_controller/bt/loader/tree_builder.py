@@ -19,8 +19,7 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.values.blackboard import Blackboard, Entry
-from behavior_controller.bt.loader.document import (
-    Document, Element, garbage_collection_paused)
+from behavior_controller.bt.loader.document import Document, Element, garbage_collection_paused
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.values.values import GENERIC, TEXT, ValueFault
 from behavior_controller.bt.engine.node_types import Registry, class_fault
@@ -75,10 +74,8 @@ class _Compiler:
     """Makes the nodes of one mission and adds the faults that only their making shows."""
 
     def __init__(self, trees: Trees, services: Services, substitutes: Substitutions):
-        self.trees = trees
-        self.registry = trees.registry
-        self.services = services
-        self.substitutes = substitutes
+        self.trees, self.registry = trees, trees.registry
+        self.services, self.substitutes = services, substitutes
         self.nodes: List[Node] = []
         self.blackboards: Dict[str, Blackboard] = {}
         self.faults = trees.findings.errors
@@ -112,8 +109,7 @@ class _Compiler:
             for child in reversed(children):
                 stack.append((child, parent, blackboard, depth))
         self.faults += dict.fromkeys(self._blamed(*clash) for clash in self._clashes)
-        needed = 1000 + _FRAMES_PER_LEVEL * deepest
-        sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
+        sys.setrecursionlimit(max(sys.getrecursionlimit(), 1000 + _FRAMES_PER_LEVEL * deepest))
 
     def _node(self, element: Element, parent: Optional[Node],
               blackboard: Blackboard) -> Optional[Node]:

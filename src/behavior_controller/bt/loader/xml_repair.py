@@ -72,11 +72,8 @@ class MarkupFault(Exception):
 
     def __init__(self, rule: rules.LintRule, text: str, offset: int, hint: str = "",
                  after: int = 0):
-        self.rule = rule
-        self.text = text
-        self.offset = offset
-        self.hint = hint
-        self.after = after or offset + 1
+        self.rule, self.text, self.hint = rule, text, hint
+        self.offset, self.after = offset, after or offset + 1
 
 
 # ------------------------------------------------------------------------------------------ repairs
@@ -106,8 +103,7 @@ def repaired(text: str) -> str:
                 depth += 1
         if depth > MAX_ELEMENT_DEPTH:
             wrong = f"elements are nested deeper than {MAX_ELEMENT_DEPTH} levels"
-            hint = "split the tree into SubTrees"
-            raise MarkupFault(rules.TOO_LARGE, wrong, match.start(), hint)
+            raise MarkupFault(rules.TOO_LARGE, wrong, match.start(), "split the tree into SubTrees")
         if depth == 0 and not end and kind in ("end", "leaf", "repair"):
             end = match.end()
     if first is None:
@@ -155,8 +151,7 @@ def _outside(text: str, first: int, end: int) -> Iterator[MarkupFault]:
 def remarks(text: str) -> Iterator[MarkupFault]:
     """Yield each comment inside a comment, and each text in <root> and its trees, where only
     elements count; a palette's texts are descriptions."""
-    for match in _COMMENT.finditer(text):
-        yield from filter(None, [nested_comment(match)])
+    yield from filter(None, map(nested_comment, _COMMENT.finditer(text)))
     if not _PERHAPS_TEXT.search(text):
         return
     opened: List[str] = []

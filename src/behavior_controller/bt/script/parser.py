@@ -28,8 +28,7 @@ class ScriptSyntaxError(BehaviorControllerError):
 
     def __init__(self, text: str, position: int = 0, hint: str = ""):
         super().__init__(text)
-        self.position = position
-        self.hint = hint
+        self.position, self.hint = position, hint
 
 
 class Operand(NamedTuple):

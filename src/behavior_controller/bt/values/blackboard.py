@@ -62,8 +62,7 @@ class Blackboard:
     in the root. ``path`` is that of the SubTree, "" at the root."""
 
     def __init__(self, parent: Optional["Blackboard"] = None, path: str = ""):
-        self.parent = parent
-        self.path = path
+        self.parent, self.path = parent, path
         self.prefix = path and path + "/"  # of the paths of what is inside
         self.root: Blackboard = getattr(parent, "root", self)
         # of the whole tree, at its root:
@@ -133,9 +132,7 @@ class Blackboard:
     def get(self, key: str, default: Any = None) -> Any:
         """Return the value of ``key``, or ``default`` if it has none."""
         entry = self.read(key)
-        if entry is None or entry.value is None:
-            return default
-        return entry.value
+        return default if entry is None or entry.value is None else entry.value
 
     def __getitem__(self, key: str) -> Any:
         """Return the value of ``key``. Raises KeyError if it has none."""
@@ -201,8 +198,8 @@ class Blackboard:
 def _natural_type(value: Any) -> str:
     if isinstance(value, bool):
         return "bool"
-    if isinstance(value, int):
-        return "int" if values.INT[0] <= value <= values.INT[1] else "int64"
+    if isinstance(value, int) and values.INT[0] <= value <= values.INT[1]:
+        return "int"
     return values.origin_of(value)
 
 
@@ -228,9 +225,8 @@ def _fits(entry_type: str, value: Any) -> bool:
     target = values.find_type(entry_type)
     if target is None:
         return type(value).__name__ == entry_type
-    if target.python is not None and isinstance(value, target.python):
-        return True
-    if values.is_vector(value, entry_type):
+    if (values.is_vector(value, entry_type)
+            or target.python is not None and isinstance(value, target.python)):
         return True
     try:
         if entry_type == "double":

@@ -57,7 +57,7 @@ _INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero
 _REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?)",
                    re.IGNORECASE | re.ASCII)
 _BLANKS = re.compile(r"[ \t\r\n]+")
-# one more than of an integer of 64 bits: out of range; Python refuses to read 4,300
+# and a sign: one more than of an integer of 64 bits is out of range; Python refuses to read 4,300
 _MOST_DIGITS = 21
 _TRUE, _FALSE = ("1", "true", "TRUE", "True"), ("0", "false", "FALSE", "False")
 
@@ -77,8 +77,7 @@ def _integer(text: str, low: int, high: int) -> int:
 
 
 def _in_range(match: Any, low: int, high: int) -> int:
-    sign, digits = match.groups()
-    value = int(sign + digits[:_MOST_DIGITS])
+    value = int("".join(match.groups())[:_MOST_DIGITS])
     if not low <= value <= high:
         wrong = f"Value out of bound when converting [{shown(match.string)}] to integer"
         raise ValueFault(f"{wrong}: {low} to {high} is allowed")

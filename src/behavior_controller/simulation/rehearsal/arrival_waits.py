@@ -54,7 +54,9 @@ class Wait(NamedTuple):
     def missed(self, rate: float) -> float:
         """Return in which share of the visits the condition is asked, and the messages come too
         late."""
-        asked = min(1.0, sum(1 - wait.chance(rate) for wait in self.after)) if self.after else 1.0
+        asked = 1.0
+        if self.after:
+            asked = min(1.0, sum(1 - wait.chance(rate) for wait in self.after))
         return asked * (1 - self.chance(rate))
 
     def warning(self, rate: float) -> str:
@@ -72,7 +74,9 @@ def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
     late = [wait for wait in waits if wait.missed(rate) > 1 - SUFFICIENT_SHARE]
     worst = [max((wait for wait in late if wait.node == node), key=lambda wait: wait.missed(rate))
              for node in dict.fromkeys(wait.node for wait in late)]
-    return [wait.warning(rate) for wait in worst] + ([sufficient(waits)] if worst else [])
+    if not worst:
+        return []
+    return [*(wait.warning(rate) for wait in worst), sufficient(waits)]
 
 
 def sufficient(waits: Sequence[Wait]) -> str:
@@ -132,7 +136,9 @@ def _seconds(node: TopicCondition) -> Optional[float]:
         seconds = node.wait
     if node.topic.is_continuous:  # a message that came before the question still counts for so long
         seconds = max(seconds, node.mission.settings.topic_max_age)
-    return seconds if 0 < seconds < math.inf else None
+    if not 0 < seconds < math.inf:
+        return None
+    return seconds
 
 
 def _messages(node: TopicCondition, world: World) -> Optional[int]:

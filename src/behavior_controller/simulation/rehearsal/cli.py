@@ -76,8 +76,11 @@ class Plan:
         controller = load_controller(given)
         self.runner = ScenarioRunner(controller.values, path, options.limit,
                                      options.faults == PAIRS)
-        ways = [controller.asr_enabled] if ASR in given else self.runner.ways
-        visitors = options.visitors or ([ENGAGES] if options.runs else self.runner.visitors)
+        ways, visitors = self.runner.ways, self.runner.visitors
+        if ASR in given:
+            ways = (controller.asr_enabled,)
+        if options.visitors or options.runs:
+            visitors = tuple(options.visitors or [ENGAGES])
         self.calm = [Scenario(visitor, by_voice) for by_voice in ways for visitor in visitors]
         self.stage = self.runner.stage(ways[0])
         robot = self.stage.settings.interface
@@ -314,7 +317,9 @@ class Result(NamedTuple):
 def heading(result: Result) -> str:
     """Return a line with the numbers of plays and their time."""
     others = result.planned - result.plays
-    stopped = f", stopped before the other {others}" if others else ""
+    stopped = ""
+    if others:
+        stopped = f", stopped before the other {others}"
     mission = clean(os.path.basename(result.plan.runner.mission))
     robot = result.plan.stage.settings.interface.name
     runs = count(result.plays, "simulated run", "simulated runs")
@@ -338,9 +343,10 @@ def as_text(result: Result) -> str:
     for finding in result.findings:
         lines += _finding_lines(finding, finding.kind.name != explained)
         explained = finding.kind.name
-    kinds = count(len({finding.kind for finding in result.findings}), "kind", "kinds")
-    number = count(len(result.findings), "finding", "findings")
-    total = f"found: {number} of {kinds}" if result.findings else "nothing was found"
+    total = "nothing was found"
+    if result.findings:
+        kinds = count(len({finding.kind for finding in result.findings}), "kind", "kinds")
+        total = f"found: {count(len(result.findings), 'finding', 'findings')} of {kinds}"
     return "\n".join([*lines, "", total])
 
 
@@ -386,9 +392,8 @@ def as_json(result: Result) -> Dict[str, Any]:
 
 
 def _finding_as_json(finding: FindingSummary) -> Dict[str, Any]:
-    scene = finding.scene
-    return dict(finding._asdict(), kind=finding.kind.name, means=finding.kind.means,
-                scene=None if scene is None else dict(
-                    scene._asdict(), planned=list(map(str, scene.planned))),
+    scene = finding.scene and dict(
+        finding.scene._asdict(), planned=list(map(str, finding.scene.planned)))
+    return dict(finding._asdict(), kind=finding.kind.name, means=finding.kind.means, scene=scene,
                 story=[asdict(sentence) for sentence in finding.story],
                 consequences=list(map(_finding_as_json, finding.consequences)))

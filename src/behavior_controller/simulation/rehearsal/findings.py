@@ -10,8 +10,7 @@ from behavior_controller.bt import Direction, Kind, Node
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.run.events import GIVEN_UP, SKIPPED
-from behavior_controller.run.state import (
-    LEFT_OUT, Exchange, LeafFailure, NodeResult, RecoveryRound)
+from behavior_controller.run.state import LEFT_OUT, Exchange, LeafFailure, NodeResult, RecoveryRound
 from behavior_controller.leaves import data
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.robot.declarations import Sense
@@ -82,7 +81,7 @@ class Play:
         self.nodes = stage.mission.tree.nodes
         self.run = played.run()
         visit = self.run.state.visit
-        self.outcome = visit.outcome if visit is not None else ""  # empty: the pass did not end
+        self.outcome: str = getattr(visit, "outcome", "")  # empty: the pass did not end
         asked = [*self.run.exchanges, *self.run.state.exchanges]
         # what is asked after the end is the safe state
         self.exchanges = sorted((exchange for exchange in asked if exchange.asked <= played.ended),
@@ -93,6 +92,7 @@ class Play:
         self.stops = {place: goals[place.location[:2]] for place in stage.world.knowledge.exhibits
                       if place.location[:2] in goals}
         """The stops that the robot was sent to, each with the leaf that did it first."""
+        self.places = {stop.location[:2] for stop in self.stops}
         self.leaves = [result for result in self.run.results
                        if isinstance(self.node(result.uid), MissionLeaf)]
         self.done = [result for result in self.leaves if result.letter == "S"]
@@ -127,8 +127,12 @@ class Play:
     @property
     def goodbyes(self) -> List[NodeResult]:
         """The results of the nodes that say goodbye."""
-        return [result for result in self.leaves
-                if self.spec(result.uid).says_goodbye(self.node(result.uid).name)]
+        return [result for result in self.leaves if self.says_goodbye(result.uid)]
+
+    def says_goodbye(self, uid: int) -> bool:
+        """Return whether a node is a leaf that says goodbye."""
+        node = self.node(uid)
+        return isinstance(node, MissionLeaf) and node.spec.says_goodbye(node.name)
 
     def presence(self, at: float) -> Tuple[float, bool]:
         """Return whether a visitor was present at that time, and before that, since when."""
@@ -171,9 +175,8 @@ class Play:
 
     def place_at(self, at: float) -> Tuple[float, ...]:
         """Return where the robot had arrived last at that time; empty: nowhere in this pass."""
-        arrived = [goal(drive)[:2] for drive in self.drives if isinstance(drive.result, Answer)
-                   and drive.answered is not None and drive.answered <= at]
-        return arrived[-1] if arrived else ()
+        return next((goal(drive)[:2] for drive in reversed(self.drives) if isinstance(
+            drive.result, Answer) and drive.answered is not None and drive.answered <= at), ())
 
     @property
     def has_given_up(self) -> bool:
@@ -210,10 +213,9 @@ class Play:
         """The choices of stops if one leaf makes several, and the visitor is not asked meanwhile.
         """
         taken = self.writers(data.CURRENT_EXHIBIT)
-        is_asked = any(result.began > taken[0].began
-                       for result in self.writers(data.VISITOR_RESPONSE)) if taken else False
+        asked = [result.began for result in self.writers(data.VISITOR_RESPONSE)]
         is_repeated = len(taken) > len({result.uid for result in taken})
-        return taken if is_repeated and not is_asked else []
+        return taken if is_repeated and max(asked, default=START) <= taken[0].began else []
 
     def faulty(self) -> FrozenSet[str]:
         """Return the services of which a call went wrong on purpose."""
@@ -309,7 +311,7 @@ def waits_for_a_visitor(play: Play) -> bool:
 
 
 def _waiting(play: Play) -> int:
-    return play.played.waiting[-1] if play.played.waiting else ROOT
+    return [ROOT, *play.played.waiting][-1]
 
 
 # ---------------------------------------------------------------------------------- what goes wrong
@@ -539,13 +541,17 @@ def _next_visitor(play: Play) -> Iterator[Place]:
         yield ROOT, f"the pass of {this} ends otherwise: {play.outcome or 'never'}"
 
 
+def _above(node: Node) -> Iterator[Node]:
+    """Yield the nodes above ``node``, the root the last."""
+    while node.parent is not None:
+        node = node.parent
+        yield node
+
+
 def _may_take_turns(play: Play, uid: int) -> bool:
     """Return whether a node of another package stands above a leaf: what it does in each pass is
     that package's purpose."""
-    node = play.node(uid).parent
-    while node is not None and type(node).__module__.startswith("behavior_controller."):
-        node = node.parent
-    return node is not None
+    return any(node.is_foreign for node in _above(play.node(uid)))
 
 
 Change = Tuple[int, Optional[Exchange], Optional[Exchange]]
@@ -575,13 +581,11 @@ def _unwanted_drive(play: Play) -> Iterator[Place]:
     if play.faults:
         return
     visit = play.run.state.visit
-    is_declined = play.behaviour == DECLINES and visit is not None and visit.asked is not None
-    for drive in list(play.stops.values())[:1] if is_declined else ():
-        yield drive, "the visitor says no, and the robot drives to a stop"
-    places = {place.location[:2] for place in play.stops}
+    if play.behaviour == DECLINES and visit is not None and visit.asked is not None and play.stops:
+        yield next(iter(play.stops.values())), "the visitor says no, and the robot drives to a stop"
     for exchange in play.drives:
         since, is_here = play.presence(exchange.asked)
-        is_stop = goal(exchange)[:2] in places and not play.is_home(exchange)
+        is_stop = goal(exchange)[:2] in play.places and not play.is_home(exchange)
         if is_stop and not is_here and play.last_look(exchange.asked) == "F":
             yield exchange.uid, (f"the visitor had left {exchange.asked - since:.0f} s before, and "
                                  "the robot drives to a further stop")
@@ -621,12 +625,11 @@ def _not_shown(play: Play) -> Iterator[Place]:
     if play.faults or play.behaviour != ENGAGES or not any(map(shows, play.nodes)):
         return
     yield from _shown_after_the_loop(play)
-    taken, places = play.writers(data.CURRENT_EXHIBIT), {stop.location[:2] for stop in play.stops}
+    taken = play.writers(data.CURRENT_EXHIBIT)
     ends = [*(choice.began for choice in taken[1:]), play.played.ended if play.outcome else START]
     for choice, until in zip(taken, ends):
-        there = [drive.asked for drive in play.drives if goal(drive)[:2] in places
-                 and choice.ended <= drive.asked < until]
-        since = there[0] if there else choice.ended
+        since = next((drive.asked for drive in play.drives if goal(drive)[:2] in play.places
+                      and choice.ended <= drive.asked < until), choice.ended)
         if until > since and not any(since <= exchange.asked < until and isinstance(
                 exchange.request, (Say, PerformGesture)) for exchange in play.exchanges):
             yield choice.uid, "the stop is chosen, and the visitor hears and sees nothing of it"
@@ -636,12 +639,11 @@ def _not_shown(play: Play) -> Iterator[Place]:
 def _shown_after_the_loop(play: Play) -> Iterator[Place]:
     """Find what shows a stop and stands outside the loop that takes one stop after the other."""
     taken = play.stops_in_turn
-    for show, chosen in play.shown if taken and play.outcome else ():
-        loop: Optional[Node] = None
-        node = play.node(chosen.uid).parent
-        while node is not None:
-            loop, node = node if node.spec.repeats_on else loop, node.parent
-        if loop is not None and play.node(show.uid) not in loop.iterate():
+    if not taken or not play.outcome:
+        return
+    for show, chosen in play.shown:
+        loops = [node for node in _above(play.node(chosen.uid)) if node.spec.repeats_on]
+        if loops and play.node(show.uid) not in loops[-1].iterate():
             yield show.uid, f"of {len(taken)} stops it shows only the last one"
 
 
@@ -659,7 +661,6 @@ def _shown_away(play: Play) -> Iterator[Place]:
     if play.faults or play.behaviour != ENGAGES:
         return
     taken = play.writers(data.CURRENT_EXHIBIT)
-    places = {place.location[:2] for place in play.stops}
     by_stop: Dict[int, List[NodeResult]] = {}
     for show, chosen in play.shown:
         by_stop.setdefault(taken.index(chosen), []).append(show)
@@ -667,9 +668,9 @@ def _shown_away(play: Play) -> Iterator[Place]:
                and show.began < drive.answered - TIME_TOLERANCE for drive in play.drives):
             yield show.uid, "the robot drives meanwhile"
     for number, shows in by_stop.items():
-        until = taken[number + 1].began if taken[number + 1:] else play.played.ended
+        until = next((result.began for result in taken[number + 1:]), play.played.ended)
         drives = [drive for drive in play.drives if taken[number].ended <= drive.asked < until
-                  and goal(drive)[:2] in places and not play.is_home(drive)]
+                  and goal(drive)[:2] in play.places and not play.is_home(drive)]
         if drives and shows[-1].ended <= drives[0].asked:
             yield shows[0].uid, "the robot drives there only after it"
 
@@ -701,10 +702,10 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
     prompted = [exchange.asked for exchange in play.exchanges
                 if isinstance(exchange.request, Prompt)]
     heard_at = max(heard + prompted, default=START)
-    for question in asked if play.outcome else ():
+    for question in asked:
         node = play.node(question.uid)
-        if isinstance(node, MissionLeaf) and node.spec.writes(data.QUESTION_ASKED_AT.name) \
-                and question.asked > heard_at:
+        if play.outcome and question.asked > heard_at and isinstance(node, MissionLeaf) \
+                and node.spec.writes(data.QUESTION_ASKED_AT.name):
             yield question.uid, "nothing listens to the answer"
     # what scripts do with answers is not known
     if not any(ANSWER in text and text != "{" + ANSWER + "}" for node in play.nodes
@@ -780,7 +781,7 @@ def _said_twice(play: Play) -> Iterator[Place]:
         if isinstance(request, GoTo) or request == SEEKS_NEXT:
             said.clear()
         elif isinstance(request, Say) and not play.is_question(request) \
-                and isinstance(node, MissionLeaf) and not node.spec.says_goodbye(node.name):
+                and isinstance(node, MissionLeaf) and not play.says_goodbye(exchange.uid):
             if request in said and (said[request] != exchange.uid or shows(node)):
                 yield exchange.uid, "the visitor has just heard the same"
             said[request] = exchange.uid
@@ -824,19 +825,19 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
 
     That is, the same visitor is shown another stop, or hears the same words of goodbye again.
     """
+    if play.faults:
+        return
     said: Dict[Request, Exchange] = {}
-    for exchange in play.exchanges if not play.faults else ():
-        node = play.node(exchange.uid)
+    for exchange in play.exchanges:
         if exchange.request == SEEKS_NEXT:  # for the next visitor
             said.clear()
-        is_bye = isinstance(exchange.request, Say) and isinstance(node, MissionLeaf) \
-            and node.spec.says_goodbye(node.name)
+        is_bye = isinstance(exchange.request, Say) and play.says_goodbye(exchange.uid)
         if is_bye and play.is_visitor_here(exchange.asked):
             if exchange.request in said:
                 yield exchange.uid, "the same visitor hears it again"
             said[exchange.request] = exchange
-    for show, chosen in play.shown if said else ():
-        for bye in said.values():
+    for bye in said.values():
+        for show, chosen in play.shown:
             if bye.asked < chosen.began and play.is_visitor_here(show.began):
                 yield bye.uid, f"{play.name(show.uid)} goes on after it"
 

@@ -8,6 +8,7 @@ from tornado.template import Loader
 from behavior_controller.viewer.report_frame import encodable, framed
 from behavior_controller.text import count
 
+from behavior_controller.simulation.rehearsal.plays import WAYS
 from behavior_controller.simulation.rehearsal.summary import (
     FindingSummary, SimulatedRun, VisitorRow, Share)
 
@@ -34,7 +35,7 @@ def row_cells(row: VisitorRow) -> Sequence[str]:
     """Return the cells for a visitor."""
     faulty = ", ".join(f"{number} {outcome or 'without an end'}"
                        for outcome, number in row.with_faults)
-    return [row.visitor, "voice" if row.by_voice else "tablet", row.outcome or "no end",
+    return [row.visitor, WAYS[row.by_voice], row.outcome or "no end",
             duration(row.seconds), str(row.stops), faulty or "-"]
 
 
@@ -48,7 +49,9 @@ def share_cells(share: Share) -> Sequence[str]:
 def duration(seconds: float) -> str:
     """Return a duration as text, such as ``2 min 5 s``."""
     whole = int(round(seconds))
-    return "{} min {} s".format(*divmod(whole, 60)) if whole >= 60 else f"{whole} s"
+    if whole < 60:
+        return f"{whole} s"
+    return "{} min {} s".format(*divmod(whole, 60))
 
 
 def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
@@ -66,5 +69,4 @@ def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
 def plot(shares: Sequence[Share]) -> str:
     """Return the shares over the failure rate as SVG: points joined by lines, each with its
     interval."""
-    svg = TEMPLATES.load("shares.svg").generate(shares=shares, share_cells=share_cells)
-    return svg.decode()
+    return TEMPLATES.load("shares.svg").generate(shares=shares, share_cells=share_cells).decode()

@@ -8,9 +8,8 @@ import dataclasses
 import math
 import threading
 import traceback
-from typing import (
-    Any, Collection, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence,
-    Set, Tuple)
+from typing import (Any, Collection, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
+                    Optional, Sequence, Set, Tuple)
 
 from behavior_controller import exit_codes, extensions, leaves
 from behavior_controller.bt import ManualClock, Node, Result, TickError, IDLE, RUNNING
@@ -22,8 +21,7 @@ from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.config.settings import Settings
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.foreign_code import described
-from behavior_controller.run.events import (
-    Event, Events, Line, PassFinished, PassStarted, TreeShown)
+from behavior_controller.run.events import Event, Events, Line, PassFinished, PassStarted, TreeShown
 from behavior_controller.run.history import Run
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.missions import load as missions

@@ -56,6 +56,9 @@ MOST_LEFT = 24
 ENDS = ("SUCCESS", "FAILURE")
 """The outcomes of a pass that has ended."""
 
+WAYS = {True: "voice", False: "tablet"}
+"""How a visitor answers, by whether that is by voice."""
+
 NO_VISITOR = "waiting for a visitor"
 """The outcome of a pass in which no visitor is seen."""
 
@@ -107,10 +110,10 @@ class Scenario(NamedTuple):
         """How it differs from the others, in one line."""
         wrong = [*map(str, self.planned), *(f"{name} silent" for name in self.silent)]
         wrong += [f"{name} quick" for name in self.quick]
-        wrong += [f"failure rate {self.rate:g}, seed {self.seed}"] if self.seed else []
-        way = "voice" if self.by_voice else "tablet"
+        if self.seed:
+            wrong.append(f"failure rate {self.rate:g}, seed {self.seed}")
         visitors = ", then ".join((self.visitor, *self.then))
-        return f"visitor {visitors}, by {way}, {', '.join(wrong) or 'no fault'}"
+        return f"visitor {visitors}, by {WAYS[self.by_voice]}, {', '.join(wrong) or 'no fault'}"
 
     def with_fault(self, fault: PlannedFault) -> "Scenario":
         """Return the scene with a further planned fault; those that last stand last."""
@@ -175,7 +178,9 @@ class ScenarioRunner:
         """By voice or not, as far as that makes a difference."""
         is_asked = any(node.spec.setting for node in self.stage(True).mission.tree.nodes
                        if isinstance(node.spec, MissionSpec))
-        return (True, False) if is_asked or len(self.visitors) > 1 else (True,)
+        if is_asked or len(self.visitors) > 1:
+            return True, False
+        return (True,)
 
     def __reduce__(self) -> Tuple[Any, ...]:
         """Have another process make its own from the same arguments, once."""
@@ -208,8 +213,7 @@ class ScenarioRunner:
         """Play a scene and find what is wrong in it."""
         with garbage_collection_paused():
             play = self.play(scene)
-            waits = findings.waits_for_a_visitor(play)
-            outcome = play.outcome or (NO_VISITOR if waits else "")
+            outcome = play.outcome or (NO_VISITOR if findings.waits_for_a_visitor(play) else "")
             return Outcome(scene, outcome, play.played.seconds,
                            tuple((clean(place.name), uid) for place, uid in play.stops.items()),
                            tuple(findings.findings(play)), play.played.reached, play.succeeded,
@@ -438,14 +442,17 @@ def _habit(node: Node) -> str:
     """Return what simulated visitors always do and others may not, if the way to a node leads past
     a sign of the visitor."""
     before: Any = _sibling_before(node)
-    below = before.iterate() if before is not None else ()
-    senses = [sense for each in below for sense in getattr(each.spec, "listens", ())]
+    if before is None:
+        return ""
+    senses = (sense for each in before.iterate() for sense in getattr(each.spec, "listens", ()))
     habit = next((HABITS[sense] for sense in senses if sense in HABITS), "")
-    return f"; a simulated visitor {habit}" if habit else ""
+    return habit and f"; a simulated visitor {habit}"
 
 
 def _below(node: Any) -> Set[int]:
-    return {below.uid for below in node.iterate()} if node is not None else set()
+    if node is None:
+        return set()
+    return {below.uid for below in node.iterate()}
 
 
 # ------------------------------------------------------------------------------------- on all cores

@@ -135,9 +135,9 @@ class Survey:
             detectors.update({findings.NEVER_TRUE: self._never_true,
                               findings.NEVER_OFF: self._never_off,
                               findings.UNREACHED: search.unreached})
-        for kind, detect in detectors.items() if self.has_ended else ():
-            for place in detect():
-                yield kind, place
+        if self.has_ended:
+            for kind, detect in detectors.items():
+                yield from ((kind, place) for place in detect())
 
     def _never_succeeds(self) -> Iterator[Place]:
         """Find that no pass succeeds without a fault, if all visitors were played, or if the one
@@ -262,15 +262,10 @@ class Survey:
             words += ["--kinds", ",".join(scene.kinds)] if scene.kinds != KINDS else []
         elif scene.is_calm:
             words += ["--faults", "none"]
-        if scene.planned:
-            words += ["--planned", ",".join(map(str, scene.planned))]
-        if scene.silent:
-            words += ["--silent", ",".join(scene.silent)]
-        if scene.then:
-            words += ["--then", ",".join(scene.then)]
-        if scene.quick:
-            words += ["--quick", ",".join(scene.quick)]
-        words.append("asrEnabled:=" + ("true" if scene.by_voice else "false"))
+        for option in ("planned", "silent", "then", "quick"):
+            if getattr(scene, option):
+                words += ["--" + option, ",".join(map(str, getattr(scene, option)))]
+        words.append("asrEnabled:=" + str(scene.by_voice).lower())
         return " ".join(map(shlex.quote, words))
 
     def rows(self) -> List[VisitorRow]:
