@@ -65,5 +65,4 @@ __all__ = [
     "load", "load_text", "Tree", "Blackboard", "Clock", "ManualClock",
     # what can be wrong
     "BehaviorControllerError", "MissionError", "Fault", "TickError", "NodeError", "ConfigureError",
-    "PortError", "NoValue", "ValueFault",
-]
+    "PortError", "NoValue", "ValueFault"]

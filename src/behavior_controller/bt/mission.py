@@ -28,14 +28,19 @@ def load_mission(path: str, registry: Registry, main_tree: Optional[str] = None,
                   with_lint=with_lint)
 
 
-def load_text(text: str, registry: Registry, file: str = "<text>", **options: Any) -> Tree:
-    """As ``load_mission``, with its ``options``, for a mission that is not a file; ``file`` is its
-    name in messages, and includes are relative to the working directory."""
-    return _built(parse(text, file), registry, **options)
+def load_text(text: str, registry: Registry, file: str = "<text>", main_tree: Optional[str] = None,
+              blackboard: Optional[Blackboard] = None, clock: Optional[Clock] = None,
+              wake: Optional[WakeUp] = None, enums: Optional[Dict[str, int]] = None,
+              substitutes: Optional[Dict[str, Any]] = None, strict: bool = False,
+              with_lint: bool = False) -> Tree:
+    """As ``load_mission``, for a mission that is not a file; ``file`` is its name in messages, and
+    includes are relative to the working directory."""
+    return _built(parse(text, file), registry, main_tree=main_tree, blackboard=blackboard,
+                  clock=clock, wake=wake, enums=enums, substitutes=substitutes, strict=strict,
+                  with_lint=with_lint)
 
 
-def _built(document: Document, registry: Registry, with_lint: bool = False,
-           **options: Any) -> Tree:
+def _built(document: Document, registry: Registry, with_lint: bool, **options: Any) -> Tree:
     if with_lint:
         options["lint"] = lint
     return build(with_includes(document), registry, **options)

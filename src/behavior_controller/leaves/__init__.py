@@ -31,8 +31,7 @@ _NAME = re.compile(r"[^\W\d][\w.-]*")
 def specs() -> Tuple[NodeSpec, ...]:
     """Return the node types of this package and of all others. Raises BrokenExtension."""
     owners: Dict[str, str] = {spec.id: "BehaviorTree.CPP" for spec in builtin_specs()}
-    known = Registry(SPECS)
-    builtins = len(owners)
+    known, builtins = Registry(SPECS), len(owners)
     owners.update((spec.id, extensions.TARGET) for spec in SPECS)
     for extension in extensions.exported("phrases"):
         _add(extension, speech.specs(extension.declared("SPEECHES", Speech)), owners, known)

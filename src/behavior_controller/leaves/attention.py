@@ -149,8 +149,7 @@ MODES: Tuple[Tuple[str, str, str, Tuple[Port, ...]], ...] = (
     ("SeekingOvertAttentionMode", SEEKING,
      "Seeks mutual gaze; another name of SeekOvertAttentionMode (extension).", ()),
     ("LocationOvertAttentionMode", "location", "Looks at the gesture target (extension).",
-     (GESTURE_TARGET.read("target"),)),
-)
+     (GESTURE_TARGET.read("target"),)))
 
 SPECS = tuple(
     leaf_spec(name, OvertAttentionMode, text, ports, {"state": state}, sets_mode=state)
@@ -161,5 +160,4 @@ SPECS = tuple(
                   arguments={"state": "disabled"}),
         leaf_spec("IsVisitorDiscovered", IsVisitorDiscovered, "Is a face in view?"),
         leaf_spec("IsMutualGazeDiscovered", IsMutualGazeDiscovered,
-                  "Does the visitor look at the robot, since the mode was set?"),
-    )
+                  "Does the visitor look at the robot, since the mode was set?"))

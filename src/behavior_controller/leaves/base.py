@@ -15,7 +15,7 @@ import msgspec
 
 from behavior_controller.bt import (
     ActionLeaf, Blackboard, Clock, ConditionLeaf, ConfigureError, Kind, NoValue, Node, NodeError,
-    Port, PortError, Result, SyncActionLeaf, Tree, FAILURE, IDLE, RUNNING, SUCCESS)
+    Port, PortError, Result, SyncActionLeaf, FAILURE, IDLE, RUNNING, SUCCESS)
 from behavior_controller.foreign_code import defined_at
 from behavior_controller.thread_check import tick_thread_only
 from behavior_controller.bt.engine.registry import argument
@@ -23,7 +23,7 @@ from behavior_controller.bt.values.status import NAMES
 from behavior_controller.run.events import Events, LeafFinished, StepStarted, LeafSummary
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
 from behavior_controller.run.health import Health
-from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
+from behavior_controller.robot.declarations import Evidence, Offer, Sense, Topic
 from behavior_controller.robot.requests import Answer, Request, Target, Words
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.leaves import data
@@ -69,8 +69,7 @@ class FailureLog:
     @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
         """Record that ``leaf`` failed."""
-        leaf.failure = failure
-        self._last = [failure]
+        leaf.failure, self._last = failure, [failure]
 
 
 NOT_ASKED = "nothing was asked"
@@ -83,8 +82,7 @@ class MissionContext:
 
     def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases,
                  policy: Policy, clock: Clock, events: Events, health: Optional[Health] = None,
-                 knowledge: Optional[Knowledge] = None,
-                 offers: Sequence[Union[Service, Topic]] = ()):
+                 knowledge: Optional[Knowledge] = None, offers: Sequence[Offer] = ()):
         """``health`` is the state of the robot's nodes; without it they count as working.
 
         ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the
@@ -94,8 +92,7 @@ class MissionContext:
         self.settings, self.interface = settings, settings.interface
         self.phrases, self.policy, self.knowledge = phrases, policy, knowledge
         self.clock, self.events, self.health = clock, events, health or Health()
-        self.language = (knowledge or settings).language
-        self.failures = FailureLog()
+        self.language, self.failures = (knowledge or settings).language, FailureLog()
         # when the last ones began, as many as a budget can have
         self._recoveries: Deque[float] = deque(maxlen=MOST_RECOVERIES)
         self.visit_began = -math.inf
@@ -121,10 +118,8 @@ class MissionContext:
         name = self._names.get((type(words.target), words.target))
         if name is None:
             return words
-        preposition = words.what.split()[0]
-        if preposition == "to" and name == "its home":
-            return words._replace(what="home")
-        return words._replace(what=f"{preposition} {name}")
+        what = f"{words.what.split()[0]} {name}"
+        return words._replace(what={"to its home": "home"}.get(what, what))
 
     def ignore_answers(self, reason: str) -> None:
         """Have spoken answers reported as ignored from now on, and why; empty: they count.
@@ -164,11 +159,6 @@ class MissionContext:
         self._recoveries.append(now)
         self.failures.is_budget_spent |= not is_affordable
         return is_affordable
-
-    def leaves_of(self, tree: Tree) -> List[Tuple[str, str]]:
-        """Return path and type of each mission leaf, in document order."""
-        return [(node.full_path, node.registration_id) for node in tree.nodes
-                if isinstance(node, MissionLeaf)]
 
 
 class MissionLeaf(Node):
@@ -255,14 +245,13 @@ class MissionLeaf(Node):
 
     def report(self, status: Any, failure: Optional[Failure] = None) -> Result:
         """Emit the event that this leaf finished, and return its status."""
-        resource = self.feedback_message = ""
+        resource, self.feedback_message = self.resource, ""
         if failure is not None:
-            resource, self.feedback_message = failure.resource, failure.message
+            resource, self.feedback_message = failure.resource or resource, failure.message
         summary, self.summary = self.summary, None
         self.mission.events.emit(LeafFinished(
-            self.uid, self.registration_id, self.full_path, NAMES[status],
-            resource or self.resource, self.mission.clock.now() - self.started_at, failure,
-            summary))
+            self.uid, self.registration_id, self.full_path, NAMES[status], resource,
+            self.mission.clock.now() - self.started_at, failure, summary))
         return status
 
     def begin_step(self, words: Words, limit: float, is_wait: bool = False,

@@ -124,7 +124,8 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def _answer(self) -> Result:
         topics, topic = self.mission.topics, self.topic
         samples = topics.recent(topic)
-        counting = list(filter(self._is_young, since(samples, self.not_before())))
+        counting = [sample for sample in since(samples, self.not_before())
+                    if self.mission.clock.now() - sample.arrived <= self._max_age]
         self.judged(counting)
         for counted in counting:
             if self.is_evidence(counted.value):
@@ -155,9 +156,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if not self.topic.is_continuous:
             return math.inf
         return self.mission.settings.topic_max_age
-
-    def _is_young(self, sample: Sample) -> bool:
-        return self.mission.clock.now() - sample.arrived <= self._max_age
 
     def _true(self, sample: Sample, is_newest: bool) -> Result:
         self._stop_timers()

@@ -138,5 +138,4 @@ class PressYesNoDialogue(ServiceLeaf):
 SPECS = (
     leaf_spec("IsYesNoUttered", IsYesNoUttered, "Did the visitor say yes or no?"),
     leaf_spec("IsVisitorResponseYes", IsVisitorResponseYes, "Was the answer yes?"),
-    leaf_spec("PressYesNoDialogue", PressYesNoDialogue, "Asks yes or no on the tablet."),
-)
+    leaf_spec("PressYesNoDialogue", PressYesNoDialogue, "Asks yes or no on the tablet."))

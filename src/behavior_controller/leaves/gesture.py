@@ -45,5 +45,4 @@ SPECS = (
     leaf_spec("GoodbyeGesture", IconicGesture, "Waves goodbye.",
               arguments={"setting": "goodbye_gesture_id"}, is_farewell=True),
     leaf_spec("PerformDeicticGesture", PerformDeicticGesture,
-              "Points at the current gesture target."),
-)
+              "Points at the current gesture target."))

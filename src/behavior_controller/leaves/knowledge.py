@@ -150,5 +150,4 @@ SPECS = (
     leaf_spec("LookUpEntrance", LookUp, "Makes the entrance the target.", is_indispensable=True,
               arguments={"place": "entrance", "has_gesture": True}),
     leaf_spec("LookUpHome", LookUp, "Makes the robot's home the target.", is_indispensable=True,
-              arguments={"place": "home", "has_gesture": False}),
-)
+              arguments={"place": "home", "has_gesture": False}))

@@ -35,5 +35,4 @@ class IsASREnabled(InstantCondition):
 SPECS = (
     leaf_spec("START_OF_TREE", StartOfTree, "Shows that a visitor's pass begins.",
               outcome=SUCCEEDS, begins_pass=True),
-    leaf_spec("IsASREnabled", IsASREnabled, "Is speech recognised?", setting="asr_enabled"),
-)
+    leaf_spec("IsASREnabled", IsASREnabled, "Is speech recognised?", setting="asr_enabled"))

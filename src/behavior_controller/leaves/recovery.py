@@ -70,8 +70,7 @@ class HandleFallBack(WorkingLeaf):
     def _find_failure(self, steps: List[Any]) -> Tuple[Node, Failure]:
         """Return the node with which the failure of ``steps`` began, and why it failed; this node
         if nothing can be recovered from."""
-        found = origins(steps, self._known)
-        self._known = self.services.changes
+        found, self._known = origins(steps, self._known), self.services.changes
         nothing = "no mission node failed before"
         if not found:
             return self, Failure(Cause.MISSING_DATA, nothing)
@@ -201,5 +200,4 @@ SPECS = (
               is_recovery=True),
     leaf_spec("HandleFallback", HandleFallBack,
               "Recovers from the failure before it; another name of HandleFallBack.",
-              is_recovery=True, warning="HandleFallback is an old spelling; write HandleFallBack"),
-)
+              is_recovery=True, warning="HandleFallback is an old spelling; write HandleFallBack"))

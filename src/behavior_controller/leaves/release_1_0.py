@@ -82,8 +82,7 @@ class SayText(Question):
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase; a culture file may have none of that number."""
-        knowledge = self.mission.knowledge
-        text = self.mission.phrases.utility(self.number)
+        knowledge, text = self.mission.knowledge, self.mission.phrases.utility(self.number)
         if knowledge is not None:
             text = knowledge.phrases.get(self.number)
         if text is None:
@@ -184,8 +183,7 @@ SPECS = (
     leaf_spec("StartOfTree", StartOfTreeInLanguage,
               "Shows that a visitor's pass begins, and sets the language of recognition.",
               begins_pass=True),
-    leaf_spec("SayText", SayText, "Says a utility phrase, by its number.",
-              choices=PHRASES,
+    leaf_spec("SayText", SayText, "Says a utility phrase, by its number.", choices=PHRASES,
               farewells=FAREWELLS, says_phrase=True),
     leaf_spec("SetOvertAttentionMode", OvertAttentionMode, "Sets the mode of attention.",
               (GESTURE_TARGET.read("target", is_optional=True),),

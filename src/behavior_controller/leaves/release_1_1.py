@@ -6,13 +6,13 @@ On a robot without the action the service of the same name carries out the reque
 from typing import Tuple
 
 from behavior_controller.robot.requests import GoToGoal, PerformGestureGoal, SayGoal
-from behavior_controller.leaves import release_1_0
 from behavior_controller.leaves.base import leaf_spec
 from behavior_controller.leaves.data import DESCRIPTION_1, DESCRIPTION_2
 from behavior_controller.leaves.gesture import IconicGesture, PerformDeicticGesture
 from behavior_controller.leaves.knowledge import leave_out_exhibit
 from behavior_controller.leaves.navigation import Navigate
-from behavior_controller.leaves.release_1_0 import ANSWER_WAIT, GetVisitorResponse, SayText
+from behavior_controller.leaves.release_1_0 import (
+    ANSWER_WAIT, FAREWELLS, GESTURES, PHRASES, GetVisitorResponse, SayText)
 from behavior_controller.leaves.speech import DescribeExhibitSpeech
 from behavior_controller.config.node_facts import MissionSpec
 
@@ -52,7 +52,7 @@ class PerformIconicGestureAsync(IconicGesture):
 
 SPECS: Tuple[MissionSpec, ...] = (
     leaf_spec("SayTextAsync", SayTextAsync, "Says a utility phrase, by its number (action).",
-              choices=release_1_0.PHRASES, farewells=release_1_0.FAREWELLS, says_phrase=True),
+              choices=PHRASES, farewells=FAREWELLS, says_phrase=True),
     leaf_spec("DescribeExhibitSpeechAsync", DescribeExhibitSpeechAsync,
               "Says both descriptions of the current exhibit in one (action).",
               (DESCRIPTION_1.read(), DESCRIPTION_2.read())),
@@ -61,8 +61,8 @@ SPECS: Tuple[MissionSpec, ...] = (
     leaf_spec("PerformDeicticGestureAsync", PerformDeicticGestureAsync,
               "Points at the current gesture target (action)."),
     leaf_spec("PerformIconicGestureAsync", PerformIconicGestureAsync,
-              "Makes the welcome gesture or waves goodbye (action).",
-              choices=release_1_0.GESTURES, farewells=("goodbye",)),
+              "Makes the welcome gesture or waves goodbye (action).", choices=GESTURES,
+              farewells=("goodbye",)),
     leaf_spec("GetVisitorResponseAsync", GetVisitorResponse,
               f"Listens for a yes or a no for up to {ANSWER_WAIT:g} s, by the action if the robot "
               "offers it; an empty answer if there is none.", arguments={"prefers_action": True}))

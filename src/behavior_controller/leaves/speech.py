@@ -152,5 +152,4 @@ SPECS = specs(SPEECHES) + (
               (DESCRIPTION_1.read(),), {"part": "1"}),
     leaf_spec("DescribeExhibitSpeech_2", DescribeExhibitSpeech,
               "Says the second description of the current exhibit.",
-              (DESCRIPTION_2.read(),), {"part": "2"}),
-)
+              (DESCRIPTION_2.read(),), {"part": "2"}))

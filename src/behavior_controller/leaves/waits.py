@@ -35,8 +35,7 @@ def wait_for(condition: Any) -> Optional[float]:
     round_takes, wait = 0.0, None
     while isinstance(node.parent, Node):
         parent, place = node.parent, node.parent.children.index(node)
-        spec = parent.spec
-        later = parent.children[place + 1:]
+        spec, later = parent.spec, parent.children[place + 1:]
         if spec.advances_on and not outcome & spec.advances_on:
             later = []
         takes, does_more = _in_turn(parent.children[:place] + later)

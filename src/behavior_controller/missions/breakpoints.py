@@ -126,16 +126,14 @@ class _NodeHooks(NodeHook):
             if not hook.enabled:
                 text += ", but disabled"
         elif hook.position not in self._set:
-            self._report_end(hook, change.number)  # it has removed itself already
+            # it has removed itself already
+            self._owner.emit(HookEnded(hook.uid, hook.position, change.number))
             return
         place = self._set[hook.position]
         place.hook, place.number = hook, change.number
         if change.what == RELEASE or not hook.enabled:
             place.is_unlocked = self._held is not None and self._held[0] is place
         self._tell(hook, text)
-
-    def _report_end(self, hook: Hook, number: int) -> None:
-        self._owner.emit(HookEnded(hook.uid, hook.position, number))
 
     def remove_all(self, reason: str) -> None:
         """Remove each hook, and let the node go on."""
@@ -205,7 +203,7 @@ class _NodeHooks(NodeHook):
         if hook.once:
             self._node.ask_for_tick()  # which may end otherwise
             del self._set[hook.position]
-            self._report_end(hook, place.number)
+            self._owner.emit(HookEnded(hook.uid, hook.position, place.number))
             self._tell(hook, "is removed")
         return decided
 

@@ -13,6 +13,9 @@ from behavior_controller.run.events import DOUBTFUL, READY, Checked
 _DRAFT = re.compile(r"^#.*\bdraft\b", re.IGNORECASE | re.MULTILINE)
 """The comment in a file whose texts nobody has reviewed; packages add their own files."""
 
+_LEVELS = {False: READY, True: DOUBTFUL}
+"""How a thing is, by whether a person should look at it."""
+
 
 def checks(plan: Mission, configuration: str) -> Iterator[Checked]:
     """Yield what is so with a plan that was read from these files."""
@@ -22,14 +25,14 @@ def checks(plan: Mission, configuration: str) -> Iterator[Checked]:
     text = f"{len(plan.tree.nodes)} nodes, {_changed(plan.file)}"
     if warnings:
         text += f"; {len(warnings)} warnings: see the terminal, or validateMission"
-    yield _checked("mission", plan.file, text, bool(warnings))
+    yield Checked("mission", plan.file, _LEVELS[bool(warnings)], text)
     yield Checked("robot", chosen.robot_interface, READY, "the interface that is set")
     yield Checked("language", plan.language, READY, "what the robot says")
     source = plan.phrases.source
     text, is_draft = _changed(source.file), _DRAFT.search(source.text) is not None
     if is_draft:
         text = "a draft: have a native speaker review it"
-    yield _checked("phrases", source.file, text, is_draft)
+    yield Checked("phrases", source.file, _LEVELS[is_draft], text)
     yield from _exhibits(plan)
     heard = "speech" if chosen.asr_enabled else "the tablet"
     yield Checked("answers", heard, READY, "how visitors answer")
@@ -44,20 +47,13 @@ def _exhibits(plan: Mission) -> Iterator[Checked]:
         text = f"all texts are in {language}"
         if silent:
             text = f"texts in {language} are missing for {', '.join(dict.fromkeys(silent))}"
-        yield _checked("exhibits", "texts", text, bool(silent))
+        yield Checked("exhibits", "texts", _LEVELS[bool(silent)], text)
     elif any(offer.request is QueryKnowledge for offer in plan.offers
              if isinstance(offer, Service)):
         text, is_usual = "the knowledge base has the texts", language == defaults().language
         if not is_usual:
             text += f": hear whether they are in {language}"
-        yield _checked("exhibits", "texts", text, not is_usual)
-
-
-def _checked(what: str, name: str, text: str, is_doubtful: bool) -> Checked:
-    level = READY
-    if is_doubtful:
-        level = DOUBTFUL
-    return Checked(what, name, level, text)
+        yield Checked("exhibits", "texts", _LEVELS[not is_usual], text)
 
 
 def _changed(path: str) -> str:

@@ -103,25 +103,23 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     tree = attempt(lambda: build_tree(documents or with_includes(read(file)), None, clock, wake),
                    faults)
     faults += keys_without_meaning(settings, known)
-    of_robot = [] if tree is None else on_robot(tree, settings, known)
-    faults += [fault for fault in of_robot if not fault.is_warning]
+    if tree is not None:
+        tree.warnings += on_robot(tree, settings, known)
+        faults += [fault for fault in tree.warnings if not fault.is_warning]
     if spoken is None or policy is None or tree is None or faults:
         raise FaultsFound(list(dict.fromkeys(faults)))
-    tree.warnings += of_robot
     return Mission(settings, file, spoken, policy, tree, known)
 
 
 def robot_files(settings: Settings, mission: str, faults: List[Fault]) -> Tuple[
-        Optional[Knowledge], Optional[phrases.Phrases],
-        Optional[recovery_policy.Policy]]:
+        Optional[Knowledge], Optional[phrases.Phrases], Optional[recovery_policy.Policy]]:
     """Return what the robot of ``settings`` knows, what it says in a mission, and its recovery
     policy; None for those with faults, which are added to ``faults``."""
     known = None
     if settings.interface.has_knowledge_files:
         known = attempt(lambda: knowledge_files.load(
             mission, settings.interface.takes_arm), faults)
-    language = (known or settings).language
-    specs = leaves.mission_specs()
+    language, specs = (known or settings).language, leaves.mission_specs()
     return (known, attempt(lambda: phrases.load(language, mission), faults),
             attempt(lambda: recovery_policy.load(folders.config(POLICY), specs), faults))
 

@@ -124,8 +124,7 @@ class _Follower:
             states = _forgotten(states)
         key = id(node.element), states
         if key not in self._known:
-            self._seen[key[0]] = self.seen_at(node) | states
-            during = set(states)
+            self._seen[key[0]], during = self.seen_at(node) | states, set(states)
             if node.children:
                 ways = self._inside(node, states, during)
             else:

@@ -189,8 +189,7 @@ class _Replay(FakeGateway):
         self._tree = restored.tree
         self._nodes = nodes  # of the record, by uid - 1
         self._interface = restored.settings.interface
-        self._topics = RecordedTopics(self._interface)
-        self._health = Health()
+        self._topics, self._health = RecordedTopics(self._interface), Health()
         self._before: Optional[int] = None  # number of the call before the first one here
         self.skips = False
         """The record lacks something, and the next pass has not begun."""

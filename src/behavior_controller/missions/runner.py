@@ -12,7 +12,7 @@ from behavior_controller.bt.values.status import NAMES
 from behavior_controller.errors import BehaviorControllerError, MissionError
 from behavior_controller.run.events import (
     Noticed, PassFinished, PassStarted, Paused, RunFinished, RunStarted, Sources, Suspended)
-from behavior_controller.leaves.base import MissionContext
+from behavior_controller.leaves.base import MissionContext, MissionLeaf
 from behavior_controller.robot.declarations import Service
 from behavior_controller.robot.gateway import Cause
 
@@ -99,8 +99,7 @@ class Runner:
         self.clock = self.tree.clock
         self.is_stopped, self._stop_code = is_stopped, stop_code
         self._successor, self._held, self._resume = successor, held, resume
-        self._suspended = Suspended("")
-        self._number = 0
+        self._suspended, self._number = Suspended(""), 0
         self._outcome: Optional[str] = None  # of the last pass
         self._warned = False
         self._rounds = 0  # ticks since the last wait
@@ -182,9 +181,9 @@ class Runner:
         sources = Sources(self.tree.sources, mission.phrases.source, mission.policy.source,
                           mission.interface.name, getattr(mission.knowledge, "sources", ()))
         self.mission.events.emit(RunStarted(
-            self.mission_file, mission.leaves_of(self.tree), mission.settings.values, sources,
-            {mission.interface.name_of(offer): offer.kind
-             for offer in mission.interface.offers},
+            self.mission_file, [(node.full_path, node.registration_id) for node in self.tree.nodes
+                                if isinstance(node, MissionLeaf)], mission.settings.values, sources,
+            {mission.interface.name_of(offer): offer.kind for offer in mission.interface.offers},
             [offer.request.__name__ for offer in mission.offers if isinstance(offer, Service)]))
 
     def _pass(self) -> None:

@@ -31,8 +31,7 @@ class Trial:
 
     def __init__(self, mission: str, answer: Optional[Callable[[Request], Reply]] = None,
                  **keys: Plain):
-        self.clock = ManualClock(1000.0)
-        self.settings = settings.defaults(**keys)
+        self.clock, self.settings = ManualClock(1000.0), settings.defaults(**keys)
         if not mission.lstrip().startswith("<"):
             document = read(mission if os.path.isfile(mission) else missions.find(mission))
         elif "<root" in mission:
@@ -46,8 +45,7 @@ class Trial:
         self.events: List[Event] = []
         log = Events()
         log.subscribe(self.events.append)
-        self.mission = loaded.context(
-            self.gateway, self.topics, log, Health(self.tree.wake.emit))
+        self.mission = loaded.context(self.gateway, self.topics, log, Health(self.tree.wake.emit))
         self._is_set_up = False
 
     def tick(self) -> Result:

@@ -48,9 +48,8 @@ class Judgement:
         if not self.is_wrong and self.palette is not None:
             counts.insert(0, f"a palette of {count(self.palette, 'node type', 'node types')}")
         elif self.is_wrong or not self.nodes:
-            if not warnings:
-                counts.clear()
-            counts.insert(0, count(len(self.faults) - warnings, "error", "errors"))
+            errors = count(len(self.faults) - warnings, "error", "errors")
+            counts = [errors] + counts * bool(warnings)
         else:
             done = "checked" if self.stubs else "can be run"
             if len(self.mains) > 1:
@@ -110,9 +109,8 @@ class Validation:
                 for file in expanded(named(path)):
                     files[file] = self._read(file)
             except ConfigurationError as error:
-                files[path] = Judgement(path, [
-                    fault._replace(file=path, code=rules.UNREADABLE_FILE.code)
-                    for fault in error.faults])
+                files[path] = Judgement(path, [fault._replace(
+                    file=path, code=rules.UNREADABLE_FILE.code) for fault in error.faults])
         missions = {path: read_one for path, read_one in files.items()
                     if not isinstance(read_one, Judgement)}
         parts = _parts(missions)
@@ -262,8 +260,7 @@ def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
 def _completed(documents: List[Document]) -> List[Document]:
     """Return ``documents``, preceded by the files of the last one's folder that have the trees
     which they lack."""
-    own = documents[-1].file
-    known = {os.path.realpath(document.file) for document in documents}
+    own, known = documents[-1].file, {os.path.realpath(document.file) for document in documents}
     others: List[Document] = []
     for path in expanded(os.path.dirname(own) or "."):
         if os.path.realpath(path) not in known:

@@ -10,8 +10,7 @@ class Arrivals:
 
     def __init__(self, rate: float, seed: str):
         """``rate``: messages per minute, more than 0; infinite means no gaps at all."""
-        self._per_second = rate / 60
-        self._random = random.Random(seed)
+        self._per_second, self._random = rate / 60, random.Random(seed)
 
     def times(self, start: float) -> Iterator[float]:
         """Yield when each message is due; the mean of their gaps is exactly 60 / rate seconds.

@@ -136,8 +136,7 @@ SERVICES: Dict[type, SimulatedService] = {
     Prompt: SimulatedService(
         _object_to_text, _press, Answer(response="Perhaps"), lambda request: 5.0),
     SetRecognition: SimulatedService(_allow("status", "true", "false")),
-    SetRecognitionLanguage: SimulatedService(_object_to_language)
-}
+    SetRecognitionLanguage: SimulatedService(_object_to_language)}
 """Kind of request -> what the robot does with it, by a service or as the goal of an action."""
 
 SERVICES.update({PerformGestureGoal: SERVICES[PerformGesture], GoToGoal: SERVICES[GoTo],
@@ -239,12 +238,10 @@ def _utterance(world: World) -> Optional[str]:
 
 
 TOPICS: Mapping[str, SimulatedTopic] = {
-    d543.FACES.name: SimulatedTopic(
-        _faces,
-        lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}),
+    d543.FACES.name: SimulatedTopic(_faces, lambda faces: {
+        "face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}),
     d543.ATTENTION.name: SimulatedTopic(_attention, lambda status: status._asdict()),
-    d543.SPEECH.name: SimulatedTopic(_utterance, lambda text: {"data": text})
-}
+    d543.SPEECH.name: SimulatedTopic(_utterance, lambda text: {"data": text})}
 """Canonical name -> the topic, of any robot."""
 
 
@@ -291,8 +288,7 @@ SERVERS = tuple(servers(*INTERFACES.values()))
 """The nodes that have a service."""
 
 _SERVICES = [service for robot in INTERFACES.values() for service in services(robot)]
-ACTIONS = tuple(dict.fromkeys(
-    service.name for service in _SERVICES if isinstance(service, Action)))
+ACTIONS = tuple(dict.fromkeys(each.name for each in _SERVICES if isinstance(each, Action)))
 """Actions beside services of the same names, which either may lack."""
 
 OPTIONAL = tuple(dict.fromkeys(

@@ -89,8 +89,7 @@ class Configuration:
         _some_of(ACTIONS), (),
         "actions that a robot of release 1.1 lacks, with commas between them")
     quick_nodes: Tuple[str, ...] = key(
-        _some_of(SERVERS), (),
-        "nodes whose calls take no time, with commas between them")
+        _some_of(SERVERS), (), "nodes whose calls take no time, with commas between them")
     call_times: str = key(
         one_of(AUTO, REAL, NONE), AUTO,
         "how long simulated calls take: `real` as on a robot, `none` no time at all, `auto` as "
@@ -100,8 +99,9 @@ class Configuration:
 
     def lacks(self, service: Service) -> bool:
         """Return whether the robot does not offer that service, or action."""
-        is_action = isinstance(service, Action)
-        return service.name in (self.absent_actions if is_action else self.absent_services)
+        if isinstance(service, Action):
+            return service.name in self.absent_actions
+        return service.name in self.absent_services
 
     def carrier(self, service: Service, robot: Interface) -> Service:
         """Return what carries out the requests to a service: what stands in for it, if the robot

@@ -42,15 +42,13 @@ class Faults:
         """``rate``: share of calls that go wrong, 0 to 1; ``planned``: faults of this node that
         happen in any case."""
         self._rate, self._kinds, self._planned = rate, kinds, planned
-        self._random = random.Random(seed)
-        self.calls = 0
+        self._random, self.calls = random.Random(seed), 0
 
     def next(self) -> Optional[str]:
         """Return how the next call goes wrong, or None if it does not."""
         self.calls += 1
         # both are drawn for every call, so that one decision does not shift the later ones
-        fails = self._random.random() < self._rate
-        kind = self._random.choice(self._kinds)
+        fails, kind = self._random.random() < self._rate, self._random.choice(self._kinds)
         kinds = [fault.kind for fault in self._planned if fault.call == self.calls
                  or fault.is_lasting and fault.call < self.calls]
         if fails:

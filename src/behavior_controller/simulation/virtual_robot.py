@@ -25,7 +25,6 @@ from behavior_controller.robot.gateway import (Call, Cause, Failure, FakeTopics,
 from behavior_controller.robot.requests import Answer, Exhibit, Request
 
 from behavior_controller.simulation import behaviour
-from behavior_controller.simulation.behaviour import SERVICES, TOPICS
 from behavior_controller.simulation.faults import CRASH, EXCEPTION, UNANSWERED, WRONG
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.simulated_node import Reply, SimulatedNode
@@ -110,7 +109,7 @@ class VirtualRobot(Gateway):
     def publish(self, topic: Topic) -> None:
         """Have messages on a topic from now on: its node's, or those that another package's
         declaration has for a rehearsal."""
-        if topic.name in TOPICS:
+        if topic.name in behaviour.TOPICS:
             self.node(topic.node).publish()
         else:
             self.topics.rehearse(topic)
@@ -136,8 +135,7 @@ class VirtualNode(SimulatedNode):
 
     def __init__(self, robot: VirtualRobot, name: str):
         super().__init__(name, robot.test, robot.world, robot.stamp, robot.write)
-        self._robot = robot
-        self.is_away = False
+        self._robot, self.is_away = robot, False
         self.listens_until = -math.inf  # an action returns nothing later
         self._timer: Optional[Timer] = None  # of its next message, if it publishes
 
@@ -200,8 +198,7 @@ class VirtualTopics(FakeTopics):
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """Return the messages that count, and note those that are read for the first time."""
         samples, known = super().recent(topic), self._known.get(topic, ())
-        self.reads[topic] = self.reads.get(topic, 0) + 1
-        self._known[topic] = samples
+        self.reads[topic], self._known[topic] = self.reads.get(topic, 0) + 1, samples
         for sample in samples:
             if not any(sample is other for other in known):
                 self._robot.note(
@@ -216,18 +213,16 @@ class VirtualTopics(FakeTopics):
         """Publish from now on what the declaration of another package's topic says. As on a robot,
         a mission begins before the first message comes."""
         robot, began = self._robot, self._robot.clock.now()
-
-        def await_next() -> None:
-            robot.after(max(robot.shortest_gap, SHORTEST_GAP), publish_next)
+        gap = max(robot.shortest_gap, SHORTEST_GAP)
 
         def publish_next() -> None:
-            await_next()
+            robot.after(gap, publish_next)
             if topic.simulated_value is not None:
                 value = topic.simulated_value(robot.clock.now() - began)
                 if value is not None:
                     self.publish(topic, value)
 
-        await_next()
+        robot.after(gap, publish_next)
 
     def listen(self, topic: Topic, seconds: float, prefers_action: bool = False) -> None:
         """Have a robot that hears by an action listen for that time."""
@@ -253,8 +248,7 @@ class _VirtualCall:
             robot.after(self._deadline, lambda: self._finish(late)),
             robot.after(slow_after(request.usual_seconds, self._deadline),
                         lambda: robot.health.slow(service.name, self._deadline, service.kind,
-                                                  request.usual_seconds))
-        ]
+                                                  request.usual_seconds))]
 
     def _cancel(self) -> None:
         for timer in self._timers[1:]:  # what is sent arrives
@@ -329,7 +323,7 @@ class _VirtualCall:
             return self._failure(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
         if reply.answer is None and isinstance(service, Action) and fault != WRONG:
             return self._failure(Cause.REFUSED, "aborted")
-        if reply.answer is not None and service.request not in SERVICES:
+        if reply.answer is not None and service.request not in behaviour.SERVICES:
             return reply.answer
         return result_of(service, reply.response, service.name)
 

@@ -19,8 +19,7 @@ BEHAVIOURS = (ENGAGES, SILENT, UNCLEAR, DECLINES, LEAVES, NO_GAZE)
 
 ALIASES = {
     "complete": ENGAGES, "partial01": NO_GAZE, "partial02": SILENT, "partial03": DECLINES,
-    "partial04": LEAVES
-}
+    "partial04": LEAVES}
 """The names of the project's former test -> what they mean here."""
 
 WANTED = 2
@@ -53,8 +52,7 @@ UNCLEAR_ANSWER = "That is a good question"
 STILL_SEEKING, MUTUAL_GAZE, GAZE_FAILED = "still seeking", "mutual gaze", "failed"
 GAZE_VALUES: Dict[int, Dict[str, int]] = {
     1: {STILL_SEEKING: 0, MUTUAL_GAZE: 1, GAZE_FAILED: 0},
-    2: {STILL_SEEKING: 1, MUTUAL_GAZE: 2, GAZE_FAILED: 3},
-}
+    2: {STILL_SEEKING: 1, MUTUAL_GAZE: 2, GAZE_FAILED: 3}}
 """The ``value`` of /overtAttention/mode while seeking, for each ``mutualGazeValue`` of the
 controller."""
 
@@ -72,8 +70,7 @@ HABITS = {
     Sense.VISITOR: "is seen until the robot drives home, or on the tour leaves for good",
     Sense.PRESENCE: "is seen until the robot drives home, or on the tour leaves for good",
     Sense.GAZE: "returns the second attempt at a gaze, or none",
-    Sense.UTTERANCE: "gives each question the same answer, or never one",
-}
+    Sense.UTTERANCE: "gives each question the same answer, or never one"}
 """What a simulated visitor always does, by what the robot senses of it."""
 
 
@@ -123,13 +120,10 @@ class Visitor:
         self.is_here = False
 
     def _come(self) -> None:
-        self.is_here = True
-        self._is_asked = False
+        self.is_here, self._is_asked = True, False
         self._answer = ""  # to the last question, if that is not yes or no
-        self._questions = 0
-        self._drives = 0
+        self._questions = self._drives = self._gaze_attempts = 0
         self._named: Optional[Exhibit] = None  # the place that the robot has named last
-        self._gaze_attempts = 0
 
     # -------------------------------------------------------------------------- what the robot does
 
@@ -159,8 +153,7 @@ class Visitor:
         if entry.content["state"] == "scanning" and not self._is_on_tour:
             self._come()
         if entry.done:
-            self.attention = entry.content["state"]
-            self._gaze_attempts = 0
+            self.attention, self._gaze_attempts = entry.content["state"], 0
 
     def _notice_movement(self, entry: JournalEntry) -> None:
         # the call for scanning may have been lost
@@ -196,8 +189,7 @@ class Visitor:
     _REACTIONS: Dict[str, Callable[["Visitor", JournalEntry], None]] = {
         "overtAttention": _notice_attention, "animateBehavior": _notice_movement,
         "textToSpeech": _notice_speech, "robotNavigation": _notice_drive,
-        "speechEvent": _notice_recognition
-    }
+        "speechEvent": _notice_recognition}
 
     # ------------------------------------------------------------------------ what the visitor does
 

@@ -54,9 +54,8 @@ class ScriptCondition(decorators.Scripted, ConditionLeaf):
 class SetBlackboard(SyncActionLeaf):
     """Write a text, or copy an entry, to the entry whose name is ``output_key``."""
 
-    PORTS = (Port("value", description="a text, or {entry} to copy"),
-             Port("output_key", "any", Direction.INOUT, None, "name of the entry to write",
-                  Role.WRITES))
+    PORTS = (Port("value", description="a text, or {entry} to copy"), Port(
+        "output_key", "any", Direction.INOUT, None, "name of the entry to write", Role.WRITES))
 
     def update(self) -> Result:
         """Write it."""
@@ -200,8 +199,7 @@ _SPECS = (
     _spec(WasEntryUpdated),
     _spec(ScriptCondition),
     NodeSpec("SubTree", Kind.SUBTREE, decorators.SubTree, decorators.SubTree.PORTS,
-             "Another tree of the file in this place.", outcome=possible.of_any_child),
-)
+             "Another tree of the file in this place.", outcome=possible.of_any_child))
 
 
 def builtin_specs() -> List[NodeSpec]:

@@ -174,8 +174,7 @@ class ManualClock(Clock):
 
     def advance(self, seconds: float) -> None:
         """Move on by ``seconds``; timers on the way run at their own time, in order."""
-        moment = self._now + seconds
-        due = self.next_due()
+        moment, due = self._now + seconds, self.next_due()
         while due is not None and due <= moment:
             self._now = max(self._now, due)
             self.run_due()
@@ -198,8 +197,7 @@ class SimulatedClock(Clock):
     def __init__(self, wake: Callable[[], None]):
         """``wake`` is called when the time begins, when a timer is due, and at a jump back."""
         super().__init__(lambda: max(self._now, self._arrived))
-        self.arrival = self._next_arrival
-        self.process = Clock()
+        self.arrival, self.process = self._next_arrival, Clock()
         self.simulated: Optional[float] = None
         """The simulator's own time; None before the first message."""
         self._wake = wake

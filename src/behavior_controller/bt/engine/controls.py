@@ -50,8 +50,7 @@ class _InOrder(Control):
         count = len(children) - self.handlers
         while self.index < count:
             child = children[self.index]
-            was_idle = child.status is IDLE
-            result = child.execute()
+            was_idle, result = child.status is IDLE, child.execute()
             if result is self.goes_on_at:
                 self.index += 1
                 if self.yields and was_idle and self.index < count:
@@ -198,9 +197,8 @@ class Parallel(ParallelBase):
     """All children at once; ``success_count`` and ``failure_count`` decide, and are tested after
     every child."""
 
-    PORTS = (
-        _count("success_count", "-1", "children that must succeed; -1 is all"),
-        _count("failure_count", "1", "children that must fail to fail; -1 is all"))
+    PORTS = (_count("success_count", "-1", "children that must succeed; -1 is all"),
+             _count("failure_count", "1", "children that must fail to fail; -1 is all"))
 
     def update(self) -> Result:
         """Tick every child that has not completed, until the thresholds decide."""
@@ -224,8 +222,7 @@ class ParallelAll(ParallelBase):
 
     def update(self) -> Result:
         """Tick every child that has not completed."""
-        allowed = self.threshold("max_failures", "fail")
-        count = len(self.children)
+        allowed, count = self.threshold("max_failures", "fail"), len(self.children)
         self.begin()
         *_, (successes, failures, skipped) = self.tick_children()
         if skipped == count:
@@ -360,8 +357,7 @@ class TryCatch(_InOrder):
     def _catch(self) -> Result:
         if self.children[-1].execute() is RUNNING:
             return RUNNING
-        self.catching = False
-        self.skipped = 0
+        self.catching, self.skipped = False, 0
         return super().ended()
 
     def halt(self) -> None:

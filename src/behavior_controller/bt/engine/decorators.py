@@ -121,8 +121,7 @@ class Repeat(Decorator):
             if was_idle:
                 self.wake()
                 return RUNNING
-            was_idle = self.decorated.status is IDLE
-            result = self.decorated.execute()
+            was_idle, result = self.decorated.status is IDLE, self.decorated.execute()
             if result is not self.goes_on_at:
                 if result is self.ends_at:
                     self.count = 0
@@ -211,8 +210,7 @@ class Precondition(Scripted, Decorator):
         if not self.latched:
             return otherwise
         result = self.tick_child()
-        if result is SUCCESS or result is FAILURE:
-            self.latched = False
+        self.latched = result is RUNNING or result is SKIPPED
         return result
 
 
@@ -246,8 +244,7 @@ class Timeout(Timed, Decorator):
         """Start the timer; tick the child unless the timer has halted it."""
         msec = self.get_input("msec")
         if not self.active:
-            self.active = True
-            self.over = False
+            self.active, self.over = True, False
             self.begin()
             if msec > 0:
                 self.start_timer(msec)

@@ -153,9 +153,7 @@ def place_of(error: BehaviorControllerError) -> str:
     """Return ``file:line:column`` of the node at which a tick failed, or of its script; "" if the
     tree is not from a file."""
     element, attribute = error.origin
-    if element is None:
-        return ""
-    return element.where(attribute)
+    return "" if element is None else element.where(attribute)
 
 
 class Node(Behaviour):
@@ -305,8 +303,7 @@ class Node(Behaviour):
         """Go back to IDLE; children and scripts are not touched."""
         old = self.status
         if old is not IDLE:
-            self.was = old
-            self.status = IDLE
+            self.was, self.status = old, IDLE
             if self.observer is not None:
                 self.observer(self, old, IDLE)
 
@@ -352,8 +349,7 @@ class Node(Behaviour):
 
     def set_output(self, name: str, value: Any) -> None:
         """Write to an output port. Raises PortError if it is not connected."""
-        port = self._port(name, Direction.IN, "written")
-        text = self.attributes.get(name)
+        port, text = self._port(name, Direction.IN, "written"), self.attributes.get(name)
         if text is None:
             raise ports.PortError(f"output port [{name}] is not connected")
         ports.write(text, port, self.blackboard, value)

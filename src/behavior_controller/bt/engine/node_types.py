@@ -1,6 +1,5 @@
 """The node types that a mission may use, by name: the built-in ones and those that are added."""
 import collections.abc
-import inspect
 from functools import partial
 from types import FunctionType
 from typing import Any, Callable, Dict, Iterable, Mapping, Sequence, Tuple

@@ -29,9 +29,8 @@ def origins(steps: List[Any], known: int) -> List[Any]:
 
 
 def _origins(nodes: Iterable[Any], since: int) -> List[Any]:
-    fresh = sorted((node for node in nodes
-                    if node.changed_at > since and not node.spec.is_recovery),
-                   key=lambda node: node.changed_at)
+    fresh = [node for node in nodes if node.changed_at > since and not node.spec.is_recovery]
+    fresh.sort(key=lambda node: node.changed_at)
     return [origin for node in fresh for origin in _below(node, since) or [node]]
 
 

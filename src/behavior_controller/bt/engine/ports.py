@@ -55,12 +55,10 @@ def literal_fault(text: str, port: Port, enums: Enums) -> Optional[str]:
     That check takes for a reference only what has braces as its first and last character, so `` {k}
     `` is refused for an ``int`` port although reading it would work.
     """
-    if len(text) >= 3 and text[0] == "{" and text[-1] == "}":
-        return None
-    port_type = TYPES[port.type]
+    is_reference = len(text) >= 3 and text[0] == "{" and text[-1] == "}"
     try:
-        if port_type.checked_at_load:
-            port_type.from_text(text, enums)
+        if TYPES[port.type].checked_at_load and not is_reference:
+            TYPES[port.type].from_text(text, enums)
     except ValueFault as fault:
         return str(fault)
     return None

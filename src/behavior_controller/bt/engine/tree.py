@@ -111,8 +111,7 @@ class Tree:
     def tick_once(self) -> Result:
         """Traverse the tree, and again for as long as it is RUNNING and a wake-up was signalled
         meanwhile."""
-        result = self.traverse(True)
-        rounds = 1
+        result, rounds = self.traverse(True), 1
         while result is RUNNING and self.wake.test_and_clear():
             if rounds == ROUNDS_PER_TICK:
                 self.wake.emit()
@@ -202,7 +201,9 @@ class Tree:
         self.complete(self.traverse(True, root), root)
         ticked = dict(self._ticked)
         for node, result in ticked.items():
-            shown = IDLE if result is SKIPPED else result
+            shown: Any = result
+            if result is SKIPPED:
+                shown = IDLE
             if shown is not RUNNING and shown is not node.status:
                 self._hidden[node] = node.status
                 node.status = shown

@@ -88,8 +88,7 @@ def _check_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -
 
 def _check_literal(facts: MissionFacts, call: Element, name: str, read: Access) -> None:
     """Warn of a literal that a port of the called tree reads in part, or cannot read."""
-    text = call.attributes[name]
-    port = facts.spec(read.element).port_named.get(read.attribute)
+    text, port = call.attributes[name], facts.spec(read.element).port_named.get(read.attribute)
     if port is None or ports.subtree_literal(text)[0] != TEXT:
         return
     wrong = ports.literal_fault(text, port, {})

@@ -1,7 +1,7 @@
 """What is known of a mission without errors and without running it: how nodes can end, and what its
 trees read and write."""
 from functools import cached_property
-from typing import Dict, Iterator, List, Mapping, Set, Tuple
+from typing import Dict, Iterator, List, Mapping, Tuple
 
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.linter.least_times import Times, least_times
@@ -40,10 +40,8 @@ class MissionFacts:
             readers = [port.is_optional for _, port in users if port.direction is not Direction.OUT]
             if readers and all(readers):  # what they do without, a script may do without too
                 uses.add(SUPPRESSED)
-        self.written: Dict[str, Set[str]] = {tree: set() for tree in self.elements}
-        for use in self.flow.all():
-            if WRITTEN in use.entry.uses:
-                self.written[use.tree].add(use.name)
+        self.written = {tree: {use.name for use in self.flow.names[tree].values()
+                               if WRITTEN in use.entry.uses} for tree in self.elements}
         # a mission for another robot may be given entries by it
         self.is_host_known = not any(self.spec(element).is_stub for _, element in self.walk())
 

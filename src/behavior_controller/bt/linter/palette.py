@@ -39,8 +39,7 @@ def tree_nodes_model(specs: Iterable[NodeSpec], indent: str = "") -> str:
 
 
 def _model(spec: NodeSpec) -> List[str]:
-    kind = spec.kind.value
-    inside = ["  " + _written_port(port) for port in spec.ports]
+    kind, inside = spec.kind.value, ["  " + _written_port(port) for port in spec.ports]
     if spec.summary:
         inside += ["  <MetadataFields>", f"    <Metadata description={quoteattr(spec.summary)}/>",
                    "  </MetadataFields>"]

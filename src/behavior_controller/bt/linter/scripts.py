@@ -180,8 +180,7 @@ def _check_literals(facts: MissionFacts) -> None:
         if key not in known:
             known[key] = next((
                 (use, *wrong) for name in literal.name.below()
-                for use in uses.get((name.tree, name.name), ())
-                if facts.findings.may_compare(1)
+                for use in uses.get((name.tree, name.name), ()) if facts.findings.may_compare(1)
                 for wrong in _with_literal(facts, use, name.name, literal)), None)
         found = known[key]
         if found is not None:
@@ -211,8 +210,7 @@ def _with_literal(facts: MissionFacts, use: Use, name: str,
         if operand.word == name and literal.kind != "number":
             yield f"{signs}{name} needs a number", ""
     for operand in _conditions(use):
-        if operand.name == name and (
-                literal.kind != "number" or _no_truth([literal.text])):
+        if operand.name == name and (literal.kind != "number" or _no_truth([literal.text])):
             yield f"{name} is neither true nor false", f"compare it, as in {name} == …"
     for assignment in use.script.facts.assignments:
         if assignment.name == name:
@@ -222,8 +220,7 @@ def _with_literal(facts: MissionFacts, use: Use, name: str,
 def _wrong_value(assignment: Assignment, literal: Literal) -> Iterator[Tuple[str, str]]:
     """Yield what is wrong with a value that is assigned to an entry which holds a literal."""
     kind, word = literal_kind(assignment.value), assignment.value.word
-    sets = assignment.sign in (":=", "=")
-    said = f"{assignment.name} {assignment.sign} {word}"
+    sets, said = assignment.sign in (":=", "="), f"{assignment.name} {assignment.sign} {word}"
     if sets and kind == "number" and literal.kind != "number":
         yield f"{said} changes a text to a number", "the first value decides the kind of an entry"
     elif sets and kind == "text" and literal.kind == "number":

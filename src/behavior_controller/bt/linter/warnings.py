@@ -25,9 +25,8 @@ _REPEATS = {SUCCEEDS: ("repeats", "succeeds", "repeats forever and never waits",
             FAILS: ("retries", "fails", "asks again and again without waiting",
                     "a ReactiveFallback of the condition and a Sleep waits for it")}
 _CHAINS = {
-    SUCCEEDS: ("succeeds",
-               "is reached only if all before it succeeded: there is no failure to look at",
-               "it belongs into a Fallback, after the step that may fail"),
+    SUCCEEDS: ("succeeds", "is reached only if all before it succeeded: there is no failure to "
+               "look at", "it belongs into a Fallback, after the step that may fail"),
     FAILS: ("fails", "comes first: there is no failure before it to look at",
             "it belongs after the step that may fail")}
 WILL_FAIL = "will fail when it is ticked"
@@ -71,8 +70,7 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
 def check_ignored(facts: MissionFacts, element: Element) -> bool:
     """Warn of attributes that begin with _ and mean nothing, but nearly do; return whether there is
     one."""
-    before = len(facts.findings.warnings)
-    ports_known = facts.spec(element).port_named
+    before, ports_known = len(facts.findings.warnings), facts.spec(element).port_named
     for name in element.attributes:
         if name in CONDITIONS or name in IGNORED_ON_PURPOSE:
             continue
@@ -136,8 +134,7 @@ def _check_missing(facts: MissionFacts, element: Element, spec: NodeSpec, port: 
 def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: str) -> bool:
     """Warn of a text that is nearly a reference to an entry; return whether it is."""
     text = element.attributes[attribute]
-    key = ports.reference(text, attribute)
-    inner = text.strip("${} \t")
+    key, inner = ports.reference(text, attribute), text.strip("${} \t")
     is_written = text in facts.written[tree] and text.isidentifier()
     is_stub = element.tag != "SubTree" and facts.spec(element).is_stub
     rule = rules.BRACES_ODD

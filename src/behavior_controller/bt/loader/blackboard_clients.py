@@ -7,8 +7,7 @@ clients a tool uses, such as py-trees-render -b.
 """
 from typing import Any, Dict, List, Tuple
 
-from py_trees.blackboard import Blackboard as Shown
-from py_trees.blackboard import Client
+from py_trees.blackboard import Blackboard as Shown, Client
 from py_trees.common import Access
 
 from behavior_controller.bt.loader.flow import Flow

@@ -111,8 +111,7 @@ def _report_unknown(trees: Trees, element: Element, node_id: str) -> None:
         trees.report(rules.TREE_AS_NODE, element, text, hint, attribute)
     else:
         other = _OTHER_NAMES.get(node_id[:1].upper() + node_id[1:])
-        hint = (ELSEWHERE.get(node_id)
-                or (other and f"BehaviorTree.CPP calls it {other}")
+        hint = (ELSEWHERE.get(node_id) or (other and f"BehaviorTree.CPP calls it {other}")
                 or trees.nearest(node_id, trees.registry)
                 or "exportNodeModel prints every node type with its ports")
         text = f"unknown node {quoted(node_id)}"
@@ -242,8 +241,7 @@ def _check_call(trees: Trees, element: Element, tree_id: str) -> None:
 def _report_missing(trees: Trees, element: Element, tree_id: str, port: Port) -> None:
     """Record that a port of a tree's model is not given; at the attribute that is meant for it,
     if there is one."""
-    known = [known.name for known in trees.models[tree_id]]
-    meant = f"did you mean {port.name}?"
+    known, meant = [known.name for known in trees.models[tree_id]], f"did you mean {port.name}?"
     other = next((name for name in element.attributes if is_port_name(name)
                   and name not in known and did_you_mean(name, known) == meant), None)
     text = f"the model of {tree_id} asks for the port {port.name}, which is not given"
@@ -289,8 +287,7 @@ def _meant(text: str, port: Port, type_name: str) -> str:
     """Return what may be meant by a number that is read only in part."""
     if type_name in values.VECTORS and re.search(r"[0-9]\s*[,\s]\s*-?[0-9.]", text):
         return _separated(text)
-    amount = _AMOUNT.fullmatch(text.strip())
-    number = values.whole_real(text.replace(",", "."))
+    amount, number = _AMOUNT.fullmatch(text.strip()), values.whole_real(text.replace(",", "."))
     if amount is not None and port.name.endswith("msec"):
         figure, unit = amount.groups()
         milliseconds = float(figure.replace(",", ".")) * _MILLISECONDS[unit.lower()]

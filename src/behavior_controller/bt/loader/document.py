@@ -208,8 +208,7 @@ def garbage_collection_paused() -> Iterator[None]:
 
 
 def _parsed(clean: str, document: Document) -> Element:
-    elements = document.elements
-    above = Element("", {}, document, -1)
+    elements, above = document.elements, Element("", {}, document, -1)
     opened: List[Element] = [above]
 
     # closures, because this runs for each element

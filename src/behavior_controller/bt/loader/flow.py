@@ -139,8 +139,7 @@ class Name:
 
     def below(self) -> List["Name"]:
         """Return the name and all that it has in the trees that are called with it, each once."""
-        names = {id(self): self}
-        waiting = [self]
+        names, waiting = {id(self): self}, [self]
         for name in waiting:
             for inner in name.inside:
                 if id(inner) not in names:
@@ -235,8 +234,7 @@ class Flow:
         text = element.attributes.get(port.name, port.default)
         if text is None or port.role is Role.NAMES and not ports.reference(text, port.name):
             return
-        name = ports.reference(text, port.name)
-        is_given = port.name in element.attributes
+        name, is_given = ports.reference(text, port.name), port.name in element.attributes
         place = Access(element, port.name)
         if name is None and port.role is Role.WATCHED:
             name = text
@@ -283,8 +281,7 @@ class Flow:
                     Value(assignment.name, element, attribute, kind, word, assignment))
 
     def _call(self, tree: str, call: Element, model: List[Port]) -> None:
-        called = call.attributes["ID"]
-        texts = given(call, model)
+        called, texts = call.attributes["ID"], given(call, model)
         for name, text in texts.items():
             outer = ports.subtree_reference(text, name)
             if outer is not None:

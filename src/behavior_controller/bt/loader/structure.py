@@ -44,8 +44,7 @@ class Findings:
         self.warnings: List[Fault] = []
         self.faulty: Set[int] = set()  # id() of elements that cannot be instantiated
         # what is noticed late is an error, as in the trees that are part of the mission
-        self.refuses_late = True
-        self._unrecorded = 0
+        self.refuses_late, self._unrecorded = True, 0
         self._comparisons = _COMPARISONS
 
     def report(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
@@ -120,8 +119,7 @@ class Trees:
     """
 
     def __init__(self, registry: Registry, tolerated: str):
-        self.registry = registry
-        self.findings = Findings()
+        self.registry, self.findings = registry, Findings()
         self.report, self.nearest = self.findings.report, self.findings.nearest
         self.trees: Dict[str, Element] = {}
         # every <BehaviorTree>, also those that another replaces
@@ -234,8 +232,7 @@ class Trees:
             text = f"{tree_id} is a reserved name; a tree cannot be called so"
             self.report(rules.RESERVED_ID, element, text, attribute="ID")
         elif tree_id in self.registry:
-            text = f"{tree_id} is the name of a node type; a tree cannot be called so"
-            hint = ""
+            text, hint = f"{tree_id} is the name of a node type; a tree cannot be called so", ""
             if element.tag == "SubTree":
                 hint = f"a node of that type is written <{tree_id}/>"
             self.report(rules.ID_OF_A_NODE, element, text, hint, "ID")

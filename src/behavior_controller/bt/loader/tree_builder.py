@@ -87,8 +87,7 @@ class _Compiler:
 
     def unfold(self, blackboard: Blackboard) -> None:
         """Make every node, parents before children, in document order."""
-        self.blackboards[""] = blackboard
-        deepest = 0
+        self.blackboards[""], deepest = blackboard, 0
         stack: List[Tuple[Element, Optional[Node], Blackboard, int]] = [
             (child, None, blackboard, 1) for child in self.trees.trees[self.trees.main].children]
         while stack:
@@ -223,8 +222,7 @@ class _Compiler:
             return call.fault(rules.ENTRY_TYPE, text, "give it an entry that a script sets", name)
         uses = list(self._uses(clash.entry))
         if uses:  # otherwise the host made the entry
-            other = uses[0]
-            alike = [use for use in uses if use.port.type == blamed.port.type]
+            other, alike = uses[0], [use for use in uses if use.port.type == blamed.port.type]
             if len(alike) > 1 and sum(use.port.type == other.port.type for use in uses) == 1:
                 blamed, other = other, alike[0]
             key = blamed.node.attributes[blamed.port.name]

@@ -203,8 +203,7 @@ _UNENDED = (
      "a mission needs no entities"),
     ("<!", rules.STRAY_BRACKET, "<! begins nothing that a mission may hold",
      "a comment begins with <!--"),
-    ("</", rules.NOT_CLOSED, "the closing tag is not ended with >", ""),
-)
+    ("</", rules.NOT_CLOSED, "the closing tag is not ended with >", ""))
 
 
 _SWALLOWS = ("<!--", "<![CDATA[")  # all that follows
@@ -292,8 +291,7 @@ def diagnosis(text: str) -> List[MarkupFault]:
     elif tags and not any(kind == "perhaps" for _, _, kind in tags):
         depths = itertools.accumulate({"open": 1, "close": -1}[kind] for _, _, kind in tags)
         last = next(offset for (_, offset, _), depth in zip(tags, depths) if depth == 0)
-        end = text.find(">", last) + 1 or len(text)
-        known = [fault.offset for fault in faults]
+        end, known = text.find(">", last) + 1 or len(text), [fault.offset for fault in faults]
         faults += [fault for fault in _outside(text, tags[0][1], end) if fault.offset not in known]
     faults = sorted(faults + unclosed, key=lambda fault: fault.offset)
     if faults and faults[-1].after == len(text):  # it hides what closes the others
@@ -311,8 +309,7 @@ def _of_tokens(text: str) -> Tuple[List[MarkupFault], List[_Tag]]:
     themselves."""
     faults: List[MarkupFault] = []
     tags: List[_Tag] = []
-    end = 0
-    match = TOKEN.search(text)
+    end, match = 0, TOKEN.search(text)
     while match is not None and len(faults) < MOST_MARKUP_FAULTS:
         kind, begin = match.lastgroup, match.start()
         faults += [MarkupFault(rules.FORBIDDEN_CHARACTER, "a character that XML does not allow",

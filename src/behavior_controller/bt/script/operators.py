@@ -106,8 +106,7 @@ _OPERATE: Dict[str, Operate] = {
     "|": _on_numbers("|", operator.or_, _bits, _NO_INTEGER),
     "^": _on_numbers("^", operator.xor, _bits, _NO_INTEGER),
     "&&": _on_numbers("&&", operator.and_, to_bool, _NO_TRUTH),
-    "||": _on_numbers("||", operator.or_, to_bool, _NO_TRUTH),
-}
+    "||": _on_numbers("||", operator.or_, to_bool, _NO_TRUTH)}
 
 
 def folded(first: Evaluate, rest: Rest) -> Evaluate:

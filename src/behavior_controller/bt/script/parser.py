@@ -173,8 +173,7 @@ class _ScriptParser:
 
     def __init__(self, text: str):
         self.tokens = _tokens(text)
-        self.at = 0
-        self.depth = 0
+        self.at = self.depth = 0
         self.last: Operand  # the operand read last; a "name" is that and nothing more
         self.facts = ScriptFacts([], [], [], [], set(), {})
         self._is_assignment: bool  # the expression read last

@@ -66,8 +66,7 @@ class Blackboard:
         self.prefix = path and path + "/"  # of the paths of what is inside
         self.root: Blackboard = getattr(parent, "root", self)
         # of the whole tree, at its root:
-        self.write_count = 0
-        self.is_stale = False
+        self.write_count, self.is_stale = 0, False
         """An entry was written whose former value a node has read."""
         self.local: Dict[str, Entry] = {}
         self.remapping: Dict[str, str] = {}  # names here -> names in the parent

@@ -241,8 +241,7 @@ TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_typ
     ValueType("enum", _enumerator, checked_at_load=False),
     *starmap(_vector_type, VECTORS.items()),
     ValueType(ANY, _text, cpp_name="BT::AnyTypeAllowed"),
-    ValueType(BT_ANY, _text, cpp_name="BT::Any"),
-))
+    ValueType(BT_ANY, _text, cpp_name="BT::Any")))
 
 
 def find_type(name: str) -> Optional[ValueType]:

@@ -102,8 +102,7 @@ def of_mission(world: World) -> List[Wait]:
         loaded = missions.load(world.settings)
     except BehaviorControllerError:
         return []  # the controller reports it
-    tree = loaded.tree
-    gateway = FakeGateway(lambda: None, lambda request: Answer())
+    tree, gateway = loaded.tree, FakeGateway(lambda: None, lambda request: Answer())
     tree.setup(mission=loaded.context(gateway, FakeTopics(tree.clock.now), Events()))
     waits: Dict[Any, Wait] = {}
     for node in tree.nodes:  # those of a Fallback that come before stand before
@@ -146,8 +145,7 @@ def _messages(node: TopicCondition, world: World) -> Optional[int]:
     evidence."""
     if node.topic.name not in TOPICS:
         return None
-    visitor = Visitor(world.visitor.manners)
-    robot = world.settings.interface
+    visitor, robot = Visitor(world.visitor.manners), world.settings.interface
     for question in visitor.manners.questions:
         visitor.notice(JournalEntry(0.0, robot.service(Say).node, "", 1, {"message": question}))
     if node.evidence.mode:

@@ -37,8 +37,7 @@ def ended() -> Iterator[None]:
             raise TimeoutError(f"it has not returned for {CHECKS * INTERVAL:g} s; a leaf must not "
                                "wait, the mission stands still until it returns")
 
-    before = signal.signal(signal.SIGALRM, check)
-    began = time.monotonic()
+    before, began = signal.signal(signal.SIGALRM, check), time.monotonic()
     other, _ = signal.setitimer(signal.ITIMER_REAL, INTERVAL, INTERVAL)
     try:
         yield

@@ -263,10 +263,9 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 def rehearse(todo: Plan, jobs: int) -> "Result":
     """Play all scenes, or those until Ctrl-C, and return what they show."""
-    began = time.monotonic()
+    began, planned = time.monotonic(), 0
     survey = Survey(todo.runner, todo.calm[0].by_voice, todo.chosen)
     search = Search(survey.nodes, survey.reached, survey.outcomes, todo.kinds[0])
-    planned = 0
     with suppress(KeyboardInterrupt), plays.players(todo.runner, jobs) as play_all:
         for scenes in todo.rounds(survey, search):
             planned += len(scenes)
@@ -316,8 +315,7 @@ class Result(NamedTuple):
 
 def heading(result: Result) -> str:
     """Return a line with the numbers of plays and their time."""
-    others = result.planned - result.plays
-    stopped = ""
+    others, stopped = result.planned - result.plays, ""
     if others:
         stopped = f", stopped before the other {others}"
     mission = clean(os.path.basename(result.plan.runner.mission))

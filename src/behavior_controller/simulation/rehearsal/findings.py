@@ -78,8 +78,7 @@ class Play:
                  calm: "Optional[Play]", visitors_before: int = 0):
         self.stage, self.played, self.behaviour = stage, played, behaviour
         self.faults, self.calm, self.visitors_before = faults, calm, visitors_before
-        self.nodes = stage.mission.tree.nodes
-        self.run = played.run()
+        self.nodes, self.run = stage.mission.tree.nodes, played.run()
         visit = self.run.state.visit
         self.outcome: str = getattr(visit, "outcome", "")  # empty: the pass did not end
         asked = [*self.run.exchanges, *self.run.state.exchanges]
@@ -200,9 +199,8 @@ class Play:
 
     def is_question(self, request: Request) -> bool:
         """Return whether the robot asks the visitor."""
-        return isinstance(request, Say) and (
-            request.text in self.stage.world.visitor.manners.questions
-            or request.text.endswith("?"))
+        return isinstance(request, Say) and (request.text.endswith("?") or (
+            request.text in self.stage.world.visitor.manners.questions))
 
     def writers(self, entry: data.Datum) -> List[NodeResult]:
         """Return the results of the leaves that wrote an entry."""
@@ -334,9 +332,9 @@ def _missing_data(play: Play) -> Iterator[Place]:
     """A node reads an entry or an answer that is not there."""
     for failed in play.run.failures:
         # pressing nothing is the visitor's answer, and a substitute is the policy's
-        if failed.failure.cause is Cause.MISSING_DATA and not failed.attempt and failed.uid \
-                and not play.spec(failed.uid).is_recovery \
-                and Prompt not in play.spec(failed.uid).calls:
+        is_missing = failed.failure.cause is Cause.MISSING_DATA and not failed.attempt
+        if is_missing and failed.uid and not (
+                play.spec(failed.uid).is_recovery or Prompt in play.spec(failed.uid).calls):
             yield failed.uid, failed.failure.message
     for recovery in play.run.recoveries:
         if recovery.is_idle and recovery.recovered is not None:
@@ -433,8 +431,7 @@ def _swallowed_failure(play: Play) -> Iterator[Place]:
             read = entries(node, False)
             for entry in sorted(read & set(failed)):
                 old = entry.rpartition("/")[2].lstrip("@")
-                yield (failed[entry].uid,
-                       f"it fails, and {play.name(step.uid)} uses the old {old}")
+                yield failed[entry].uid, f"it fails, and {play.name(step.uid)} uses the old {old}"
             if isinstance(step.request, GoTo):
                 last_drive = step
             elif isinstance(step.request, (Say, PerformGesture)) and read & SHOWN_AT_THE_PLACE \
@@ -487,9 +484,8 @@ def _left_out_step(play: Play) -> Iterator[Place]:
         return
     for exchange in calm.exchanges:
         # how often the visitor is asked depends on what the visitor says
-        may_be_missing = exchange.service in faulty and play.faults > 1 \
-            or play.is_question(exchange.request) \
-            or isinstance(exchange.request, (Prompt, SetRecognition))
+        may_be_missing = exchange.service in faulty and play.faults > 1 or play.is_question(
+            exchange.request) or isinstance(exchange.request, (Prompt, SetRecognition))
         # the first of two requests of a leaf has no step of its own
         if exchange.uid and made[exchange.uid] < usual[exchange.uid] and not may_be_missing \
                 and exchange.uid not in failed:
@@ -529,8 +525,7 @@ def _next_visitor(play: Play) -> Iterator[Place]:
         return
     if not calm.signs and any(calm.spec(result.uid).listens for result in calm.leaves):
         return  # whether a visitor is seen is a matter of milliseconds
-    changes = list(_changes(calm, play))
-    this = f"visitor {play.visitors_before + 1}"
+    changes, this = list(_changes(calm, play)), f"visitor {play.visitors_before + 1}"
     if changes:
         _, alone, later = min(changes, key=lambda change: change[0])
         said = [f"the robot is {each.words} for {visitor}"
@@ -906,8 +901,7 @@ NEVER_ASKED = FindingKind(
     "policy may skip.")
 NEVER_TRUE = FindingKind(
     "never-true", "The mission comes to this node, and no visitor and no fault makes it succeed.")
-ONE_WAY = FindingKind(
-    "one-way-only", "A stop is reached by voice alone, or by tablet alone.")
+ONE_WAY = FindingKind("one-way-only", "A stop is reached by voice alone, or by tablet alone.")
 NEVER_OFF = FindingKind(
     "never-off", "Attention or lifelike movement is switched on, and no pass switches it off.")
 UNREACHED = FindingKind("unreached", "No play brings the mission to this node.")

@@ -39,7 +39,6 @@ from behavior_controller.simulation.virtual_robot import SHORTEST_GAP, VirtualRo
 from behavior_controller.simulation.visitor import Visitor
 from behavior_controller.simulation.world import World, world as read_world
 from behavior_controller.simulation import configuration
-from behavior_controller.simulation.configuration import Configuration
 
 START = 1000.0
 """When a play begins, in seconds of its clock; events and journal have the times of that clock."""
@@ -134,12 +133,12 @@ class LoadedMission:
         self._shown = shown(self.mission.tree, specs=list(self._registry.values()))
         self.world = world or read_world("", settings)
 
-    def world_of(self, test: Configuration) -> World:
+    def world_of(self, test: configuration.Configuration) -> World:
         """Return the world of a test, before the robot's first request."""
         manners = self.world.visitor.manners._replace(behaviour=test.visitor_behaviour)
         return self.world._replace(visitor=Visitor(manners))
 
-    def play(self, test: Configuration, silent: Collection[str] = (),
+    def play(self, test: configuration.Configuration, silent: Collection[str] = (),
              shortest_gap: float = SHORTEST_GAP, has_situations: bool = False,
              then: Sequence[str] = ()) -> RunResult:
         """Play the mission with the faults, messages and visitors of ``test``; topics in ``silent``
@@ -166,15 +165,13 @@ class PlayRunner(VirtualTimeRunner):
         self._errors: List[Place] = []
         self._ticked: Set[int] = set()
         mission = robot.mission
-        self._entries = Entries(mission.tree)
-        events = Events()
+        self._entries, events = Entries(mission.tree), Events()
         events.subscribe(self._note)
         robot.note = self._note
         self._note(shown_tree)
         mission.tree.follow(self._follow)
         context = mission.context(robot, robot.topics, events, robot.health)
-        limit = robot.test.test_timeout
-        runs = robot.test.mission_runs + len(then)
+        limit, runs = robot.test.test_timeout, robot.test.mission_runs + len(then)
         super().__init__(Running(mission.tree, context, mission.file, runs),
                          START + limit * (1 + len(then)), TIMED_OUT.format(limit))
 
@@ -195,7 +192,7 @@ class PlayRunner(VirtualTimeRunner):
         waiting = tuple(node.uid for node in self.tree.nodes if node.status is RUNNING
                         and not any(child.status is RUNNING for child in node.children))
         return RunResult(self._history, robot.journal, exit_code, cut_off, self._errors,
-                      frozenset(self._ticked), waiting,
+                         frozenset(self._ticked), waiting,
                          min(robot.clock.now(), self._ended) - START,
                          [query for query in robot.asked if query[0] <= self._ended],
                          robot.presence, self._ended, self._situations.met, self._left_behind)

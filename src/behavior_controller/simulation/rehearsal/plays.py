@@ -194,9 +194,8 @@ class ScenarioRunner:
         """Play a scene."""
         test = dataclasses.replace(
             CALM, visitor_behaviour=scene.visitor, planned_faults=scene.planned,
-            quick_nodes=scene.quick,
-            failure_rate=scene.rate, random_seed=scene.seed, fault_kinds=scene.kinds,
-            test_timeout=self.limit, call_times=REAL)
+            quick_nodes=scene.quick, failure_rate=scene.rate, random_seed=scene.seed,
+            fault_kinds=scene.kinds, test_timeout=self.limit, call_times=REAL)
         stage, silent = self.stage(scene.by_voice), scene.silent
         robot = stage.settings.interface
         if not stage.settings.asr_enabled and robot.tells(Sense.UTTERANCE):
@@ -206,8 +205,7 @@ class ScenarioRunner:
         played = stage.play(test, silent, gap, has_situations, scene.then).last_pass()
         faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
         calm = None if scene.is_calm else self._calm_play(scene.calm)
-        return Play(stage, played, (scene.visitor, *scene.then)[-1], faults, calm,
-                    len(scene.then))
+        return Play(stage, played, scene.calm.visitor, faults, calm, len(scene.then))
 
     def evaluate(self, scene: Scenario) -> Outcome:
         """Play a scene and find what is wrong in it."""
@@ -339,8 +337,7 @@ class Search:
         self._kind = kind
         self._tried: Set[Scenario] = set()
         self._bases: Set[Tuple[int, Scenario]] = set()
-        self.plays = 0
-        self.is_cut = False
+        self.plays, self.is_cut = 0, False
 
     def targets(self) -> List[Node]:
         """Return the nodes to search for, which no play has reached; of a whole branch only the

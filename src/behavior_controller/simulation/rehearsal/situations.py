@@ -2,7 +2,7 @@
 import enum
 import hashlib
 from collections import deque
-from typing import Any, Dict, Iterator, List, Tuple
+from typing import Any, Collection, Dict, Iterator, List, Tuple
 
 from behavior_controller.bt import Node, Tree
 from behavior_controller.bt.values.status import NAMES
@@ -19,7 +19,6 @@ _OF_ALL_NODES = vars(Node).keys() | vars(Node("")) | {
 """What a node has, apart from its status, that does not say what it does next."""
 
 _PLAIN = (bool, int, str, float, tuple, list, deque, enum.Enum)
-_TIMES = data.TIMES
 _OF_ONE_ROUND = {"feedback_message", "over"}
 _OF_ONE_VISIT = {datum.name for datum in data.ALL}
 _OF_ALL_VISITORS = {"manners", "now", "_last_request", "_listens_until", "_expected"}
@@ -29,6 +28,10 @@ _OF_ALL_VISITORS = {"manners", "now", "_last_request", "_listens_until", "_expec
 def _is_of_mission(node: Node) -> bool:
     """Return whether a node is one of our vocabulary: what those keep is of one round."""
     return type(node).__module__.startswith(leaves.__name__)
+
+
+def _digest(*state: object) -> bytes:
+    return hashlib.blake2b(repr(state).encode(), digest_size=8).digest()
 
 
 class Situations:
@@ -52,31 +55,31 @@ class Situations:
 
     def _note(self, entry: JournalEntry) -> None:
         if self._is_wanted:
-            self.met[entry.node, entry.call] = self._digest()
+            self.met[entry.node, entry.call] = self._situation()
         self._is_wanted = self._is_wanted or entry.fault is not None
 
     def left_behind(self) -> bytes:
         """Return a digest of what the next visitor may notice of a pass that has ended."""
         tree, visitor = self._tree, self._robot.world.visitor
-        entries = [(path, name, str(entry.value)) for path, board in tree.blackboards.items()
-                   for name, entry in board.local.items() if name not in _OF_ONE_VISIT]
         kept = [(uid, name, value) for uid, name, value in self._kept()
                 if value and name not in _OF_ONE_ROUND and not _is_of_mission(tree.nodes[uid - 1])]
-        state = kept, entries, visitor.attention, visitor.is_listened_to
-        return hashlib.blake2b(repr(state).encode(), digest_size=8).digest()
+        return _digest(
+            kept, self._entries(_OF_ONE_VISIT), visitor.attention, visitor.is_listened_to)
 
-    def _digest(self) -> bytes:
+    def _entries(self, left_out: Collection[str]) -> List[Tuple[str, str, str]]:
+        return [(path, name, str(entry.value)) for path, board in self._tree.blackboards.items()
+                for name, entry in board.local.items() if name not in left_out]
+
+    def _situation(self) -> bytes:
         tree, now = self._tree, self._robot.clock.now()
-        entries = [(path, name, str(entry.value)) for path, board in tree.blackboards.items()
-                   for name, entry in board.local.items() if name not in _TIMES]
         waiting = sorted((timer.owner.uid, round(timer.due - now, 1))
                          for timer in tree.clock.timers() if timer.owner is not None)
         known = vars(self._robot.world.visitor)
         visitor = [known[name] for name in sorted(known.keys() - _OF_ALL_VISITORS)]
         visitor.append(round(max(known["_listens_until"] - now, 0.0), 1))
         letters = "".join(LETTERS[NAMES[node.status]] for node in tree.nodes)
-        state = letters, list(self._kept()), entries, waiting, visitor, self._robot.away()
-        return hashlib.blake2b(repr(state).encode(), digest_size=8).digest()
+        return _digest(letters, list(self._kept()), self._entries(data.TIMES), waiting, visitor,
+                       self._robot.away())
 
     def _kept(self) -> Iterator[Tuple[int, str, Any]]:
         for place, node in enumerate(self._nodes):

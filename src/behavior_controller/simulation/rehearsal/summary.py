@@ -243,8 +243,7 @@ class Survey:
 
     def place(self, uid: int) -> str:
         """Return file, line and column of a node."""
-        element = self.nodes[uid - 1].element
-        return "{}:{}:{}".format(clean(element.document.file), *element.place())
+        return self.nodes[uid - 1].element.where()
 
     def story(self, scene: Scenario) -> Tuple[Sentence, ...]:
         """Return the sentences of a play; their times are seconds from its beginning."""
@@ -273,9 +272,8 @@ class Survey:
         rows = []
         for calm in self._calm:
             counted = Counter(
-                outcome.outcome for outcome in self.outcomes
-                if not outcome.scene.is_calm and not outcome.scene.then
-                and outcome.scene[:2] == calm.scene[:2])
+                outcome.outcome for outcome in self.outcomes if outcome.scene[:2] == calm.scene[:2]
+                and not outcome.scene.is_calm and not outcome.scene.then)
             rows.append(VisitorRow(calm.scene.visitor, calm.scene.by_voice, calm.outcome,
                                    calm.seconds, len(calm.stops), tuple(sorted(counted.items()))))
         return rows
