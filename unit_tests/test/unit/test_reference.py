@@ -185,7 +185,7 @@ REFUSED, MISTYPED = Cause.REFUSED, Cause.TYPE_MISMATCH
 
 def context():
     policy = reference.PolicyTable(POLICY)
-    return reference.TaskContext(settings.defaults(), None, ENGLISH, policy)
+    return reference.TaskContext(settings.defaults(), (), ENGLISH, policy)
 
 
 @pytest.mark.parametrize("causes, is_spent, spent, number, at, seconds", [

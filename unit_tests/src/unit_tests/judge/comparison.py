@@ -10,7 +10,7 @@ from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.run.events import (
     EntriesWritten, LeafFinished, Recovered, Recovering, Retried, StepStarted, StopChanged)
-from behavior_controller.run.record.feed import Entries, entry_text
+from behavior_controller.run.record.feed import Entries, written
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer
 
@@ -41,7 +41,9 @@ class Query:
     def asker(self) -> str:
         """The origin of the request: a node, or the end of the run; after a difference none is
         known."""
-        return self.node or ("the safe state" if self.is_for_safety else "a later step")
+        if self.is_for_safety and not self.node:
+            return "the safe state"
+        return self.node or "a later step"
 
     @property
     def is_for_safety(self) -> bool:
@@ -52,14 +54,14 @@ class Query:
     @property
     def cause(self) -> Optional[Cause]:
         """Why it failed, if it did."""
-        return self.result.cause if isinstance(self.result, Failure) else None
+        return getattr(self.result, "cause", None)
 
     @property
     def outcome(self) -> str:
         """The result in words: an answer, or the cause of its failure."""
-        if self.cause is not None:
-            return self.cause.value
-        return "an answer" if self.result is not None else "no answer"
+        if self.result is None:
+            return "no answer"
+        return "an answer" if self.cause is None else self.cause.value
 
     def drop(self, time: float) -> None:
         """Note that nothing waits for the answer any more."""
@@ -69,8 +71,9 @@ class Query:
 
 def described(request: Any) -> str:
     """Return a request in words."""
-    words = request.words
-    return f"{words.doing} {words.what}".strip() if words is not None else str(request)
+    if request.words is None:
+        return str(request)
+    return f"{request.words.doing} {request.words.what}".strip()
 
 
 def result_words(one: Any, other: Any) -> Tuple[str, str]:
@@ -85,7 +88,9 @@ def result_words(one: Any, other: Any) -> Tuple[str, str]:
 def _words(result: Any) -> str:
     if isinstance(result, Cause):
         return result.value
-    return repr(result.response) if result is not None and result.response else "an answer"
+    if result is not None and result.response:
+        return repr(result.response)
+    return "an answer"
 
 
 def request_difference(asked: Any, due: Any) -> str:
@@ -122,12 +127,9 @@ class Traversal:
         """Return why a leaf had to fail; empty: it had not."""
         return next((end for end in self._ends.get(uid, ()) if end not in ("SUCCESS", "IDLE")), "")
 
-    def decided(
-            self, node: ReferenceNode, step: str, cause: Optional[Cause] = None,
-            handler: int = 0) -> None:
+    def decided(self, node: ReferenceNode, step: str, cause: str = "", handler: int = 0) -> None:
         """Note a decision that the record has to have."""
-        self.due.append(Decision(node.registration_id, node.full_path,
-                                 cause.value if cause else "", step, handler))
+        self.due.append(Decision(node.registration_id, node.full_path, cause, step, handler))
 
     def unlike_reports(self, nodes: Sequence[Any]) -> Iterator[str]:
         """Yield the differences between the reports and those that had to be."""
@@ -157,7 +159,9 @@ def _value(ended: LeafFinished) -> str:
     has_failed = ended.status == "FAILURE"
     if ended.failure is None:
         return ended.status + " although it did not fail" * has_failed
-    return ended.failure.cause.value if has_failed else f"{ended.status} although it failed"
+    if not has_failed:
+        return f"{ended.status} although it failed"
+    return ended.failure.cause.value
 
 
 STEP_TEXTS = {
@@ -168,13 +172,14 @@ STEP_TEXTS = {
 
 def decision(event: Union[StepStarted, StopChanged, Recovering, Retried, Recovered]) -> Decision:
     """Return the decision about a step, a stop or a recovery that is on record."""
-    facts = asdict(event)
-    step = reference.SUBSTITUTE_USED if facts.get("substitute") else STEP_TEXTS[type(event)]
+    facts, step = asdict(event), STEP_TEXTS[type(event)]
+    if isinstance(event, (StepStarted, StopChanged)):
+        return Decision(event.node, event.path, "", step.format(**facts))
+    if facts.get("substitute"):
+        step = reference.SUBSTITUTE_USED
     gives_up = facts.get("policy", "").partition(": ")[0].endswith("give up")
     step = step.format(rule="give up" if gives_up else "skip", **facts)
-    handler = event.uid if isinstance(event, (Recovering, Recovered)) else 0
-    cause = facts["failure"].cause.value if facts.get("failure") else ""
-    return Decision(event.node, event.path, cause, step, handler)
+    return Decision(event.node, event.path, event.failure.cause.value, step, facts.get("uid", 0))
 
 
 class WrittenEntries:
@@ -218,8 +223,7 @@ class WrittenEntries:
     def differences(self, last: str) -> Iterator[str]:
         """Yield entries of another value than on record, or that one side wrote alone, and forget
         who wrote them; ``last`` is the leaf that ended last."""
-        due = {name: None if value is None else entry_text(value)
-               for name, value in self._entries.news()}
+        due = dict(written(*self._entries.news()).entries)
         for name in sorted({**due, **self._news}):
             before = self._before.get(name)
             wanted, text = due.get(name, before), self._news.get(name, before)
@@ -239,7 +243,9 @@ def _left(value: Optional[str], is_news: bool) -> str:
     """Return in words what a traversal left in an entry."""
     if value is None:
         return "nothing"
-    return value if is_news else f"{value}, from before"
+    if not is_news:
+        return f"{value}, from before"
+    return value
 
 
 def _entry_of(node: ReferenceNode, port: str) -> str:
@@ -252,4 +258,6 @@ def label(node: Any) -> str:
     name = node.registration_id
     if isinstance(node, reference.RecoveryTask) and node.remark:
         return f"{name} ({node.remark})"
-    return name if node.name in (name, "") else f"{name} {node.name}"
+    if node.name in (name, ""):
+        return name
+    return f"{name} {node.name}"

@@ -42,7 +42,7 @@ from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import SAFE_STATE, TaskContext, ReferenceNode, safe_state
 from unit_tests.judge.outcome import ReceptionOutcome, VisitOutcome
 from unit_tests.judge.signs import MessagesOnRecord, Signs
-from unit_tests.judge.wire import RELEASE_1_1, SENT
+from unit_tests.judge.wire import SENT
 
 SAFE_LIMIT = 1.0
 """Seconds that the safe state may take at the end."""
@@ -80,6 +80,7 @@ class Execution(TaskContext):
         self._asker = ""  # the node that made the newest request
         self.signs = Signs()
         self.tree: Any = None
+        self._nodes: Dict[int, Any] = {}  # of the tree, by uid
         self._shown: List[TreeShown] = []
         self._next = math.inf, ""  # what is due next, and when
         # how far the times of the record are ahead of /clock, and when they got ahead in this pass
@@ -95,14 +96,13 @@ class Execution(TaskContext):
         sources, self._pass_began, self.clock = started.sources, self.now, ManualClock()
         try:
             chosen = settings.recorded(started.settings, "settings")
-            texts = [source.text for source in sources.knowledge]
-            takes_arm = chosen.robot_interface == RELEASE_1_1
-            known = files.knowledge(texts[0], texts[1], takes_arm) if texts else None
-            super().__init__(chosen, known, files.phrases(sources.phrases.text),
+            super().__init__(chosen, [source.text for source in sources.knowledge],
+                             files.phrases(sources.phrases.text),
                              reference.PolicyTable(sources.policy.text))
             self.registry = registry()
             self.tree = build([parse(text, file) for file, text in sources.documents],
                               self.registry, self.clock)
+            self._nodes = dict(enumerate(self.tree.nodes, 1))
             self.tree.setup(course=self)
         except BehaviorControllerError as error:
             self._differ(f"the mission on record cannot be done again: {error}")
@@ -171,14 +171,18 @@ class Execution(TaskContext):
 
     def _note_health(self, event: HealthChanged) -> None:
         if event.respect == GONE:
-            (self.gone.discard if event.is_well else self.gone.add)(event.name)
+            self.gone.discard(event.name)
+            if not event.is_well:
+                self.gone.add(event.name)
         if self.passes and not self._is_in_pass:
             self._expect_pass()
 
     def _note_suspension(self, event: Suspended) -> None:
         if not self.settings.ros_interface:
             self._differ(f"{event.words}, and there is no way to ask for that")
-        self._next = math.inf if event.words else self.now, "the mission"
+        self._next = self.now, "the mission"
+        if event.words:
+            self._next = math.inf, ""
 
     def _note_leaf(self, event: LeafFinished) -> None:
         if not self._is_of(event):
@@ -190,7 +194,7 @@ class Execution(TaskContext):
 
     def _is_of(self, event: Union[LeafFinished, Recovering, Recovered]) -> bool:
         """Return whether the number of a node is that of its path and type."""
-        node = self.tree.nodes[event.uid - 1] if 0 < event.uid <= len(self.tree.nodes) else None
+        node = self._nodes.get(event.uid)
         return node is not None and (event.path, event.node) == (node.full_path,
                                                                  node.registration_id)
 
@@ -220,10 +224,11 @@ class Execution(TaskContext):
         for query in self._unexplained:
             asked = self._described(query)
             self._differ(f"before the pass nothing is due; what was asked: {asked}")
-        early = self._ready - event.at
-        if early > 0.01 or self._next[0] == math.inf:
-            self._differ("the pass began {}, and the cause of the last failure persists".format(
-                f"{early:.1f} s too early" if early > 0.01 else "without a pause"))
+        early, persists = self._ready - event.at, "and the cause of the last failure persists"
+        if early > 0.01:
+            self._differ(f"the pass began {early:.1f} s too early, {persists}")
+        elif self._next[0] == math.inf:
+            self._differ(f"the pass began without a pause, {persists}")
         self._is_in_pass = True
         self._next = self.now, f"the first step of pass {event.number}"
         self.begin_visit(self.tree.blackboard, event.at)
@@ -248,12 +253,14 @@ class Execution(TaskContext):
         self.traversal = Traversal(self._last)
         self.passes += 1
         self._is_in_pass, self._outcome = False, event.outcome
-        self._ready = now + (_SHORTEST_PASS if event.seconds < _SHORTEST_PASS else 0.0)
+        self._ready = now
+        if event.seconds < _SHORTEST_PASS:
+            self._ready += _SHORTEST_PASS
         if event.outcome == "SUCCESS":
             self._pauses = 0
         elif event.outcome == "FAILURE":
             pause = self.pause(self._pauses, self._ready)
-            self._pauses += 1 if pause else 0
+            self._pauses += bool(pause)
             self._ready += pause
         self._expect_pass()
 
@@ -268,9 +275,8 @@ class Execution(TaskContext):
         self._next = ready, f"pass {self.passes + 1}"
 
     def _note_safe_state(self, event: SafeStateReported) -> None:
-        causes = {part.service: part.failure.cause if part.failure is not None else None
-                  for part in event.parts}
-        services = (self.resource(type(request)) for request in SAFE_STATE)
+        causes = {part.service: getattr(part.failure, "cause", None) for part in event.parts}
+        services = (self.robot.resource(type(request)) for request in SAFE_STATE)
         # a part that the robot does not have is left out
         self.traversal.decisions.append(safe_state(
             [causes.get(service, Cause.NOT_ADVERTISED) for service in services]))
@@ -313,10 +319,9 @@ class Execution(TaskContext):
     def outcomes(self) -> List[VisitOutcome]:
         """Return what the visitor of each pass saw and heard; none if the mission neither drives to
         exhibits nor asks for the wanted place."""
-        nodes = self.tree.nodes if self.tree is not None else ()
-        types = {node.registration_id for node in nodes}
-        stops = [node.attributes.get(reference.STOP, reference.EXHIBIT) for node in nodes
-                 if node.registration_id == reference.SELECTS]
+        types = {node.registration_id for node in self._nodes.values()}
+        stops = [node.attributes.get(reference.STOP, reference.EXHIBIT)
+                 for node in self._nodes.values() if node.registration_id == reference.SELECTS]
         if types.isdisjoint(reference.DRIVES) or not stops:
             return []
         places = files.places(self.settings.scenario_specification, self.robot.has_files)
@@ -342,14 +347,14 @@ class Execution(TaskContext):
             self._differ(f"the mission cannot be done again: {error}")
         self._differ(self._first_difference())
         self.traversal = Traversal(self._last)
-        self._expect_traversal(result is RUNNING)
-        self._result = "" if result is RUNNING else NAMES.get(result, "FAILURE")
+        self._expect_traversal(result)
         complete(self.tree, result)
         self.signs.end_traversal()
 
     def _check_clock(self, tick: Tick) -> None:
         offset = self.now - tick.at
-        self.offset = offset if self.offset is None else min(self.offset, offset)
+        if self.offset is None or offset < self.offset:
+            self.offset = offset
         if not self._is_in_pass:
             self._differ("the mission went on, and no pass had begun")
         if self.now > self._facts.latest(self._jumped_at):
@@ -367,13 +372,15 @@ class Execution(TaskContext):
         """Return whether something is late that was due so many seconds ago."""
         return self.now > self._facts.latest(self.now - seconds)
 
-    def _expect_traversal(self, is_running: bool) -> None:
-        """Note when the next traversal has to come: at once if one is wanted, else at the next
-        timer."""
-        time, due = self.now, self.clock.next_due()
-        if is_running and not self.tree.is_tick_wanted:
-            time = math.inf if due is None else due + (self.offset or 0.0)
-        self._next = time, "" if is_running else "the end of the pass"
+    def _expect_traversal(self, result: Any) -> None:
+        """Note the result of the tree, or when the next traversal has to come: at once if one is
+        wanted, else at the next timer."""
+        self._result, self._next = NAMES.get(result, "FAILURE"), (self.now, "the end of the pass")
+        if result is RUNNING:
+            time, due = self.now, self.clock.next_due()
+            if not self.tree.is_tick_wanted:
+                time = math.inf if due is None else due + (self.offset or 0.0)
+            self._result, self._next = "", (time, "")
 
     @property
     def is_paused(self) -> bool:
@@ -426,17 +433,19 @@ class Execution(TaskContext):
             return letter
         due, came = "nothing more had to be", "nothing"
         if uid is not None:
-            node, cause = self.tree.nodes[uid - 1], self.traversal.cause(uid)
-            reason = f" ({cause})" if cause and letter == "F" else ""
-            place_of = f" (in {label(node.parent)})" if node.parent is not None else ""
-            due = f"{self._label(uid)} had to be {STATUS_WORDS[letter]}{reason}{place_of}"
+            parent, cause = self._nodes[uid].parent, self.traversal.cause(uid)
+            due = f"{self._label(uid)} had to be {STATUS_WORDS[letter]}"
+            if cause and letter == "F":
+                due += f" ({cause})"
+            if parent is not None:
+                due += f" (in {label(parent)})"
         if other is not None:
             came = f"{self._label(other)} {STATUS_WORDS[other_letter]}{self._early(other)}"
         return f"{self._after(place)}{due}; on record is {came}"
 
     def _early(self, uid: int) -> str:
         """Return in words how long a node had to wait yet; empty: it waits for no time."""
-        node = self.tree.nodes[uid - 1] if 0 < uid <= len(self.tree.nodes) else None
+        node = self._nodes.get(uid)
         timer: Any = getattr(node, "timer", None)
         if node is None or node.status is not RUNNING or not getattr(timer, "callback", None):
             return ""
@@ -444,19 +453,21 @@ class Execution(TaskContext):
 
     def _after(self, place: int) -> str:
         """Return which leaf had ended before a change of status."""
-        before = [uid for uid, letter in self.traversal.changes[:place]
-                  if letter in "SF" and isinstance(self.tree.nodes[uid - 1], ReferenceNode)]
-        last = self._label(before[-1]) if before else self.traversal.last
-        return f"after {last}, " if last else ""
+        ended = [self._label(uid) for uid, letter in self.traversal.changes[:place]
+                 if letter in "SF" and isinstance(self._nodes[uid], ReferenceNode)]
+        last = [self.traversal.last, *ended][-1]
+        return last and f"after {last}, "
 
     def _label(self, uid: int) -> str:
         """Return the label of a node; that of a control has the first leaf below it."""
-        if not 0 < uid <= len(self.tree.nodes):
+        if uid not in self._nodes:
             return f"node {uid}"
-        node = first = self.tree.nodes[uid - 1]
+        node = first = self._nodes[uid]
         while first.children:
             first = first.children[0]
-        return label(node) if first is node else f"{label(node)} of {label(first)}"
+        if first is node:
+            return label(node)
+        return f"{label(node)} of {label(first)}"
 
     # ------------------------------------------------------------------------- what the nodes go by
 
@@ -467,12 +478,13 @@ class Execution(TaskContext):
         is_told = is_step and not isinstance(node, reference.RecoveryTask)
         if node.registration_id in TABLE and is_told:
             self.traversal.decided(node, reference.STEP_BEGINS)
-        if isinstance(request, QueryKnowledge) and self.known is not None:
+        if isinstance(request, QueryKnowledge) and self.robot.has_files:
             places = getattr(self.known.building, request.what)
             return Query(0, request, "", self.unix_now, result=Answer(exhibits=places))
         if not self._is_next(request):
-            what = "" if isinstance(request, type) else ": " + described(request)
-            came = "nothing was asked"
+            what, came = "", "nothing was asked"
+            if not isinstance(request, type):
+                what = ": " + described(request)
             for asked in self._unexplained[:1]:
                 came = (f"what was asked: {self._described(asked)}"
                         f"{request_difference(asked.request, request)}")
@@ -480,7 +492,8 @@ class Execution(TaskContext):
             self.traversal.changes.append((0, f"{after}{label(node)} was due{what}; {came}"))
             return Query(0, request, "", self.unix_now)
         query = self._take_next(node)
-        resource = self.resource(type(query.request))
+        kind = type(query.request)
+        resource = self.robot_for(kind).resource(kind)
         if query.service != resource:
             wrong = f"{label(node)} asked {query.service} for {query}; {resource} was due"
             self.traversal.changes.append((0, wrong))
@@ -497,13 +510,10 @@ class Execution(TaskContext):
             return asked == [request]
         return bool(asked) and isinstance(asked[0], request)
 
-    def serves(self, kind: type) -> bool:
-        """Return whether the robot answers requests of a kind; other packages declare theirs."""
-        return (self.robot if kind in SENT else self.settings.interface).serves(kind)
-
-    def resource(self, kind: type) -> str:
-        """Return the name of the service for requests of a kind."""
-        return (self.robot if kind in SENT else self.settings.interface).resource(kind)
+    def robot_for(self, kind: type) -> Any:
+        """Return what declares how requests of a kind are answered: other packages declare theirs.
+        """
+        return self.robot if kind in SENT else self.settings.interface
 
     def _take_next(self, node: ReferenceNode) -> Query:
         """Return the next request, which is that of the node."""
@@ -535,9 +545,9 @@ class Execution(TaskContext):
         stood_still = self._facts.latest(due) - due - self._facts.late
         self._delays.setdefault(node, []).append(self.unix_now - due - stood_still)
 
-    def ended(self, node: ReferenceNode, cause: Optional[Cause]) -> None:
-        """Note that a leaf ended; ``cause`` None: it succeeded."""
-        self.traversal.ended(node, "SUCCESS" if cause is None else cause.value)
+    def ended(self, node: ReferenceNode, end: str) -> None:
+        """Note how a leaf ended: SUCCESS, or the cause of its failure."""
+        self.traversal.ended(node, end)
         self._last = label(node)
 
     def of_record(self, node: ReferenceNode) -> Tuple[str, Optional[Cause]]:

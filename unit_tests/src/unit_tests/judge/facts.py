@@ -98,7 +98,7 @@ def speeds(lines: Iterable[events.Line], usual: float = 1.0) -> Tuple[float, flo
     the ``usual`` one if there is no second of it."""
     known = [(line.computer, line.time) for line in lines
              if line.ros is not None and line.computer is not None]
-    fastest, first = 0.0, known[0] if known else (0.0, 0.0)
+    fastest, first = 0.0, next(iter(known), (0.0, 0.0))
     for moment in known:
         if moment[0] >= first[0] + 1.0:
             fastest, first = max(fastest, _speed(first, moment)), moment
@@ -115,8 +115,8 @@ def by_record(journal: Sequence[JournalEntry], lines: Iterable[events.Line]) -> 
     first = next((line for line in lines if line.ros is not None), None)
     if first is None or first.ros is None:
         return list(journal)
-    called = next((entry for entry in journal if entry.call), None)
-    jumped = called.jumped if called is not None else 0.0  # before the controller was started
+    # it may have jumped before the controller was started
+    jumped = next((entry.jumped for entry in journal if entry.call), 0.0)
     shift = first.time - first.ros - jumped
     return [entry._replace(time=entry.time + shift) for entry in journal]
 

@@ -42,7 +42,8 @@ class FailureRow(NamedTuple):
 def failure_rows(verdict: Verdict) -> List[FailureRow]:
     """Return a row for each injected fault, and for each failure beside them that is no false
     condition."""
-    run, faults, found = verdict.facts.run, list(filter(_fault, verdict.journal_check.pairs)), []
+    run, found = verdict.facts.run, []
+    faults = [pair for pair in verdict.journal_check.pairs if pair.fault]
     for failed in run.failures:
         if failed.is_false_condition or failed.node in HANDLERS:
             continue
@@ -51,24 +52,23 @@ def failure_rows(verdict: Verdict) -> List[FailureRow]:
         at, call, kind = failed.at, failed.failure.resource or "-", failed.failure.cause.value
         if pair is not None:
             faults.remove(pair)
-            at, call, kind = pair.time, _call(pair), _fault(pair)
+            at, call, kind = pair.time, pair.call, pair.fault
         # in simulated time the node may note its crash after the controller has met it
         found.append(FailureRow(at, failed.visit, _stop(run, at), failed.node, call, kind, outcome,
                                 max(0.0, until - at), pair is not None))
     for pair in faults:  # that are no failures of a node
-        query, visit, outcome = pair.query, run.at(pair.time).visit, NOT_ON_RECORD
-        if query is not None:
-            outcome = HALTED if query.result is None else IN_SAFE_STATE
-        found.append(FailureRow(
-            pair.time, visit.number if visit is not None else 1, _stop(run, pair.time),
-            query.node if query is not None else "", _call(pair), _fault(pair), outcome, 0.0, True))
+        visitor, node, outcome = getattr(run.at(pair.time).visit, "number", 1), "", NOT_ON_RECORD
+        if pair.query is not None:
+            node = pair.query.node
+            outcome = HALTED if pair.query.result is None else IN_SAFE_STATE
+        found.append(FailureRow(pair.time, visitor, _stop(run, pair.time), node, pair.call,
+                                pair.fault, outcome, 0.0, True))
     return sorted(found, key=lambda row: row.at)
 
 
 def _stop(run: Run, at: float) -> str:
     """Return the stop that was under way at a time; empty: none."""
-    stop = run.at(at).stop
-    return stop.name if stop is not None else ""
+    return getattr(run.at(at).stop, "name", "")
 
 
 def _rounds(run: Run, failed: LeafFailure) -> List[RecoveryRound]:
@@ -87,8 +87,9 @@ def _recovery(run: Run, failed: LeafFailure) -> Tuple[str, float]:
     failures = inner.failures + inner.instead
     later = next((other for other in failures if other.at > failed.at), None)
     if later is not None:
-        is_other = any(other is later for other in inner.instead)
-        return f"{later.node} instead" if is_other else TRIED_AGAIN, later.at
+        if any(other is later for other in inner.instead):
+            return f"{later.node} instead", later.at
+        return TRIED_AGAIN, later.at
     # an outer HandleFallBack goes on with the failure that an inner one gave up
     around = _rounds(run, failures[0])
     return ", then ".join(dict.fromkeys(map(_outcome, around))), around[-1].decided
@@ -101,29 +102,21 @@ def _explains(pair: Pair, failed: LeafFailure) -> bool:
     if query is None or query.service != failed.failure.resource or query.node not in (
             "", failed.node) or (query.answered or 0.0) > failed.at:
         return False
-    return query.outcome == failed.failure.cause.value or _fault(pair) == WRONG
-
-
-def _fault(pair: Pair) -> str:
-    """Return the fault that was injected; empty: none."""
-    return (pair.line.fault or "") if pair.line is not None else ""
-
-
-def _call(pair: Pair) -> str:
-    return f"{pair.line.node}:{pair.line.call}" if pair.line is not None else "-"
+    return query.outcome == failed.failure.cause.value or pair.fault == WRONG
 
 
 def _outcome(recovery: RecoveryRound) -> str:
-    tries = f" by retry {recovery.attempts}" if recovery.outcome == DONE else ""
-    reason = recovery.recovered.reason if recovery.recovered is not None else ""
-    return recovery.outcome + tries + (": " + reason if reason else "")
+    words, reason = recovery.outcome, getattr(recovery.recovered, "reason", "")
+    if words == DONE:
+        words += f" by retry {recovery.attempts}"
+    return words + (reason and ": " + reason)
 
 
 # ---------------------------------------------------------------------------------------- the table
 
 TABLE_HEAD = ("time", "visitor", "stop", "node", "call", "kind", "recovery", "lost")
-RIGHT_ALIGNED = (0, 1, 7)
-"""Columns that are set to the right."""
+SIDES = ">><<<<<>"
+"""The side to which each column is set: to the left or to the right."""
 
 ON_FIRST_LINE = 4
 """The number of columns on the first of two lines, if one line is not wide enough."""
@@ -134,8 +127,8 @@ def table(rows: Sequence[FailureRow], began: float, width: int = sys.maxsize) ->
     on."""
     cells = [TABLE_HEAD] + [_cells(row, began) for row in rows]
     widths = [max(len(row[column]) for row in cells) for column in range(len(TABLE_HEAD))]
-    padded = [[cell.rjust(size) if column in RIGHT_ALIGNED else cell.ljust(size)
-               for column, (cell, size) in enumerate(zip(row, widths))] for row in cells]
+    padded = [[f"{cell:{side}{size}}" for cell, side, size in zip(row, SIDES, widths)]
+              for row in cells]
     lines = ["  ".join(row).rstrip() for row in padded]
     if max(map(len, lines)) <= width:
         return lines

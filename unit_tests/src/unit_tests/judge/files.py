@@ -20,7 +20,9 @@ _COMMENT, _COMMENT_LINE = r"(?:^|\s)#", r"^\s*#"
 def path_of(name: str, mission: str) -> str:
     """Return the path of a file in ``data``, or of that which the mission has in its place."""
     own = folders.data(f"{mission}_{name}")
-    return own if os.path.isfile(own) else folders.data(name)
+    if os.path.isfile(own):
+        return own
+    return folders.data(name)
 
 
 def on_file(mission: str, language: str, has_files: bool) -> List[str]:
@@ -64,7 +66,8 @@ def phrases(text: str) -> PhrasesFile:
     values = {}
     for key, value, *_ in _lines(text, _COMMENT):
         key, is_assigned, begun = key.partition("=")
-        value = f"{begun} {value}".strip() if is_assigned else value
+        if is_assigned:
+            value = f"{begun} {value}".strip()
         values[key] = re.sub(r"^=\s*", "", value)
     meanings = {meaning: [words_of(part) for part in values.get(meaning, "").split(",")
                           if words_of(part)] for meaning in (YES, NO, UNCLEAR)}

@@ -24,12 +24,14 @@ class Foreign(reference.ReferenceServiceAction):
             return RUNNING
         if not letter:
             return SKIPPED if self.status is IDLE else self.status
-        return self.conclude(None if letter == "S" else cause or Cause.CONDITION_FALSE)
+        if letter == "S":
+            return self.conclude(None)
+        return self.conclude(cause or Cause.CONDITION_FALSE)
 
     def steps(self) -> reference.Steps:
         """Make its request, of which only the kind is known."""
-        calls = getattr(self.spec, "calls", ())
-        return reference.ask(self, (calls or (object,))[0], lambda _: calls[0] if calls else None)
+        for kind in getattr(self.spec, "calls", ())[:1]:
+            yield from reference.ask(self, kind, lambda _: kind)
 
     def on_halted(self) -> None:
         """It need not report that."""
@@ -40,8 +42,9 @@ _TYPES = {kind: kind for kind in reference.TYPES.values()}
 
 def _foreign(spec: NodeSpec) -> NodeSpec:
     ports = tuple(port._replace(type=_TYPES.get(port.type, port.type)) for port in spec.ports)
-    is_leaf = spec.kind in (Kind.ACTION, Kind.CONDITION)
-    return dataclasses.replace(spec, ports=ports, factory=Foreign if is_leaf else spec.factory)
+    if spec.kind in (Kind.ACTION, Kind.CONDITION):
+        spec = dataclasses.replace(spec, factory=Foreign)
+    return dataclasses.replace(spec, ports=ports)
 
 
 def registry() -> Registry:

@@ -14,8 +14,8 @@ from behavior_controller.run.health import GONE
 from behavior_controller.robot.declarations import Action, Publication, Service, Topic
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, Prompt, QueryKnowledge
-from behavior_controller.simulation import journal
 from behavior_controller.simulation.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
+from behavior_controller.simulation.journal import JournalEntry
 
 from unit_tests.judge import files
 from unit_tests.judge.comparison import Query, result_words
@@ -38,12 +38,22 @@ class Pair(NamedTuple):
 
     service: Service
     query: Optional[Query]
-    line: Optional[journal.JournalEntry]
+    line: Optional[JournalEntry]
 
     @property
     def time(self) -> float:
         """When the node got the request; if it did not, when it was made."""
         return self.line.time if self.line is not None else self.query.asked  # type: ignore
+
+    @property
+    def call(self) -> str:
+        """The node and the number of the call, as plannedFaults names it."""
+        return f"{self.line.node}:{self.line.call}"  # type: ignore
+
+    @property
+    def fault(self) -> str:
+        """The fault that was injected; empty: none."""
+        return getattr(self.line, "fault", None) or ""
 
 
 class JournalCheck:
@@ -87,38 +97,37 @@ class JournalCheck:
         lines = [line for line in self._facts.journal if line.call and line.resource == name]
         queries = [query for query in self._execution.queries.values() if query.service == name]
         service = next(each for each in self._interface.services if self._name_of(each) == name)
-        paired: Optional[journal.JournalEntry] = None
+        paired: Optional[JournalEntry] = None
         for query, following in itertools.zip_longest(queries, queries[1:]):
             service = self._carrier(query)
             while lines and lines[0].time < query.asked - self._facts.early:
                 yield Pair(service, None, lines.pop(0))
-            while self._is_repeated(paired, lines, query, following, service):
+            while paired is not None and self._is_repeated(paired, lines, query, following):
                 yield Pair(service, None, lines.pop(0))
-            is_its = bool(lines) and self._is_of(lines, query, following, service)
-            line = lines.pop(0) if is_its else None
-            paired = line or paired
+            line = None
+            if lines and self._is_of(lines, query, following):
+                paired = line = lines.pop(0)
             yield Pair(service, query, line)
         for line in lines:
             yield Pair(service, None, line)
 
-    def _is_repeated(
-            self, paired: Optional[journal.JournalEntry], lines: Sequence[journal.JournalEntry],
-            query: Query, following: Optional[Query], service: Service) -> bool:
+    def _is_repeated(self, paired: JournalEntry, lines: Sequence[JournalEntry], query: Query,
+                     following: Optional[Query]) -> bool:
         """Return whether the next line is the last one once more, and the one after it is that of a
         request."""
-        if paired is None or len(lines) < 2 or lines[0].content != paired.content \
-                or self._is_next(lines[0], query, following, service):
+        if len(lines) < 2 or lines[0].content != paired.content or (
+                self._is_next(lines[0], query, following)):
             return False
-        due = self._fields(query, lines[0], service)
+        due = self._fields(query, lines[0])
         is_other = lines[0].content != due and lines[1].content == due
-        return is_other and self._is_of(lines[1:], query, following, service)
+        return is_other and self._is_of(lines[1:], query, following)
 
-    def _is_of(self, lines: Sequence[journal.JournalEntry], query: Query,
-               following: Optional[Query], service: Service) -> bool:
+    def _is_of(self, lines: Sequence[JournalEntry], query: Query,
+               following: Optional[Query]) -> bool:
         """Return whether the next line may be that of a request: the node got it while it was under
         way, or soon after. One that was dropped need not have reached its node."""
         line = lines[0]
-        if not _reaches(query, line) or self._is_next(line, query, following, service):
+        if not _reaches(query, line) or self._is_next(line, query, following):
             return False
         if query.answered is not None:
             # a request without an answer may have been late on its way
@@ -130,28 +139,28 @@ class JournalCheck:
         if following is None or line.time <= following.asked - skew:
             return True
         is_in_time = line.time <= self._facts.latest(following.asked)
-        if not is_in_time or line.content != self._fields(query, line, service):
+        if not is_in_time or line.content != self._fields(query, line):
             return False
         has_another = len(lines) > 1 and lines[1].time <= (following.answered or math.inf)
-        fits_following = line.content == self._fields(following, line, service)
+        fits_following = line.content == self._fields(following, line)
         return has_another or not _reaches(following, line) or not fits_following
 
-    def _is_next(self, line: journal.JournalEntry, query: Query, following: Optional[Query],
-                 service: Service) -> bool:
+    def _is_next(self, line: JournalEntry, query: Query, following: Optional[Query]) -> bool:
         """Return whether a line can only be that of the following request."""
         return following is not None and line.time >= following.asked and (
-            self._fields(query, line, service) != line.content
-            == self._fields(following, line, service))
+            self._fields(query, line) != line.content == self._fields(following, line))
 
     def objections(self) -> Iterator[str]:
         """Object to requests, answers, messages and losses that record and journal do not share: of
         each service to the first."""
         asker = "the beginning"
-        before: Dict[str, Optional[journal.JournalEntry]] = {}  # of each service
+        before: Dict[str, Optional[JournalEntry]] = {}  # of each service
         told: Dict[str, List[str]] = {}
         until = self._execution.differs_at or math.inf  # what comes later may follow from that
         for pair in self.pairs:
-            name, asker = pair.service.name, pair.query.asker if pair.query is not None else asker
+            name = pair.service.name
+            if pair.query is not None:
+                asker = pair.query.asker
             if self._is_witnessed(pair.service) and not told.get(name) and pair.time <= until:
                 told[name] = list(self._of_pair(pair, asker, before.get(name)))
                 yield from told[name]
@@ -172,7 +181,7 @@ class JournalCheck:
                    f"{told:.1f} s")
 
     def _of_pair(self, pair: Pair, asker: str,
-                 before: Optional[journal.JournalEntry]) -> Iterator[str]:
+                 before: Optional[JournalEntry]) -> Iterator[str]:
         """Object to a request; ``asker`` is what has made the newest one on record, ``before`` what
         the node got before."""
         service, query, line = pair
@@ -186,7 +195,7 @@ class JournalCheck:
             yield (f"after {asker}, {line.resource} was asked {line.content}, and no such request "
                    "is on record")
         else:
-            sent = self._fields(query, line, service)
+            sent = self._fields(query, line)
             if sent != line.content:
                 yield f"{asker}: {line.resource} was asked {line.content} instead of {sent}"
             if line.objection is not None:
@@ -194,14 +203,12 @@ class JournalCheck:
                        f"{line.objection}")
             yield from self._of_result(query, line, service)
 
-    def _fields(self, query: Query, line: journal.JournalEntry, service: Service) -> Dict[str, Any]:
+    def _fields(self, query: Query, line: JournalEntry) -> Dict[str, Any]:
         """Return the fields of a request as they have to be sent."""
         sent = SENT.get(type(query.request))
         if sent is None:  # of another package
-            values = service.fields(query.request)
-        else:
-            values = sent(query.request, self._interface.name)
-        return dict(zip(line.content, values))
+            return dict(zip(line.content, self._carrier(query).fields(query.request)))
+        return dict(zip(line.content, sent(query.request, self._interface.name)))
 
     def _unheard(self, query: Query, service: Service) -> Iterator[str]:
         """Object to a request that reached no node, unless the node was away."""
@@ -240,7 +247,7 @@ class JournalCheck:
         return not any(line.node == node and crash < line.time < at for line in self._facts.journal)
 
     def _of_result(
-            self, query: Query, line: journal.JournalEntry, service: Service) -> Iterator[str]:
+            self, query: Query, line: JournalEntry, service: Service) -> Iterator[str]:
         """Object to a result that is not that of the node."""
         name, result, fault = query.asker, query.result, line.fault
         # a goal is sent when its server is back
@@ -263,7 +270,9 @@ class JournalCheck:
         is_too_late = query.cause is Cause.NO_ANSWER and self._facts.latest(due) > deadline
         if result is None or is_too_late or line.objection is not None and fault is None:
             return
-        done = "carried out" if fault is None else f"made to fail ({fault})"
+        done = "carried out"
+        if fault is not None:
+            done = f"made to fail ({fault})"
         call, said = f"call {line.call} of {line.resource}", self._due_result(query, line, service)
         found = query.cause or result
         if found != said and not (said is None and query.cause is None):
@@ -274,24 +283,24 @@ class JournalCheck:
             yield "{} was {}; its node sent {} instead of {}".format(
                 call, done, *result_words(said, served))
 
-    def _due_result(self, query: Query, line: journal.JournalEntry,
+    def _due_result(self, query: Query, line: JournalEntry,
                     service: Service) -> Union[Answer, Cause, None]:
         """Return what the node's response says, or the cause of its failure; None: an answer that
         another package reads."""
         is_known = self._name_of(service) == query.service and service.request in SENT
         is_sent = is_known and line.fault not in (EXCEPTION, UNANSWERED, CRASH)
-        if line.response is None or not is_sent:
-            return _cause(line.fault, service) if line.fault is not None else None
-        return self._robot.result(service.request, line.response)
+        if line.response is not None and is_sent:
+            return self._robot.result(service.request, line.response)
+        return _cause(line.fault, service)
 
-    def _served(self, query: Query, line: journal.JournalEntry,
+    def _served(self, query: Query, line: JournalEntry,
                 service: Service) -> Union[Answer, Cause, None]:
         """Return what a simulated node has to say; None: that is for the visitor to decide."""
-        if line.fault is not None and not isinstance(query.request, Prompt):
-            return _cause(line.fault, service)
-        if isinstance(query.request, QueryKnowledge):
+        if isinstance(query.request, Prompt):
+            return None
+        if line.fault is None and isinstance(query.request, QueryKnowledge):
             return Answer(exhibits=getattr(self._places, query.request.what.lower()))
-        return None if isinstance(query.request, Prompt) else Answer()
+        return _cause(line.fault, service) or Answer()
 
     # --------------------------------------------------------------------------------------- health
 
@@ -322,13 +331,16 @@ class JournalCheck:
                 yield f"{query.node}: {query.service} was gone, and that was not noticed"
 
 
-def _reaches(query: Query, line: journal.JournalEntry) -> bool:
+def _reaches(query: Query, line: JournalEntry) -> bool:
     """Return whether a request with that result can have reached its node, as that line."""
     if query.cause is Cause.CONNECTION_LOST:
         return line.fault == CRASH
     return query.cause is not Cause.TYPE_MISMATCH and query.cause not in AWAY_CAUSES
 
 
-def _cause(fault: str, service: Service) -> Cause:
-    """Return the cause of a call's failure; the server of an action aborts a goal that raises."""
-    return Cause.REFUSED if fault == EXCEPTION and isinstance(service, Action) else CAUSE_OF[fault]
+def _cause(fault: Optional[str], service: Service) -> Optional[Cause]:
+    """Return the cause of a call's failure, if it has a fault; the server of an action aborts a
+    goal that raises."""
+    if fault == EXCEPTION and isinstance(service, Action):
+        return Cause.REFUSED
+    return CAUSE_OF.get(fault or "")

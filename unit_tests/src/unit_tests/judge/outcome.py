@@ -142,8 +142,8 @@ class VisitOutcome:
     @property
     def is_right(self) -> bool:
         """Whether the visit ended as a visitor of that kind expects."""
-        is_tour = self._facts.test.visitor_behaviour == ENGAGES
-        return (self.is_whole if is_tour else True) and not any(self.objections())
+        is_shown = self.is_whole or self._facts.test.visitor_behaviour != ENGAGES
+        return is_shown and not any(self.objections())
 
     @property
     def _is_calm(self) -> bool:
@@ -152,8 +152,9 @@ class VisitOutcome:
         """
         facts, settings = self._facts, self._facts.world.settings
         test, robot = facts.test, robot_of(settings)
-        is_heard = settings.asr_enabled and test.recognise_by != IDLE_ACTION
-        is_pressed = robot.tells_pressed or settings.tablet_success_is == YES
+        is_heard = robot.tells_pressed or settings.tablet_success_is == YES
+        if settings.asr_enabled:
+            is_heard = test.recognise_by != IDLE_ACTION
         has_all = not (test.absent_services or test.absent_actions or facts.real or any(
             stall.ends - stall.begins > facts.late for stall in facts.stalls))
         begins, ends = self.visit.began - facts.away, self.visit.ended or 0.0
@@ -164,8 +165,8 @@ class VisitOutcome:
         is_prompt = test.arrival_rate >= PROMPT_RATE and settings.topic_max_age >= facts.late
         waits = robot.has_files or settings.condition_wait > 0.0 or not (
             self._node_types.isdisjoint(reference.WAITS))
-        return bool(self.visit.outcome) and has_all and is_prompt and waits and not has_faults and (
-            is_heard if settings.asr_enabled else is_pressed)
+        return (bool(self.visit.outcome) and has_all and is_prompt and waits and is_heard
+                and not has_faults)
 
     @property
     def _may_be_misread(self) -> bool:
@@ -254,7 +255,9 @@ class ReceptionOutcome(VisitOutcome):
         """Object to the way to another place than the visitor was asked about last, unless a
         question may have failed."""
         asked = ""
-        for part in self.described if self._is_calm else ():
+        if not self._is_calm:
+            return
+        for part in self.described:
             place = self._exhibits[part.text][0]
             if part.text == place.description1:
                 asked = place.name
@@ -273,16 +276,18 @@ class ReceptionOutcome(VisitOutcome):
 
 def _said(line: JournalEntry) -> str:
     """Return what the robot said; empty: it did something else, or failed."""
-    is_speech = line.node == "textToSpeech" and line.done
-    return str(line.content.get("message", line.content.get("text"))) if is_speech else ""
+    if line.node != "textToSpeech" or not line.done:
+        return ""
+    return str(line.content.get("message", line.content.get("text")))
 
 
 def _sees(message: JournalEntry) -> Optional[bool]:
     """Return whether a message of a sensor says that somebody is there; None: it does not tell."""
     if message.node == node_of(FACES):
         return bool(message.content["face_label_id"])
-    is_social = message.content.get("state") == "social"
-    return {1: False, 2: True}.get(message.content["value"]) if is_social else None
+    if message.content.get("state") != "social":
+        return None
+    return {1: False, 2: True}.get(message.content["value"])
 
 
 def _goal(line: JournalEntry) -> Location:

@@ -143,8 +143,8 @@ class Decision(NamedTuple):
     handler: int = 0
 
     def __str__(self) -> str:
-        node = f"{self.node} ({self.cause}):" if self.cause else self.node
-        return f"{node} {self.step}".strip()
+        cause = self.cause and f" ({self.cause}):"
+        return f"{self.node}{cause} {self.step}".strip()
 
 
 STEP_BEGINS, STOP_STATE = "begins", "is at stop {number} of {of}, {name}: {state}"
@@ -169,11 +169,19 @@ class TaskContext:
     """What the nodes of a mission go by: configuration, phrases, knowledge, policy; failures. The
     requests, answers and messages are those of the execution that it is the base of."""
 
-    def __init__(self, settings: Settings, known: Optional[files.KnowledgeFiles],
-                 phrases: files.PhrasesFile, policy: "PolicyTable"):
-        self.settings, self.known, self.phrases, self.policy = settings, known, phrases, policy
+    def __init__(self, settings: Settings, knowledge: Sequence[str], phrases: files.PhrasesFile,
+                 policy: "PolicyTable"):
+        """``knowledge`` are the texts of the robot's knowledge files, if it has these."""
+        self.settings, self.phrases, self.policy = settings, phrases, policy
         self.robot = robot_of(settings)
-        self.language = settings.language if known is None else known.language
+        speeches = {number: phrases.speeches[name] for number, name in UTILITY.items()
+                    if name in phrases.speeches}
+        self.known = files.KnowledgeFiles((), settings.language, speeches, "", "")
+        if knowledge:
+            environment, culture = knowledge
+            takes_arm = self.robot.name == RELEASE_1_1
+            self.known = files.knowledge(environment, culture, takes_arm)
+        self.language = self.known.language
         self.gone: Set[str] = set()  # services that are known to be gone
         self.failures: List[TaskFailure] = []
         # the node for whose failure the robot was left in the safe state last, and when it failed
@@ -192,16 +200,15 @@ class TaskContext:
     @property
     def farewells(self) -> Dict[str, str]:
         """What is said at the end of a tour, by the node that says it."""
-        known = self.known.phrases if self.known is not None else {}
-        return {node: known.get(number, self.phrases.speeches[node])
+        return {node: self.known.phrases.get(number, self.phrases.speeches[node])
                 for node, number in FAREWELLS.items()}
 
     def pause(self, number: int, at: float) -> float:
         """Return the seconds that the next pass waits after a number of passes that failed for a
         cause that persists, the last one at that time."""
-        policy, spent = self.policy, self.recoveries[-self.policy.most:]
+        policy, spent = self.policy, self.recoveries[-self.policy.most:][:self.policy.most]
         usual = min(policy.first_pause * 2**min(number, 12), policy.longest_pause)
-        rest = spent[0] + policy.seconds - at if policy.most and spent else math.inf
+        rest = next(iter(spent), math.inf) + policy.seconds - at
         failures = self.failures_of_pass
         if failures and self.is_spent and len(spent) >= policy.most and rest > 0.0:
             return min(usual, rest)
@@ -277,10 +284,13 @@ class ReferenceNode(Node):
 
     def conclude(self, cause: Optional[Cause]) -> Result:
         """End the node; without a cause it has succeeded."""
-        if cause is not None and not self.spec.is_recovery:
+        if cause is None:
+            self.course.ended(self, "SUCCESS")
+            return SUCCESS
+        if not self.spec.is_recovery:
             self.course.failures.append(TaskFailure(self, cause, self.resource))
-        self.course.ended(self, cause)
-        return SUCCESS if cause is None else FAILURE
+        self.course.ended(self, cause.value)
+        return FAILURE
 
     def halt(self) -> None:
         if self._attempt is not None:
@@ -362,17 +372,17 @@ def ask(node: Any, kind: type, rule: Callable[[Any], Any],
         is_question: bool = False) -> Steps:
     """Ask the robot for what the rule returns; None: nothing has to be asked, as on a robot that
     lacks the service."""
-    course = node.course
-    if not course.serves(kind):
+    robot = node.course.robot_for(kind)
+    if not robot.serves(kind):
         return
-    node.resource = course.resource(kind)
+    node.resource = robot.resource(kind)
     wanted = rule(node)
     if wanted is None:
         return
     query = node.ask(wanted)
     while query.result is None:
         yield
-    rest = course.speech_lasts(node, wanted)
+    rest = node.course.speech_lasts(node, wanted)
     if rest and query.cause is None:
         yield from node.pause(rest)
     try:
@@ -452,7 +462,9 @@ def _sense(node: Any, evidence: SignRule, seconds: float,
     came after what it answers; None: there was none in time."""
     course, topic = node.course, evidence.topic
     node.resource, listening = course.robot.named(topic), _listening(node, topic, seconds)
-    limit = course.settings.topic_max_age if topic in STATES else math.inf
+    limit = math.inf
+    if topic in STATES:
+        limit = course.settings.topic_max_age
     is_sign = partial(evidence.is_sign, course)
     while True:
         messages, since, now = course.topics.recent(topic), after(), node.clock.now()
@@ -470,9 +482,10 @@ def _sense(node: Any, evidence: SignRule, seconds: float,
 def _see(node: Any, sense: str, since: str = "",
          keep: Callable[[Any, Sample], None] = lambda node, sample: None) -> Steps:
     """Fail without a sign in messages later than the entry ``since``."""
-    evidence = EVIDENCE[node.course.robot.name][sense]
-    wait = node.course.settings.condition_wait if evidence.wait is None else evidence.wait
-    sample = yield from _sense(node, evidence, 0.0 if is_asked_again(node) else wait,
+    evidence, wait = EVIDENCE[node.course.robot.name][sense], 0.0
+    if not is_asked_again(node):
+        wait = node.course.settings.condition_wait if evidence.wait is None else evidence.wait
+    sample = yield from _sense(node, evidence, wait,
                                lambda: node.entry(since, -math.inf) if since else -math.inf)
     if sample is None:
         raise Fails(Cause.CONDITION_FALSE)
@@ -491,10 +504,10 @@ def _listen(node: Any) -> Steps:
     node.write(visitorResponse="")
     sample = yield from _sense(node, END_OF_LISTENING, ANSWER_WAIT, lambda: began)
     text = "" if sample is None else sample.value
-    answer = None if is_error(text) else spoken(node.course.phrases, text)
-    node.write(visitorResponse=answer or "")
     if is_error(text):
+        node.write(visitorResponse="")
         raise Fails(Cause.UNUSABLE_ANSWER)
+    node.write(visitorResponse=spoken(node.course.phrases, text) or "")
 
 
 def is_asked_again(node: Any) -> bool:
@@ -560,8 +573,9 @@ class PolicyTable:
         fitting = (rule for rule in self.rules
                    if rule.node in ("*", name) and rule.cause in ("*", cause.value))
         rule = next(fitting, PolicyRow(name, "*", 0, 0.0, "giveUp"))
-        is_needed = name in INDISPENSABLE or getattr(node.spec, "is_indispensable", False)
-        return rule._replace(then="giveUp") if is_needed else rule
+        if name in INDISPENSABLE or getattr(node.spec, "is_indispensable", False):
+            rule = rule._replace(then="giveUp")
+        return rule
 
 
 def _is_of_mission(node: Node) -> bool:
@@ -605,8 +619,7 @@ class RecoveryTask(Task):
         outcome = yield from self._repair()
         if self._patience is not None:
             self._patience.cancel()
-        if not outcome:
-            outcome = SKIPPED if self._may_skip() else GIVEN_UP
+        outcome = outcome or self._do_without()
         safe_since = self.failed.node, self.failed.node.changed_at
         if outcome == GIVEN_UP and safe_since != course.given_up:
             course.given_up = safe_since
@@ -634,7 +647,7 @@ class RecoveryTask(Task):
             course.is_spent = True
 
     def _decided(self, step: str) -> None:
-        self.course.traversal.decided(self.failed.node, step, self._cause, self.uid)
+        self.course.traversal.decided(self.failed.node, step, self._cause.value, self.uid)
         self.remark = str(self.course.traversal.due[-1])
 
     def _repair(self) -> Generator[None, None, str]:
@@ -643,21 +656,21 @@ class RecoveryTask(Task):
         work: Any = None
         while step.parent is self.parent and isinstance(step, ReferenceServiceAction):
             if self._retries < self._rule.retries:
-                work = step
+                work, outcome = step, DONE
                 self._decided(RETRIED.format(attempt=self._retries + 1, of=self._rule.retries))
                 yield from self._wait()
             elif self._rule.then in ("skip", "giveUp") or work not in (None, step):
                 break
             else:
-                work = self._substitute(self._rule.then)
+                work, outcome = self._substitute(self._rule.then), SUBSTITUTED
                 self._decided(SUBSTITUTE_USED.format(substitute=self._rule.then))
             cause = yield from work.attempt()
             if work is step:
                 self._retries += 1
             if cause is None:
-                return DONE if work is step else SUBSTITUTED
+                return outcome
             again = FAILED_AGAIN.format(attempt=self._retries)
-            self.course.traversal.decided(work, again, cause)
+            self.course.traversal.decided(work, again, cause.value)
             if work is step:
                 self._cause, self._rule = cause, self.course.policy.rule(step, cause)
         return ""
@@ -684,14 +697,14 @@ class RecoveryTask(Task):
             setattr(node, name, getattr(self, name))
         return node
 
-    def _may_skip(self) -> bool:
-        """Note that the mission goes on without the step; return whether it does."""
+    def _do_without(self) -> str:
+        """Note whether the mission goes on without the step; return the outcome."""
         before = (node for step in steps_before(self) for node in step.iterate())
         if any(node.registration_id in OF_A_VISIT for node in before):
             with suppress(PortError):
                 if not self._leave_out():
                     self._rule = self._rule._replace(then="giveUp")
-        return self._rule.then != "giveUp"
+        return GIVEN_UP if self._rule.then == "giveUp" else SKIPPED
 
     def _leave_out(self) -> bool:
         """Note that the exhibit under way is left out; return whether the tour still shows one.
@@ -785,14 +798,10 @@ UTILITY = dict(enumerate((
 
 
 def _say_utility(node: Any, kind: Any = Say) -> Any:
-    number, course = int(argument(node.name)), node.course
-    if course.known is None:
-        text = course.phrases.speeches.get(UTILITY.get(number, ""))
-    else:
-        text = course.known.phrases.get(number)
-    if text is None:
+    number, known = int(argument(node.name)), node.course.known
+    if number not in known.phrases:
         raise Fails(Cause.MISSING_DATA)
-    return kind(text, course.language)
+    return kind(known.phrases[number], known.language)
 
 
 def _describe(node: Any, part: str = "", kind: Any = Say) -> Any:
@@ -802,8 +811,10 @@ def _describe(node: Any, part: str = "", kind: Any = Say) -> Any:
         if part not in ("1", "2", "both"):
             raise Fails(Cause.MISSING_DATA)
     part = part or node.name
-    ports = ["description" + part] if part in ("1", "2") else ["description1", "description2"]
-    text = " ".join(filter(None, (node.entry(port, "") for port in ports)))
+    parts = ["1", "2"]
+    if part in parts:
+        parts = [part]
+    text = " ".join(filter(None, (node.entry("description" + each, "") for each in parts)))
     return kind(text, node.course.language) if text else None
 
 
@@ -814,17 +825,18 @@ def _iconic(node: Any, which: str, kind: Any = PerformGesture) -> Any:
 
 
 def _deictic(node: Any, kind: Any = PerformGesture) -> Any:
-    target, settings = node.get_input("target"), node.course.settings
-    known, arm_and_shape = node.course.known, {}
-    if known is not None and node.course.robot.name == RELEASE_1_1:
-        arm_and_shape = {"arm": known.arm, "shape": known.shape}
-    return None if target == NOWHERE else kind("deictic", settings.deictic_gesture_id,
-                                               settings.gesture_duration, target, **arm_and_shape)
+    target, settings, known = node.get_input("target"), node.course.settings, node.course.known
+    if target == NOWHERE:
+        return None
+    return kind("deictic", settings.deictic_gesture_id, settings.gesture_duration, target,
+                arm=known.arm, shape=known.shape)
 
 
 def _attend(node: Any, mode: str) -> Optional[Request]:
-    target = node.get_input("target") if mode == "location" else NOWHERE
-    return None if (mode, target) == ("location", NOWHERE) else SetAttention(mode, target)
+    if mode != "location":
+        return SetAttention(mode)
+    target = node.get_input("target")
+    return None if target == NOWHERE else SetAttention(mode, target)
 
 
 def _set_mode(node: Any, mode: str) -> Steps:
@@ -845,8 +857,9 @@ def _pose(node: Any) -> Request:
 
 
 def _language(node: Any) -> Optional[Request]:
-    course = node.course
-    return SetRecognitionLanguage(course.language) if course.settings.asr_enabled else None
+    if not node.course.settings.asr_enabled:
+        return None
+    return SetRecognitionLanguage(node.course.language)
 
 
 def _start(node: Any) -> Steps:
@@ -898,9 +911,10 @@ def speech(node_id: str, phrase: str, is_question: bool = False,
 
 
 def _mode(node_id: str, mode: str) -> Row:
-    return _row(node_id, ReferenceServiceAction,
-                ">attentionSetAt" + (" <target:gestureTarget" if mode == "location" else ""),
-                partial(_set_mode, mode=mode))
+    ports = ">attentionSetAt"
+    if mode == "location":
+        ports += " <target:gestureTarget"
+    return _row(node_id, ReferenceServiceAction, ports, partial(_set_mode, mode=mode))
 
 
 def _look_up(node_id: str, place: str, has_gesture: bool) -> Row:

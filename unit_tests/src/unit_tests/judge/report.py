@@ -4,7 +4,7 @@ import datetime
 import math
 import os
 from collections import Counter
-from typing import Iterator, List, Sequence, Set, Tuple
+from typing import Any, Dict, Iterator, List, Sequence, Set, Tuple
 from xml.etree import ElementTree
 
 from behavior_controller.config import settings
@@ -42,13 +42,13 @@ others if set."""
 def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     """Return the test and its time: with the package's files as delivered, enough to repeat it
     (contract, section 10)."""
-    begun = facts.run.state.started
-    mission = os.path.basename(begun.mission) if begun is not None else "that did not start"
-    chosen = values_of(test)
+    begun, chosen, mission = facts.run.state.started, values_of(test), "that did not start"
+    given: Dict[str, Any] = {}
+    if begun is not None:
+        mission, given = os.path.basename(begun.mission), begun.settings
     shown = [(name, chosen[name]) for name in ALWAYS_SHOWN]
     shown += [(key.name, chosen[key.name]) for key in KEYS
              if key.name in SHOWN_IF_SET and chosen[key.name] != key.default]
-    given = begun.settings if begun is not None else {}
     shown += [(name, given[name]) for name, usual in settings.defaults().values.items()
              if name not in NOT_SHOWN and given.get(name, usual) != usual]
     shown += [("use_real_" + node, True) for node in sorted(facts.real)]
@@ -137,7 +137,7 @@ class Report:
         self.verdict, self._title, self._run = Verdict(facts), title, facts.run
         self.rows = failure_rows(self.verdict)
         self.visitors = list(warnings) + [clean(line) for line in _visitors(facts, self.rows)]
-        self._began = facts.run.lines[0].time if facts.run.lines else 0.0
+        self._began = next((line.time for line in facts.run.lines), 0.0)
         self._counts = [clean(line) for line in summary_lines(facts)]
 
     def text(self) -> str:
@@ -146,7 +146,8 @@ class Report:
         lines = self._top(table(self.rows, self._began))
         lines += ["# time\tnode\tpath\ttopic or service\tcause\tmessage"]
         lines += failure_lines(self.verdict) + [""]
-        lines += ["# recoveries", *decisions, ""] if decisions else []
+        if decisions:
+            lines += ["# recoveries", *decisions, ""]
         return "\n".join([*lines, *self._counts, "", str(self.verdict)]) + "\n"
 
     def shown(self, width: int, files: Sequence[str] = (), page: str = "") -> str:
@@ -163,14 +164,14 @@ class Report:
         if len(verdict) > MOST_OBJECTIONS:
             more = len(verdict) - MOST_OBJECTIONS
             verdict[MOST_OBJECTIONS:] = [f"        and {more} more in the report"]
-        last = ["the report as a page: file://" + page] if page else []
-        return "\n".join(self._top(shown) + [*self._counts, "", *files, "", *verdict, *last])
+        if page:
+            verdict.append("the report as a page: file://" + page)
+        return "\n".join(self._top(shown) + [*self._counts, "", *files, "", *verdict])
 
     def _top(self, shown: List[str]) -> List[str]:
-        objections = self.verdict.objections[1:]
-        number = count(len(objections), "objection", "objections")
-        more = f" (and {number}: see the end)" if objections else ""
-        first = str(self.verdict).split("\n")[0] + more
+        objections, first = self.verdict.objections[1:], str(self.verdict).split("\n")[0]
+        if objections:
+            first += f" (and {count(len(objections), 'objection', 'objections')}: see the end)"
         lines = ["# " + self._title, first, *self.visitors, ""]
         return lines + shown + [""] if self.rows else lines
 

@@ -196,7 +196,9 @@ class JournalMessages:
         for place in range(self._until(after), self._in_time(until)):
             time, value = self._lines[place]
             # a state has to stay the sign until it could have been seen
-            last = self._until(max(at, self._latest(time))) if is_state else place + 1
+            last = place + 1
+            if is_state:
+                last = self._until(max(at, self._latest(time)))
             if self._is_heard(time) and all(
                     search.is_sign(later) for _, later in self._lines[place:last]):
                 return (f"{name} did not see what {self.name} said {until - time:.1f} s before: "

@@ -35,7 +35,7 @@ class Verdict:
         self.journal_check = JournalCheck(facts, self.execution)
         self.unlike_journal = tuple(self.journal_check.objections())
         self.outcomes = self.execution.outcomes()
-        self.overdue = self.execution.overdue(self.journal_check.end) if facts.cut_off else ""
+        self.overdue = facts.cut_off and self.execution.overdue(self.journal_check.end)
         self.answers = [(question, tuple(dict.fromkeys(map(clean, answer(self)))))
                         for question, answer in QUESTIONS]
         self.objections = tuple(text for _, objections in self.answers for text in objections)
@@ -72,9 +72,10 @@ class Verdict:
         """The node that has waited for a sign for so long that a visitor would have come in any
         case; empty: none."""
         offset = self.execution.offset
-        waits = [] if offset is None or self.overdue else [
-            (self.journal_check.end - offset - search.at, search.node.registration_id)
-            for search in self.execution.signs.waiting.values()]
+        if offset is None or self.overdue:
+            return ""
+        waits = ((self.journal_check.end - offset - search.at, search.node.registration_id)
+                 for search in self.execution.signs.waiting.values())
         seconds, node = max(waits, default=(0.0, ""))
         return node if seconds > LONG_WAIT else ""
 
@@ -115,7 +116,7 @@ def _not_as_given(facts: Facts) -> Iterator[str]:
     for name, value in mission.settings.values.items():
         if name not in SET_BY_THE_TEST and has.get(name) != value:
             yield f"the controller has {name} {has.get(name)}; it was given {value}"
-    known = mission.knowledge.sources if mission.knowledge is not None else ()
+    known = getattr(mission.knowledge, "sources", ())
     for what, its, given in (
             ("mission", files.documents, mission.tree.sources),
             ("phrases", [files.phrases], [mission.phrases.source]),

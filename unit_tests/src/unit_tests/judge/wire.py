@@ -5,7 +5,7 @@ It is written from the documents, beside the controller's own declarations, and 
 them but the records of requests and messages that a run is made of.
 """
 import math
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Tuple, Union
 
 from behavior_controller.config.settings import Settings
 from behavior_controller.robot.gateway import Cause
@@ -58,7 +58,7 @@ SENT: Dict[type, Callable[[Any, str], Tuple[Any, ...]]] = {
         "|".join(option if robot == DOCUMENTS else f"'{option}'" for option in request.options),),
     Say: lambda request, robot: (request.text, request.language)[:1 + (robot != DOCUMENTS)],
     SetPose: lambda request, _: request.pose,
-    SetRecognition: lambda request, _: ("true" if request.is_enabled else "false",),
+    SetRecognition: lambda request, _: (str(request.is_enabled).lower(),),
     SetRecognitionLanguage: lambda request, _: (request.language,)
 }
 SENT.update({PerformGestureGoal: SENT[PerformGesture], GoToGoal: SENT[GoTo], SayGoal: SENT[Say]})
@@ -106,11 +106,13 @@ class RosRobot(NamedTuple):
         outcome = response[SERVICES[kind].outcome]
         if outcome == SERVICES[kind].refused:
             return Cause.REFUSED
-        exhibits = _exhibits(response) if kind is QueryKnowledge else ()
-        if outcome != SERVICES[kind].done or exhibits is None:
+        if outcome != SERVICES[kind].done:
             return Cause.UNUSABLE_ANSWER
-        is_told = kind is Prompt and self.tells_pressed
-        return Answer(response["response"] if is_told else "", exhibits)
+        if kind is QueryKnowledge:
+            return _known(response)
+        if kind is Prompt and self.tells_pressed:
+            return Answer(response["response"])
+        return Answer()
 
 
 def robot_of(settings: Settings) -> RosRobot:
@@ -118,15 +120,17 @@ def robot_of(settings: Settings) -> RosRobot:
     return RosRobot(settings.robot_interface, settings.robot and "/" + settings.robot)
 
 
-def _exhibits(response: Mapping[str, Any]) -> Optional[Tuple[Exhibit, ...]]:
-    """Return the places of a response in metres and degrees; None: they have no coordinates."""
+def _known(response: Mapping[str, Any]) -> Union[Answer, Cause]:
+    """Return the places of a response in metres and degrees, if they have coordinates."""
     exhibits = tuple(
         Exhibit(place["name"], place["description1"], place["description2"],
                 Location(*(place["location"][name] for name in ("x", "y", "theta"))),
                 Point(*(place["gesture"][name] for name in ("x", "y", "z"))))
         for place in response["exhibits"])
     numbers = (number for place in exhibits for number in place.location + place.gesture)
-    return exhibits if all(map(math.isfinite, numbers)) else None
+    if not all(map(math.isfinite, numbers)):
+        return Cause.UNUSABLE_ANSWER
+    return Answer(exhibits=exhibits)
 
 
 # ------------------------------------------------------------------------------------------- topics
