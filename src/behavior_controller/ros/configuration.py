@@ -93,7 +93,9 @@ def _private_parameters() -> Dict[str, Any]:
     own = rospy.get_name()
     first = get_ros_namespace() + own.rpartition("/")[2]
     found = [_parameters(name) for name in dict.fromkeys((first, own))]
-    return {**(found[0] if "robot" in found[0] else {}), **found[-1]}
+    if "robot" not in found[0]:
+        return found[-1]
+    return {**found[0], **found[-1]}
 
 
 def _parameters(node: str) -> Dict[str, Any]:
@@ -101,14 +103,15 @@ def _parameters(node: str) -> Dict[str, Any]:
         values = ask_master("getParam", node)
     except Trouble as trouble:
         raise NodesMissing(f"the parameters of {node} cannot be read: {trouble}")
-    return values if isinstance(values, dict) else {}
+    if not isinstance(values, dict):
+        return {}
+    return values
 
 
 def _announce(plan: load.Mission, tell: Tell) -> None:
     """Announce the run, and warn of unusual settings."""
-    chosen = plan.settings
-    asr, verbose = ("on" if switch else "off"
-                    for switch in (chosen.asr_enabled, chosen.verbose_mode))
+    chosen, switched = plan.settings, {False: "off", True: "on"}
+    asr, verbose = switched[chosen.asr_enabled], switched[chosen.verbose_mode]
     tell("info", f"mission {plan.file}: {len(plan.tree.nodes)} nodes; language {plan.language}; "
                  f"speech recognition {asr}; verbose mode {verbose}")
     if plan.knowledge is not None:

@@ -139,7 +139,7 @@ class Console:
             return
         if isinstance(event, LeafFinished) and not self._is_repeated(event):
             parts = [event.status, event.resource, f"{event.seconds:.3f} s",
-                     reason(event.failure), event.summary.text if event.summary is not None else ""]
+                     reason(event.failure), getattr(event.summary, "text", "")]
         elif isinstance(event, Retried):
             attempt = f"attempt {event.attempt + 1}" if event.attempt else "its substitute"
             parts = [attempt + " failed", event.failure.resource, reason(event.failure)]
@@ -260,15 +260,19 @@ def jumped(seconds: int) -> str:
 
 def reason(failure: Optional[Failure]) -> str:
     """Return cause and message of a ``Failure`` on one line; empty for None."""
-    return "" if failure is None else f"{failure.cause.text}: {' '.join(failure.message.split())}"
+    if failure is None:
+        return ""
+    return f"{failure.cause.text}: {' '.join(failure.message.split())}"
 
 
 def log_path() -> str:
     """Return the path of the log file of this node, whose name is known: that of ``__log``, or one
     in ROS' log folder."""
     given = rospy.names.get_mappings().get("__log")
-    name = rospy.get_name().strip("/").replace("/", "_") + ".log"
-    return os.path.abspath(given) if given else os.path.join(rospkg.get_log_dir(), name)
+    if given:
+        return os.path.abspath(given)
+    name = rospy.get_name().strip("/").replace("/", "_")
+    return os.path.join(rospkg.get_log_dir(), name + ".log")
 
 
 def open_log(path: str) -> None:

@@ -341,8 +341,9 @@ def join(name: str, argv: List[str]) -> Optional[str]:
         if rospy.is_shutdown():
             raise Stopped("rospy has ended meanwhile")  # and has reported the reason
         raise ConfigurationError.of("command line", str(error))
-    is_other = former not in (None, rospy.core.get_node_uri())
-    return former if is_other and not _ends(former) else None
+    if former in (None, rospy.core.get_node_uri()) or _ends(former):
+        return None
+    return former
 
 
 class _Handler(ROSHandler):

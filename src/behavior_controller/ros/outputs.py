@@ -2,6 +2,7 @@
 import contextlib
 import os
 import shutil
+from functools import partial
 from typing import Any, Callable, Dict, Mapping, Optional
 
 import rosgraph.network
@@ -26,8 +27,9 @@ NO_RECORD = "none"
 
 def record_place(values: Mapping[str, Any]) -> str:
     """Return below which folder a run with this configuration is recorded; empty: it is not."""
-    place = values["recordDirectory"] or folders.records()
-    return "" if place == NO_RECORD else place
+    if values["recordDirectory"] == NO_RECORD:
+        return ""
+    return values["recordDirectory"] or folders.records()
 
 
 class Outputs:
@@ -35,7 +37,7 @@ class Outputs:
 
     def __init__(self, events: Events, tell: Callable[[str, str], None]):
         """``tell`` gets a severity and a line for the operator."""
-        self._tell = tell
+        self._tell, self._warn = tell, partial(tell, "warning")
         self.record = Record(describe=describe)
         events.subscribe(self.record)
         self._breakpoints = Breakpoints(events.emit, self._warn)
@@ -43,9 +45,6 @@ class Outputs:
         self._viewer: Optional[ViewerProcess] = None
         self._page = ""  # where it is to be found
         self._checks: Dict[str, Checked] = {}
-
-    def _warn(self, text: str) -> None:
-        self._tell("warning", text)
 
     def open_viewer(self, values: Mapping[str, Any]) -> None:
         """Start the viewer, for this configuration."""
@@ -90,7 +89,10 @@ class Outputs:
     def note(self, severity: str, text: str) -> None:
         """Tell the operator a line of the start, and show it."""
         self._tell(severity, text)
-        self.record(Starting(text) if severity == "info" else Noticed(severity, text))
+        if severity == "info":
+            self.record(Starting(text))
+        else:
+            self.record(Noticed(severity, text))
 
     def open_files(self, values: Mapping[str, Any]) -> None:
         """Write the record from now on, into a folder of its own, for this configuration."""
@@ -133,5 +135,8 @@ class Outputs:
 def _url(address: str, port: int) -> str:
     """Return the address of the page, with the host's name if it is served at all of its addresses.
     """
-    host = rosgraph.network.get_host_name() if address in ("0.0.0.0", "::") else address
-    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+    if address in ("0.0.0.0", "::"):
+        address = rosgraph.network.get_host_name()
+    if ":" in address:
+        address = f"[{address}]"
+    return f"http://{address}:{port}/"

@@ -69,7 +69,9 @@ class SimulatedTime(TopicBuffer):
     @property
     def absence(self) -> str:
         """Why no time comes."""
-        return "its publisher sends none" if self.is_connected else super().absence
+        if self.is_connected:
+            return "its publisher sends none"
+        return super().absence
 
     def _look(self) -> None:
         try:

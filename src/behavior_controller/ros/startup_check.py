@@ -63,7 +63,7 @@ def _probe_publishers(offer: Offer) -> None:
             return
         except Trouble as trouble:
             troubles.append(trouble)
-    raise troubles[0] if troubles else Trouble(Cause.NOT_ADVERTISED, otherwise)
+    raise next(iter(troubles), Trouble(Cause.NOT_ADVERTISED, otherwise))
 
 
 def _probe_subscribers(topic: Publication) -> None:
@@ -149,29 +149,25 @@ class StartUpCheck:
         Raises ``Stopped``, and ``NodesMissing``, which lists all that is missing.
         """
         deadline = time.monotonic() + self.plan.settings.startup_timeout
-        self._note(self.plan.offers, dict.fromkeys(self.plan.offers, "is looked for"))
-        missing = self._missing(self.plan.offers)
-        self._note_missing(self.plan.offers, missing)
-        self._look_for_another_robot(missing)
+        looked_for: Sequence[Offer] = self.plan.offers
+        self._note(looked_for, dict.fromkeys(looked_for, "is looked for"))
         awaited: List[str] = []
-        while self._needed(missing) and time.monotonic() < deadline:
-            names = [resolved(offer) for offer in self._needed(missing)]
+        while True:
+            missing = self._missing(looked_for)
+            self._note(looked_for, {offer: missing[offer].reason for offer in missing})
+            self._look_for_another_robot(missing)
+            names, left = list(map(resolved, self._needed(missing))), deadline - time.monotonic()
+            if not names or left <= 0.0:
+                break
             if names != awaited:
-                left = deadline - time.monotonic()
                 self.tell("info", f"waiting up to {left:.0f} s for {', '.join(names)}")
                 awaited = names
-            self.wake.wait(min(RETRY_INTERVAL, max(0.0, deadline - time.monotonic())))
+            self.wake.wait(min(RETRY_INTERVAL, left))
             self.wake.test_and_clear()
             looked_for = list(missing)
-            missing = self._missing(looked_for)
-            self._note_missing(looked_for, missing)
-            self._look_for_another_robot(missing)
         self._report(missing)
         for offer, other in self.substituted.items():
             self.tell("warning", in_place_of(offer, other))
-
-    def _note_missing(self, offers: Sequence[Offer], missing: Dict[Offer, Trouble]) -> None:
-        self._note(offers, {offer: trouble.reason for offer, trouble in missing.items()})
 
     def _note(self, offers: Iterable[Offer], reasons: Dict[Offer, str]) -> None:
         """Note for the list of what is ready why each is not, if it has a reason."""
@@ -206,8 +202,9 @@ class StartUpCheck:
     def _reason_to_go_on(self, offer: Offer, trouble: Trouble) -> str:
         """Return why the mission can start without it; empty if it cannot."""
         asr_enabled = self.plan.settings.asr_enabled
-        if offer is self.plan.settings.interface.evidence(Sense.UTTERANCE).topic:
-            return "" if asr_enabled else "asrEnabled is false: going on"
+        speech = self.plan.settings.interface.evidence(Sense.UTTERANCE).topic
+        if offer is speech and not asr_enabled:
+            return "asrEnabled is false: going on"
         has_another_type = trouble.cause is Cause.TYPE_MISMATCH
         if isinstance(offer, Topic) or not offer.is_optional or has_another_type:
             return ""
@@ -249,11 +246,11 @@ class StartUpCheck:
         """Warn of what is missing and not needed, and raise for the rest."""
         needed, robot = [], self.plan.settings.interface
         for offer, trouble in missing.items():
-            line = (f"{offer.kind} {resolved(offer)} (of node /{robot.node_of(offer)}): "
-                    f"{trouble.reason}; without it {offer.impact_if_missing}")
+            text = f"{trouble.reason}; without it {offer.impact_if_missing}"
+            line = f"{offer.kind} {resolved(offer)} (of node /{robot.node_of(offer)}): {text}"
             reason = self._reason_to_go_on(offer, trouble)
-            self.checked(Checked(offer.kind, resolved(offer), DOUBTFUL if reason else MISSING,
-                                 f"{trouble.reason}; without it {offer.impact_if_missing}"))
+            state = DOUBTFUL if reason else MISSING
+            self.checked(Checked(offer.kind, resolved(offer), state, text))
             if reason:
                 self.tell("warning", f"{line} ({reason})")
             else:

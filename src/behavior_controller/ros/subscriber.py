@@ -133,10 +133,11 @@ class Link:
             if messages and is_old:
                 is_old = False
                 self._topic.pass_over(self.header, messages.pop(0))
-            if messages:
-                self.fault = "" if self._topic.receive(messages) else (
-                    f"no message of {_sender(self.header)} can be decoded: build both from the "
-                    "same msg files")
+            if messages and self._topic.receive(messages):
+                self.fault = ""
+            elif messages:
+                self.fault = (f"no message of {_sender(self.header)} can be decoded: build both "
+                              "from the same msg files")
 
 
 class TopicBuffer:
@@ -248,9 +249,10 @@ class TopicBuffer:
         """
         arrived = time.monotonic()
         gap, self._received = arrived - self._received, arrived
-        if self._topic.is_continuous:
-            is_skipped = self._topic.is_event is None
-            messages = messages[-1:] if is_skipped else [data for data, _ in groupby(messages)]
+        if self._topic.is_continuous and self._topic.is_event is None:
+            messages = messages[-1:]
+        elif self._topic.is_continuous:
+            messages = [data for data, _ in groupby(messages)]
         news = [self._store(data) for data in messages]
         if gap < FLOOD_GAP and not any(news):
             time.sleep(PAUSE_WHEN_AWAITED if self._alarms else PAUSE)
@@ -283,7 +285,9 @@ class TopicBuffer:
     def pass_over(self, header: Dict[str, str], data: bytes) -> None:
         """Report that the first message of a latching publisher is not used; a state is sent again.
         """
-        value = None if self._topic.is_continuous else self._decode(data)
+        if self._topic.is_continuous:
+            return
+        value = self._decode(data)
         if value:
             self._warn_once("latching", (
                 f"ignoring {value!r} on {self.name}: {_sender(header)} publishes it latched, so it "

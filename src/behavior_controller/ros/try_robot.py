@@ -5,7 +5,7 @@ import math
 import signal
 import sys
 import time
-from typing import Any, Callable, FrozenSet, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, FrozenSet, List, Optional, Sequence, Tuple, Union
 
 import rospy
 
@@ -47,15 +47,20 @@ MODE_NAMES = tuple(dict.fromkeys(state for _, state, _, _ in MODES))
 LOCATION = "location"
 """The mode of attention that has a target."""
 
+CHOICES: Dict[str, Tuple[str, Sequence[str]]] = {
+    "say": ("text", ()), "gesture": ("gesture", tuple(GESTURES)),
+    "attention": ("mode of attention", MODE_NAMES)}
+"""What to try: the word after it, and which are allowed, if not all."""
+
 Result = Union[Answer, Failure]
 
 
-def main(arguments: Optional[List[str]] = None) -> int:
+def main() -> int:
     """Return the exit code, see ``EXIT_CODES``."""
     keys = {key.name for key in settings.KEYS}
     # a key is also understood as roslaunch gives it, without its underscore
     sys.argv[1:] = ["_" * (word.partition(ASSIGNMENT)[0] in keys) + word
-                    for word in (sys.argv[1:] if arguments is None else arguments)]
+                    for word in sys.argv[1:]]
     given = settings.split_arguments(sys.argv)[0]
     kind, words = read_words(rospy.myargv(given)[1:])
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -83,42 +88,40 @@ def read_words(arguments: Sequence[str]) -> Tuple[str, List[str]]:
         NAME, "Sends the robot one request, and says what it answers: say TEXT, gesture "
         f"{'|'.join(GESTURES)}, attention {'|'.join(MODE_NAMES)}. After {LOCATION}: X Y Z, metres "
         "in the map frame.", EXIT_CODES)
-    parser.add_argument("kind", choices=("say", "gesture", "attention"))
+    parser.add_argument("kind", choices=tuple(CHOICES))
     parser.add_argument("words", nargs="+")
     chosen = parser.parse_args(arguments)
-    kind, (word, *more) = chosen.kind, chosen.words
-    wrong = ""
-    if kind == "say":
-        wrong = "" if "".join(chosen.words).strip() else "there is no text to say"
-    elif kind == "gesture":
-        wrong = _unknown("gesture", word, list(GESTURES)) or _surplus(word, more)
-    elif word == LOCATION:
-        wrong = "" if len(_numbers(more)) == 3 else f"{LOCATION} needs three numbers: X Y Z"
-    else:
-        wrong = _unknown("mode of attention", word, MODE_NAMES) or _surplus(word, more)
+    wrong = _mistake(chosen.kind, chosen.words)
     if wrong:
         parser.error(wrong)
-    return kind, chosen.words
+    return chosen.kind, chosen.words
 
 
-def _unknown(what: str, word: str, allowed: Sequence[str]) -> str:
-    if word in allowed:
-        return ""
-    hint = did_you_mean(word, allowed)
-    return f"no {what} {word!r}; allowed: {', '.join(allowed)}" + (f" ({hint})" if hint else "")
-
-
-def _surplus(word: str, more: List[str]) -> str:
-    return f"nothing follows {word}, not {more[0]!r}" if more else ""
+def _mistake(kind: str, words: List[str]) -> str:
+    """Return what is wrong with the words; empty: nothing."""
+    word, *more = words
+    what, allowed = CHOICES[kind]
+    if kind == "say":
+        if not "".join(words).strip():
+            return "there is no text to say"
+    elif kind == "attention" and word == LOCATION:
+        if len(_numbers(more)) != 3:
+            return f"{LOCATION} needs three numbers: X Y Z"
+    elif word not in allowed:
+        hint = did_you_mean(word, allowed)
+        return f"no {what} {word!r}; allowed: {', '.join(allowed)}" + (hint and f" ({hint})")
+    elif more:
+        return f"nothing follows {word}, not {more[0]!r}"
+    return ""
 
 
 def _numbers(words: List[str]) -> Tuple[float, ...]:
     """Return the words as numbers; none if one is not finite."""
-    try:
+    with contextlib.suppress(ValueError):
         numbers = tuple(map(float, words))
-    except ValueError:
-        return ()
-    return numbers if all(map(math.isfinite, numbers)) else ()
+        if all(map(math.isfinite, numbers)):
+            return numbers
+    return ()
 
 
 def request_of(kind: str, words: List[str], chosen: settings.Settings) -> Request:
@@ -179,15 +182,15 @@ def _await(call: Call, clock: Clock, wake: WakeUp) -> None:
 
 def _report(request: Request, service: Service, result: Optional[Result], seconds: float) -> int:
     """Say what the robot answered, and how that leaves it; return the exit code."""
-    name, failure = resolved(service), result if isinstance(result, Failure) else None
-    code, outcome = exit_codes.SUCCESS, f"done, after {seconds:.1f} s"
-    if failure is not None:
-        code = exit_codes.UNAVAILABLE if failure.cause in UNSENT else exit_codes.FAILURE
-        outcome = f"{_cause(failure)}: {failure.message}"
-    _tell(code, f"{name}: {outcome}")
-    is_open = failure is not None and failure.cause in UNCERTAIN
+    code, outcome, is_open = exit_codes.SUCCESS, f"done, after {seconds:.1f} s", False
+    if isinstance(result, Failure):
+        code, outcome = exit_codes.FAILURE, f"{_cause(result)}: {result.message}"
+        is_open = result.cause in UNCERTAIN
+        if result.cause in UNSENT:
+            code = exit_codes.UNAVAILABLE
+    _tell(code, f"{resolved(service)}: {outcome}")
     if isinstance(request, SetAttention) and request.state != "disabled" and (
-            failure is None or is_open):
+            code == exit_codes.SUCCESS or is_open):
         _tell(code, f"attention {'may stay' if is_open else 'stays'} on; switch it off with: "
                     f"rosrun cssr_system {NAME} attention disabled")
     elif is_open and request.effect:

@@ -18,19 +18,26 @@ from behavior_controller.robot.interfaces import DECLARED_BY, INTERFACES
 from behavior_controller.robot.requests import Request
 from behavior_controller.ros.tcpros import Trouble
 
-_KINDS: Dict[type, Tuple[Callable[[str], Any], str, str]] = {
-    Service: (roslib.message.get_service_class, "", "srv"),
-    Action: (roslib.message.get_message_class, "Action", "action"),
-    Publication: (roslib.message.get_message_class, "", "msg"),
-    Topic: (roslib.message.get_message_class, "", "msg"),
+Make = Callable[[Any], Any]
+"""Makes an empty message of a class."""
+
+_KINDS: Dict[type, Tuple[Callable[[str], Any], str, str, Make, Make]] = {
+    Service: (roslib.message.get_service_class, "", "srv",
+              lambda kind: kind._request_class(), lambda kind: kind._response_class()),
+    Action: (roslib.message.get_message_class, "Action", "action",
+             lambda kind: kind().action_goal.goal, lambda kind: kind().action_result.result),
+    Publication: (roslib.message.get_message_class, "", "msg",
+                  lambda kind: kind(), lambda kind: kind()),
+    Topic: (roslib.message.get_message_class, "", "msg", lambda kind: kind(), lambda kind: kind())
 }
-"""How the class of each kind of declaration is named, and in which folder its file is."""
+"""How the class of each kind of declaration is named, in which folder its file is, and what is sent
+to the robot and comes from it."""
 
 
 def message_class(offer: Offer) -> Any:
     """Return the class of a srv, msg or action type. Raises ImportError, or BrokenExtension for a
     declaration of another package, which says what is missing where."""
-    find, ending, folder = _KINDS[type(offer)]
+    find, ending, folder, to_robot, from_robot = _KINDS[type(offer)]
     try:
         kind = find(offer.type + ending)
     except (ValueError, ImportError):
@@ -40,32 +47,19 @@ def message_class(offer: Offer) -> Any:
         raise _broken(offer, f"the type {offer.type} of {offer.name} is not built: the package "
                              f"{package} needs {folder}/{name}.{folder}; build its workspace when "
                              "that is there")
-    message = _answer_of(offer, kind)
-    success = offer.success if isinstance(offer, Service) else None
-    if success is not None and success.field not in message.__slots__:
+    message = from_robot(kind)
+    if isinstance(offer, Topic):
+        _read_empty(offer, offer.read, message)
+        return kind
+    if offer.success is not None and offer.success.field not in message.__slots__:
         names = ", ".join(message.__slots__) or "none"
-        raise _broken(offer, f"the response of {offer.type} has no field {success.field}, which is "
-                             f"to tell the outcome of {offer.name}; it has: {names}")
-    if isinstance(offer, Service):
-        _fill_empty(offer, _request_of(offer, kind))
-    _read_empty(offer, offer.read if isinstance(offer, Topic) else offer.answer, message)
+        raise _broken(offer, f"the response of {offer.type} has no field {offer.success.field}, "
+                             f"which is to tell the outcome of {offer.name}; it has: {names}")
+    _fill_empty(offer, to_robot(kind))
+    _read_empty(offer, offer.answer, message)
     if isinstance(offer, Action):
         _read_empty(offer, offer.feedback, kind().action_feedback.feedback)
     return kind
-
-
-def _answer_of(offer: Offer, kind: Any) -> Any:
-    """Return an empty message of those that the robot sends."""
-    if isinstance(offer, Action):
-        return kind().action_result.result
-    return kind._response_class() if type(offer) is Service else kind()
-
-
-def _request_of(service: Service, kind: Any) -> Any:
-    """Return an empty message of those that are sent to the robot."""
-    if isinstance(service, Action):
-        return kind().action_goal.goal
-    return kind._request_class() if type(service) is Service else kind()
 
 
 def _broken(offer: Offer, text: str) -> Exception:
@@ -115,9 +109,9 @@ def resolved(offer: Offer) -> str:
 
 def not_published(topic: Topic) -> str:
     """Return why there is no evidence from a topic that has no publisher."""
-    text = "no node publishes it"
-    return text if topic.action is None else (
-        f"{text}, and none offers the action {resolved(topic.action)}")
+    if topic.action is None:
+        return "no node publishes it"
+    return f"no node publishes it, and none offers the action {resolved(topic.action)}"
 
 
 def in_place_of(offer: Offer, other: Offer) -> str:

@@ -232,8 +232,8 @@ class Monitor:
                               buffer.rhythm.rate)
         now = time.monotonic()
         if not buffer.is_connected:
-            since = self._lonely.setdefault(topic, now) if buffer.is_searched else now
-            if now - since > NO_CONNECTION_LIMIT:
+            if buffer.is_searched and now - self._lonely.setdefault(topic, now) > (
+                    NO_CONNECTION_LIMIT):
                 self._tell_gone(topic, buffer.absence)
             return
         self._lonely.pop(topic, None)

@@ -177,9 +177,10 @@ def read(arguments: Arguments) -> Options:
         faults += _output_faults(values["outputFile"])
     around = None
     if controller is not None:
-        behaviour = test.visitor_behaviour if test is not None else ENGAGES
+        behaviour = getattr(test, "visitor_behaviour", ENGAGES)
         around = attempt(partial(world, behaviour, controller), faults)
-        faults += _not_of_robot(test, controller.interface, values) if test is not None else ()
+        if test is not None:
+            faults += _not_of_robot(test, controller.interface, values)
     if faults or test is None or around is None:
         raise ConfigurationError(faults)
     return Options(arguments, test, around, of_test.result()[SPEED.name])

@@ -93,8 +93,10 @@ def main(name: str) -> int:
         if name == CLOCK_NODE:
             publish_clock(own.speed)
             claims.end_simulated_time()
+        elif is_simulated:
+            RosNode(name, own, RosTime()).run()
         else:
-            RosNode(name, own, RosTime() if is_simulated else ComputerTime()).run()
+            RosNode(name, own, ComputerTime()).run()
     finally:
         rospy.signal_shutdown("the node ends")
     return exit_codes.SUCCESS
@@ -252,7 +254,9 @@ class RosNode:
                 if server.is_preempt_requested():
                     server.set_preempted()
                     return
-            fields = self._next_fields() if due < deadline else {"data": ""}
+            fields: Optional[Fields] = {"data": ""}
+            if due < deadline:
+                fields = self._next_fields()
             if fields is not None:
                 succeed(server, fields["data"])
                 return

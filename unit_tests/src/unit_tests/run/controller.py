@@ -78,8 +78,8 @@ def _pass_on(process: "subprocess.Popen[bytes]", path: str) -> None:
         for line in lines:
             os.write(1, line)
             error = _ERROR.match(line.decode(errors="replace"))
-            file.write(error.group(1) + "\n" if error else "")
-            file.flush()
+            if error:
+                print(error.group(1), file=file, flush=True)
 
 
 def read_errors(folder: str) -> Tuple[str, ...]:
@@ -102,4 +102,6 @@ def _keep_record(folder: str, wanted: Optional[str]) -> None:
 def read_exit_code(folder: str) -> Optional[int]:
     """Return how the controller ended (negative: by that signal), or None if it has not."""
     text = noted(folder, EXIT_CODE)
-    return int(text) if text.endswith("\n") else None
+    if not text.endswith("\n"):
+        return None
+    return int(text)

@@ -22,16 +22,17 @@ from unit_tests.run.test_node import NOTHING_TESTED, NOT_RUN, expect_verdict, re
 def main(words: Optional[Sequence[str]] = None) -> int:
     """Return 0 if the test passed, 1 if it failed, 2 if it could not be run, 3 if its time was too
     short."""
-    given = sys.argv[1:] if words is None else words
+    if words is None:
+        words = sys.argv[1:]
     try:
-        if "--version" in given:
+        if "--version" in words:
             print("runTest", version())
             return 0
-        if {"-h", "--help"} & set(given):
+        if {"-h", "--help"}.intersection(words):
             waits = arrival_waits.of_mission(options.read(Arguments([], {})).world)
             print(options.usage(arrival_waits.sufficient(waits) if waits else ""))
             return 0
-        values = configuration.parse(given, options.NAMES, options.HELP)
+        values = configuration.parse(words, options.NAMES, options.HELP)
         if "outputFile" in values:  # the nodes run in another folder
             values["outputFile"] = os.path.abspath(values["outputFile"])
         own = options.read(Arguments([], values))

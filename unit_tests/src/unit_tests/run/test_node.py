@@ -38,6 +38,7 @@ from unit_tests.judge.facts import Facts, Stall, by_record, speeds
 from unit_tests.judge.outcome import DOES
 from unit_tests.judge.read_back import misprints
 from unit_tests.judge.report import Report, title, to_junit
+from unit_tests.judge.verdict import Verdict
 from unit_tests.robot.options import Arguments, Options
 
 OUTPUT = "behaviorControllerTestOutput.dat"
@@ -116,10 +117,11 @@ def _test(own: Options) -> int:
     test, world = own.test, own.world
     print("randomSeed {}".format(test.random_seed), flush=True)
     stage: Optional[LoadedMission] = None
+    needed = ""
     with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
         stage = LoadedMission(world.settings, world=world)
+        needed = time_needed(stage, test)
     warnings = arrival_waits.warnings(arrival_waits.of_mission(world), test.arrival_rate)
-    needed = time_needed(stage, test) if stage is not None else ""
     print("".join(line + "\n" for line in [*warnings, needed] if line), end="", flush=True)
     warnings += [needed] * (TOO_SHORT in needed)
     arguments = own.arguments
@@ -142,15 +144,24 @@ def _test(own: Options) -> int:
     files = ["report: " + save(report.text(), arguments, folders.REPORT, robot),
              "its folder, with record and journal: " + arguments.folder]
     content = report.page()
-    page = save(content, arguments, folders.PAGE, robot) if content else ""
+    page = content and save(content, arguments, folders.PAGE, robot)
     columns = shutil.get_terminal_size(fallback=(DEFAULT_COLUMNS, 0)).columns
-    is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
-    code = PASSED if report.verdict.passed else NOT_RUN if is_refused else _FAILED
-    if report.verdict.is_cut_off:
-        code = CUT_OFF
     wrong = _read_back(report, arguments.folder, junit)
     shown = "\n".join([report.shown(columns, files, page), *wrong])
-    return finish(_FAILED if wrong else code, shown, arguments)
+    if wrong:
+        return finish(_FAILED, shown, arguments)
+    return finish(_exit_code(report.verdict), shown, arguments)
+
+
+def _exit_code(verdict: Verdict) -> int:
+    facts = verdict.facts
+    if verdict.is_cut_off:
+        return CUT_OFF
+    if verdict.passed:
+        return PASSED
+    if facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT:
+        return NOT_RUN
+    return _FAILED
 
 
 def _read_back(report: Report, folder: str, junit: str) -> List[str]:
@@ -199,7 +210,7 @@ def too_fast(own: Options, run: Run) -> List[str]:
 def _lasted(run: Run, own: Options, seconds: float) -> float:
     """Return for how long a test has run that took so many seconds of the computer: by the record,
     if its time is faster."""
-    first = run.lines[0].time if run.lines else run.state.at
+    first = next((line.time for line in run.lines), run.state.at)
     return max(seconds * min(1.0, own.speed), run.state.at - first)
 
 
@@ -260,8 +271,10 @@ def save(text: str, arguments: Arguments, kind: OutputKind, robot: str = "") -> 
     """Write the report, or its page, to the folder of the run, and a copy as the newest one of the
     robot; return the path of the copy."""
     wanted, name = arguments.values.get("outputFile"), _of_robot(OUTPUT, robot)
-    newest = [os.path.join(folders.share(), "data", name), os.path.join(ros_home(), name)]
-    paths = [os.path.join(arguments.folder, OUTPUT)] + ([wanted] if wanted else newest)
+    paths = [os.path.join(arguments.folder, OUTPUT), os.path.join(folders.share(), "data", name),
+             os.path.join(ros_home(), name)]
+    if wanted:
+        paths[1:] = [wanted]
     if kind is folders.PAGE:
         paths = list(map(folders.page_beside, paths))
     _write(paths[:1], text, kind)
@@ -290,7 +303,8 @@ def _save_junit(text: str, robot: str = "") -> str:
     reason = _write([path], text, folders.JUNIT).partition("nowhere: ")[2]
     if reason:
         print("no JUnit file: " + reason, flush=True)
-    return "" if reason else path
+        return ""
+    return path
 
 
 def finish(code: int, text: str, arguments: Arguments) -> int:
@@ -317,7 +331,9 @@ def read_verdict(folder: str) -> Optional[Tuple[int, str]]:
     """Return the exit code of the test and the text that is shown at its end; None if there is
     none."""
     code, is_whole, text = folders.noted(folder, VERDICT).partition("\n")
-    return (int(code), text.rstrip("\n")) if is_whole else None
+    if not is_whole:
+        return None
+    return int(code), text.rstrip("\n")
 
 
 def _end_launch() -> None:
