@@ -239,11 +239,8 @@ class SpeechActionClient(GoalThread):
                  warn: Callable[[str], None], now: Callable[[], float] = time.monotonic):
         """``is_published`` returns whether the topic itself has a publisher; ``receive`` gets each
         utterance, and ``wake`` is called when a goal has ended. ``now``: of the mission's clock."""
-        self._now = now
-        self._is_published = is_published
-        self._receive = receive
-        self._wake = wake
-        self._warn = warn
+        self._is_published, self._receive, self._now = is_published, receive, now
+        self._wake, self._warn = wake, warn
         self._warned = ""  # the last warning
         self._until = -math.inf  # when the listening ends
         self._is_preferred = False  # a publisher of the topic makes no difference

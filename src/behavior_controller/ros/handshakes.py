@@ -9,6 +9,7 @@ import struct
 import threading
 import time
 from functools import partial
+from types import SimpleNamespace
 from typing import Any, Callable
 
 import rosgraph.xmlrpc
@@ -72,19 +73,9 @@ def bound_handshakes() -> None:
     server.topic_connection_handler = partial(go_on, server.topic_connection_handler)
     server.service_connection_handler = partial(go_on, server.service_connection_handler)
     server.tcp_ros_server.inbound_handler = start
-    server.tcp_ros_server.server_sock = _Listener(server.tcp_ros_server.server_sock)
-
-
-class _Listener:
-    """The listening socket of rospy's server, whose thread a shortage would end."""
-
-    def __init__(self, sock: socket.socket):
-        self._socket = sock
-        self.close = sock.close
-
-    def accept(self) -> Any:
-        """Accept a caller."""
-        return _accepted(self._socket)
+    listener = server.tcp_ros_server.server_sock  # a shortage would end its thread
+    server.tcp_ros_server.server_sock = SimpleNamespace(
+        accept=partial(_accepted, listener), close=listener.close)
 
 
 def _accepted(listener: socket.socket) -> Any:

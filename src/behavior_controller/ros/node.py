@@ -113,8 +113,7 @@ REQUESTED = "external shutdown request"
 def run() -> NoReturn:
     """Run the node, and end the process with its exit code."""
     block_signals()
-    console = Console()
-    node = _Node(console)
+    node = _Node(Console())
     node.end(node.run())
 
 
@@ -151,8 +150,7 @@ class _Node:
     """The node from its start to its end."""
 
     def __init__(self, console: Console):
-        self._console = console
-        self._wake = WakeUp()
+        self._console, self._wake = console, WakeUp()
         self._run: Optional[_Run] = None
         self._simulated: Optional[SimulatedTime] = None
         self._events = Events()
@@ -370,10 +368,8 @@ class _Run:
         self._reading: Optional[threading.Thread] = None
         self._clock, self._wake = plan.tree.clock, plan.tree.wake
         self._topics = outputs.record.topics(topics)
-        self._outputs = outputs
-        self._console = console
-        self._signals = signals
-        self._events = events
+        self._console, self._outputs = console, outputs
+        self._signals, self._events = signals, events
         self._health = Health(self._wake.emit)
         self._robot = RosGateway(plan.settings.interface, plan.settings.deadline, self._clock,
                                  self._wake.emit, self._health,
@@ -392,8 +388,7 @@ class _Run:
 
     def carry_out(self) -> int:
         """Run the mission, whose leaves are set up, and return the exit code."""
-        self._console.start_heartbeat(self._clock.process, self._events.emit,
-                                      self._outputs.record)
+        self._console.start_heartbeat(self._clock.process, self._events.emit, self._outputs.record)
         try:
             self._monitor.start()
             self._blocked_tick.start()

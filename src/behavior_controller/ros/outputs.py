@@ -9,8 +9,7 @@ import rosgraph.network
 
 from behavior_controller import folders
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.run.events import (
-    DOUBTFUL, READY, Checked, Events, Noticed, Starting)
+from behavior_controller.run.events import DOUBTFUL, READY, Checked, Events, Noticed, Starting
 from behavior_controller.run.health import Health
 from behavior_controller.missions.breakpoints import Breakpoints
 from behavior_controller.missions.load import describe

@@ -37,8 +37,7 @@ class RequestThread:
     """Seconds between two calls of ``idle`` while there is no request; None: it is not called."""
 
     def __init__(self, service: Service):
-        self.name = resolved(service)
-        self.service = service
+        self.service, self.name = service, resolved(service)
         self._jobs: "queue.SimpleQueue[Optional[Job]]" = queue.SimpleQueue()
         self._cut = threading.Event()  # of the newest request
         self.is_asked = False

@@ -63,8 +63,7 @@ class RosInterface(LineQueue):
         self._view = View()
         self._shown: Optional[bytes] = None  # as published last
         self._diagnosed: Tuple[float, Any] = (0.0, None)
-        self._rest = threading.Lock()
-        self._closed = threading.Event()
+        self._rest, self._closed = threading.Lock(), threading.Event()
         self._topic = rospy.Publisher("~state", String, queue_size=10, latch=True)
         self._diagnostics = rospy.Publisher("/diagnostics", self._array, queue_size=10)
         for name, command in commands.items():

@@ -215,11 +215,8 @@ class RosGateway(Gateway):
         stands in for, but those that are ``substituted`` already. ``standby`` is that of a gateway
         in whose place this one asks for the safe state. Raises RuntimeError if no thread is left.
         """
-        self.deadline = deadline
-        self._interface = interface
-        self._health = health or Health()
-        self._clock = clock
-        self._wake = wake
+        self._interface, self.deadline = interface, deadline
+        self._clock, self._wake, self._health = clock, wake, health or Health()
         self._spare: Dict[Service, List[RequestThread]] = defaultdict(list)
         self._under_way: Dict[Call, _UnderWay] = {}
         if standby is None:

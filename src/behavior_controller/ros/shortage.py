@@ -35,8 +35,7 @@ class Shortage:
     """The shortage that was met last. Any thread may note and read it."""
 
     def __init__(self) -> None:
-        self._met_at = -math.inf
-        self._error = ""
+        self._met_at, self._error = -math.inf, ""
 
     def note(self, error: BaseException) -> None:
         """Note a shortage."""

@@ -50,10 +50,8 @@ class Signals:
         self.reload: Callable[[], None] = lambda: console.tell(
             "warning", "SIGHUP ignored: the mission has not begun")
         """Called at each SIGHUP that is not a hang-up. Must not wait for anything."""
-        self._wake = wake
-        self._ignored = ignored
+        self._console, self._wake, self._ignored = console, wake, ignored
         self._deadline = math.inf  # when the process ends in any case
-        self._console = console
         uses_nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
         self._ends_with_terminal = _terminal_answers() and not uses_nohup
         # an ignored signal would never reach sigwait

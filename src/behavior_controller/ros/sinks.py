@@ -60,11 +60,8 @@ class Sink:
         interval and writes at most ``MOST_IN_ROW`` items each time, ``MOST_IN_FLOOD`` in a flood,
         so that it delays nothing that the robot waits for.
         """
-        self._write = write
-        self._name = name
-        self._item = item
-        self._most = most
-        self._rest = rest
+        self._name, self._write, self._item = name, write, item
+        self._most, self._rest = most, rest
         self._since_rest = 0  # items written
         self._is_drained = False  # a thread waits until everything is written
         self._waiting: Deque[Any] = collections.deque()  # the first one is being written
@@ -140,8 +137,7 @@ class LineStream(io.TextIOBase):
 
     def __init__(self, sink: Sink, original: Any):
         """``original`` is the stream that this one replaces."""
-        self._sink = sink
-        self._original = original
+        self._sink, self._original = sink, original
         self._lock = threading.Lock()
         self._part = ""  # of a line that has not ended
 
@@ -174,13 +170,8 @@ HEARTBEAT = NAMED + "running."
 def take_over_streams() -> Sink:
     """Redirect ``sys.stdout`` and ``sys.stderr`` to a sink for standard output, and return it: only
     the lines of one stream keep their order."""
-    out = sys.stdout
-    sink = _stream_sink(out)
-    sys.stdout = sys.stderr = LineStream(sink, out)
-    return sink
+    stream = sys.stdout
 
-
-def _stream_sink(stream: Any) -> Sink:
     def warning(text: str) -> ColouredLine:
         return ColouredLine("", f"[WARN] [{time_of_day(time.time())}]{NAMED}{text}")
 
@@ -194,7 +185,9 @@ def _stream_sink(stream: Any) -> Sink:
             data = f"{line.colours}{text}{end}\n".encode(stream.encoding, "backslashreplace")
             _write_all(stream.fileno(), data)
 
-    return Sink("the terminal", write, warning)
+    sink = Sink("the terminal", write, warning)
+    sys.stdout = sys.stderr = LineStream(sink, stream)
+    return sink
 
 
 def fitted(text: str, width: int) -> str:

@@ -67,8 +67,7 @@ class Link:
 
     def __init__(self, uri: str, topic: "TopicBuffer"):
         """``uri`` is the publisher's node. ``topic`` is called on the link's thread."""
-        self._uri = uri
-        self._topic = topic
+        self._uri, self._topic = uri, topic
         self._connection = Connection()
         self._ended = threading.Event()
         self.header: Dict[str, str] = {}
@@ -153,13 +152,9 @@ class TopicBuffer:
                  clock: Clock):
         """``wake`` is called when an alarm is triggered; ``warn`` once for each publisher of
         unusable messages. ``clock`` has the times of messages."""
-        self._topic = topic
-        self.clock = clock
-        self.message_type = TYPES[topic]
-        self._wake = wake
-        self._warn = warn
+        self._topic, self.name, self.message_type = topic, resolved(topic), TYPES[topic]
+        self._wake, self._warn, self.clock = wake, warn, clock
         self._warned: Set[str] = set()
-        self.name = resolved(topic)
         self._links: Dict[str, Link] = {}  # by the publisher's address; replaced as a whole
         self._is_met = False
         self.rhythm = Rhythm(clock.source())

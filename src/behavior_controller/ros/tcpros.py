@@ -89,8 +89,7 @@ class Trouble(BehaviorControllerError):
 
     def __init__(self, cause: Cause, text: str, fault: str = ""):
         super().__init__(clean(" ".join(text.split()), 500))
-        self.cause = cause
-        self.fault = fault
+        self.cause, self.fault = cause, fault
 
     @property
     def shortage(self) -> Optional[BaseException]:

@@ -59,8 +59,7 @@ def main() -> int:
     """Return the exit code, see ``EXIT_CODES``."""
     keys = {key.name for key in settings.KEYS}
     # a key is also understood as roslaunch gives it, without its underscore
-    sys.argv[1:] = ["_" * (word.partition(ASSIGNMENT)[0] in keys) + word
-                    for word in sys.argv[1:]]
+    sys.argv[1:] = ["_" * (word.partition(ASSIGNMENT)[0] in keys) + word for word in sys.argv[1:]]
     given = settings.split_arguments(sys.argv)[0]
     kind, words = read_words(rospy.myargv(given)[1:])
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -130,8 +129,7 @@ def request_of(kind: str, words: List[str], chosen: settings.Settings) -> Reques
     if kind == "say":
         language, robot = chosen.language, chosen.interface
         if robot.has_knowledge_files:
-            known = knowledge_files.load(chosen.scenario_specification, robot.takes_arm)
-            language = known.language
+            language = knowledge_files.load(chosen.scenario_specification, robot.takes_arm).language
         return Say(" ".join(words), language)
     if kind == "gesture":
         number = getattr(chosen, GESTURES[words[0]]["setting"])

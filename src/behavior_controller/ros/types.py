@@ -21,15 +21,14 @@ from behavior_controller.ros.tcpros import Trouble
 Make = Callable[[Any], Any]
 """Makes an empty message of a class."""
 
+_MESSAGE = (roslib.message.get_message_class, "", "msg", lambda kind: kind(), lambda kind: kind())
+
 _KINDS: Dict[type, Tuple[Callable[[str], Any], str, str, Make, Make]] = {
     Service: (roslib.message.get_service_class, "", "srv",
               lambda kind: kind._request_class(), lambda kind: kind._response_class()),
     Action: (roslib.message.get_message_class, "Action", "action",
              lambda kind: kind().action_goal.goal, lambda kind: kind().action_result.result),
-    Publication: (roslib.message.get_message_class, "", "msg",
-                  lambda kind: kind(), lambda kind: kind()),
-    Topic: (roslib.message.get_message_class, "", "msg", lambda kind: kind(), lambda kind: kind())
-}
+    Publication: _MESSAGE, Topic: _MESSAGE}
 """How the class of each kind of declaration is named, in which folder its file is, and what is sent
 to the robot and comes from it."""
 

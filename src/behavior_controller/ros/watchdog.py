@@ -83,10 +83,8 @@ class Monitor:
         """While ``is_asr_enabled()`` is false, speech is not used, and its topic is not monitored.
         ``gaze_value`` returns the value of the attention mode that means mutual gaze."""
         self._offers: Tuple[Offer, ...] = ()
-        self._robot = interface
-        self._topics = topics
+        self._robot, self._topics, self._health = interface, topics, health
         self._speech = interface.evidence(Sense.UTTERANCE).topic
-        self._health = health
         self._is_asr_enabled, self._gaze_value = is_asr_enabled, gaze_value
         # whether it was all right, by name and respect
         self._reported: Dict[Tuple[str, str], bool] = {}
@@ -179,8 +177,7 @@ class Monitor:
                                 offer.impact_if_missing))
 
     def _tell_back(self, offer: Offer) -> None:
-        self._report(GONE, available_again(offer.kind, resolved(offer),
-                                           self._robot.node_of(offer)))
+        self._report(GONE, available_again(offer.kind, resolved(offer), self._robot.node_of(offer)))
 
     # ---------------------------------------------------------------------------- topics and master
 
@@ -273,8 +270,7 @@ class Monitor:
         if topic is CLOCK:
             kind = SIMULATED_TIME
             status = _standing(buffer, silence) if consequence else "goes on"
-        self._judge(SILENT, kind, buffer.name, status, consequence,
-                    self._robot.node_of(topic))
+        self._judge(SILENT, kind, buffer.name, status, consequence, self._robot.node_of(topic))
 
 
 def _standing(clock: TopicBuffer, seconds: float) -> str:

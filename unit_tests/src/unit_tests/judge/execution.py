@@ -112,11 +112,10 @@ class Execution(TaskContext):
         self.entries, self.traversal = WrittenEntries(self.tree), Traversal()
         self._next = self.now, "the first pass"
         self._is_in_pass = self._is_over = False
-        self._visit_began = 0.0
         self._clock_began: Optional[float] = None  # the offset at the first traversal of a pass
-        self._result = ""  # of the tree in the newest traversal, if it has ended
-        self._outcome, self._ready, self._pauses = "", 0.0, 0  # after the last pass
-        self._last = ""  # the leaf that ended last
+        self._visit_began, self._ready, self._pauses = 0.0, 0.0, 0  # after the last pass
+        # of the tree in the newest traversal, if it has ended; of the last pass; the last leaf
+        self._result = self._outcome = self._last = ""
         # why recoveries failed that had nothing to recover from, by uid: their ends do not say it
         self._unneeded: Dict[int, Failure] = {}
         self.tree.subscribe(
@@ -252,8 +251,7 @@ class Execution(TaskContext):
         self._differ(next(self.traversal.unlike_reports(self.tree.nodes), ""))
         self.traversal = Traversal(self._last)
         self.passes += 1
-        self._is_in_pass, self._outcome = False, event.outcome
-        self._ready = now
+        self._is_in_pass, self._outcome, self._ready = False, event.outcome, now
         if event.seconds < _SHORTEST_PASS:
             self._ready += _SHORTEST_PASS
         if event.outcome == "SUCCESS":
@@ -285,8 +283,7 @@ class Execution(TaskContext):
         queries, reports = self._unexplained, self.traversal.decisions
         for query in queries:
             query.drop(self.now)
-        parts = [[query for query in queries if query.request == request]
-                 for request in SAFE_STATE]
+        parts = [[query for query in queries if query.request == request] for request in SAFE_STATE]
         if [query.request for query in queries[:2]] != list(SAFE_STATE) or any(
                 query.request not in SAFE_STATE for query in queries):
             self._differ("at the end the safe state is due, once; what was asked: {}".format(
@@ -385,8 +382,7 @@ class Execution(TaskContext):
     @property
     def is_paused(self) -> bool:
         """Whether a pass has failed, and the next one has to wait."""
-        has_failed = self._outcome == "FAILURE" and not self._is_in_pass
-        return has_failed and self._next[0] > self.now
+        return self._outcome == "FAILURE" and not self._is_in_pass and self._next[0] > self.now
 
     def overdue(self, time: float) -> str:
         """Return what had to come long before that time, and has not come; empty: nothing."""
@@ -465,9 +461,7 @@ class Execution(TaskContext):
         node = first = self._nodes[uid]
         while first.children:
             first = first.children[0]
-        if first is node:
-            return label(node)
-        return f"{label(node)} of {label(first)}"
+        return label(node) if first is node else f"{label(node)} of {label(first)}"
 
     # ------------------------------------------------------------------------- what the nodes go by
 

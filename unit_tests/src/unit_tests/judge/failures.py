@@ -141,7 +141,6 @@ def table(rows: Sequence[FailureRow], began: float, width: int = sys.maxsize) ->
 
 
 def _cells(row: FailureRow, began: float) -> Tuple[str, ...]:
-    return tuple(
-        clean(cell) for cell in (f"{row.at - began:.1f}", str(row.visitor),
-                                 row.stop or "-", row.node or "-", row.call, row.kind,
-                                 row.recovery, f"{row.lost:.1f} s"))
+    return tuple(map(clean, (
+        f"{row.at - began:.1f}", str(row.visitor), row.stop or "-", row.node or "-", row.call,
+        row.kind, row.recovery, f"{row.lost:.1f} s")))

@@ -180,8 +180,7 @@ class JournalCheck:
             yield (f"the simulated time jumped back by {seen:.1f} s in all; on record are "
                    f"{told:.1f} s")
 
-    def _of_pair(self, pair: Pair, asker: str,
-                 before: Optional[JournalEntry]) -> Iterator[str]:
+    def _of_pair(self, pair: Pair, asker: str, before: Optional[JournalEntry]) -> Iterator[str]:
         """Object to a request; ``asker`` is what has made the newest one on record, ``before`` what
         the node got before."""
         service, query, line = pair
@@ -246,8 +245,7 @@ class JournalCheck:
             return crash is not None
         return not any(line.node == node and crash < line.time < at for line in self._facts.journal)
 
-    def _of_result(
-            self, query: Query, line: JournalEntry, service: Service) -> Iterator[str]:
+    def _of_result(self, query: Query, line: JournalEntry, service: Service) -> Iterator[str]:
         """Object to a result that is not that of the node."""
         name, result, fault = query.asker, query.result, line.fault
         # a goal is sent when its server is back
@@ -270,9 +268,7 @@ class JournalCheck:
         is_too_late = query.cause is Cause.NO_ANSWER and self._facts.latest(due) > deadline
         if result is None or is_too_late or line.objection is not None and fault is None:
             return
-        done = "carried out"
-        if fault is not None:
-            done = f"made to fail ({fault})"
+        done = "carried out" if fault is None else f"made to fail ({fault})"
         call, said = f"call {line.call} of {line.resource}", self._due_result(query, line, service)
         found = query.cause or result
         if found != said and not (said is None and query.cause is None):
@@ -313,8 +309,7 @@ class JournalCheck:
         witnessed = {self._name_of(service) for service in self._interface.services
                      if self._is_witnessed(service)}.difference(absent)
         for time, event in changes:
-            node = event.node.rpartition("/")[2]
-            if event.name in witnessed and not self._is_away(node, time):
+            if event.name in witnessed and not self._is_away(event.node.rpartition("/")[2], time):
                 yield f"{event.name} was taken for gone, and /{event.node} was running"
         for service, query, _ in self.pairs:
             if query is None or isinstance(service, Publication):  # subscribers are not monitored

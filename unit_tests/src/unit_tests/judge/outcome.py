@@ -43,6 +43,8 @@ class VisitOutcome:
     """What the visitor of one pass saw and heard, by the journal."""
 
     ALL_SHOWN = "the visitor was shown all exhibits"
+    STAYS = True
+    """Whether a visitor who leaves may be there to the end."""
     FAREWELLS = reference.FAREWELLS.keys() - {reference.REFUSED}
     """The node types of what a visitor who engages has to be told, if the mission has them."""
 
@@ -59,6 +61,7 @@ class VisitOutcome:
         self._drives = [line for line in self._lines
                         if line.node == "robotNavigation" and line.done]
         self._exhibits: Dict[str, List[Exhibit]] = {}  # by each part of their descriptions
+        self._goals = list(map(_goal, self._drives))
         for place in places.exhibits:
             for text in _parts(place):
                 self._exhibits.setdefault(text, []).append(place)
@@ -91,7 +94,7 @@ class VisitOutcome:
             yield from self._of_leaving()
         elif is_asked and not self._may_be_misread:
             elsewhere = [place.location for place in self._places.home + self._places.entrance]
-            goals = [_goal(line) for line in self._drives if _goal(line) not in elsewhere]
+            goals = [goal for goal in self._goals if goal not in elsewhere]
             if self.shown or goals:
                 what = ", ".join(self.shown) or "driven to {:g}, {:g}, {:g}°".format(*goals[0])
                 yield f"the visitor, who {DOES[behaviour]}, was shown {what}"
@@ -130,14 +133,9 @@ class VisitOutcome:
         """Whether each exhibit was described, in their order, and the robot has driven home, if the
         mission has it do so."""
         due = [text for place in self._places.exhibits for text in _parts(place)]
-        goals, home = [_goal(line) for line in self._drives[-1:]], self._places.home[0].location
-        is_home = goals == [home] or self._node_types.isdisjoint(reference.LOOK_HOME)
+        is_home = self._goals[-1:] == [self._places.home[0].location] or (
+            self._node_types.isdisjoint(reference.LOOK_HOME))
         return [part.text for part in self.described] == due and is_home
-
-    @property
-    def _has_stayed(self) -> bool:
-        """Whether the visitor was shown what one who leaves does not stay for."""
-        return self.is_whole
 
     @property
     def is_right(self) -> bool:
@@ -158,10 +156,9 @@ class VisitOutcome:
         has_all = not (test.absent_services or test.absent_actions or facts.real or any(
             stall.ends - stall.begins > facts.late for stall in facts.stalls))
         begins, ends = self.visit.began - facts.away, self.visit.ended or 0.0
-        has_faults = any(
-            not line.done or line.seconds + facts.late > settings.deadlines[
-                line.node + "Deadline"] for line in facts.journal
-            if line.call and begins <= line.time <= ends)
+        calls = (line for line in facts.journal if line.call and begins <= line.time <= ends)
+        has_faults = any(not line.done or line.seconds + facts.late > settings.deadlines[
+            line.node + "Deadline"] for line in calls)
         is_prompt = test.arrival_rate >= PROMPT_RATE and settings.topic_max_age >= facts.late
         waits = robot.has_files or settings.condition_wait > 0.0 or not (
             self._node_types.isdisjoint(reference.WAITS))
@@ -212,7 +209,8 @@ class VisitOutcome:
             if line.time > gone + limit and not self._is_held_up(line):
                 yield f"“{_said(line)}” was said to a visitor who had left"
                 return
-        if self._has_stayed and any(message.node == node_of(FACES) for message in self._messages):
+        is_whole = self.STAYS and self.is_whole
+        if is_whole and any(message.node == node_of(FACES) for message in self._messages):
             yield "the visitor, who leaves, was there to the end"
 
     def _is_held_up(self, said: JournalEntry) -> bool:
@@ -227,6 +225,7 @@ class ReceptionOutcome(VisitOutcome):
     asks whether it is the wanted one, the second tells the way to it."""
 
     ALL_SHOWN = "the visitor was told the way"
+    STAYS = False  # but leaves on the way to the place, or before
     FAREWELLS = {reference.GOODBYE}
 
     @property
@@ -238,12 +237,8 @@ class ReceptionOutcome(VisitOutcome):
     @property
     def is_whole(self) -> bool:
         """Whether the way was told to the wanted place alone, and the robot is at home."""
-        goals, home = [_goal(line) for line in self._drives[-1:]], self._places.home[0].location
-        return self._told == self._wanted and goals in ([], [home])
-
-    @property
-    def _has_stayed(self) -> bool:
-        return False  # a visitor leaves on the way to the place, or before
+        is_home = self._goals[-1:] in ([], [self._places.home[0].location])
+        return self._told == self._wanted and is_home
 
     @property
     def _wanted(self) -> List[Exhibit]:
@@ -269,7 +264,7 @@ class ReceptionOutcome(VisitOutcome):
     def _shown_in_short(self) -> str:
         told, wanted = (", ".join(place.name for place in places) or "no place"
                         for places in (self._told, self._wanted))
-        goals = ["{:g}, {:g}, {:g}°".format(*_goal(line)) for line in self._drives[-1:]]
+        goals = ["{:g}, {:g}, {:g}°".format(*goal) for goal in self._goals[-1:]]
         return f"told the way to {told}, looks for {wanted}, and the last drive led " + (
             f"to {goals[0]}" if goals else "nowhere")
 

@@ -179,8 +179,7 @@ class TaskContext:
         self.known = files.KnowledgeFiles((), settings.language, speeches, "", "")
         if knowledge:
             environment, culture = knowledge
-            takes_arm = self.robot.name == RELEASE_1_1
-            self.known = files.knowledge(environment, culture, takes_arm)
+            self.known = files.knowledge(environment, culture, self.robot.name == RELEASE_1_1)
         self.language = self.known.language
         self.gone: Set[str] = set()  # services that are known to be gone
         self.failures: List[TaskFailure] = []
@@ -212,7 +211,9 @@ class TaskContext:
         failures = self.failures_of_pass
         if failures and self.is_spent and len(spent) >= policy.most and rest > 0.0:
             return min(usual, rest)
-        return usual if any(cause is Cause.TYPE_MISMATCH for cause, _ in failures) else 0.0
+        if any(cause is Cause.TYPE_MISMATCH for cause, _ in failures):
+            return usual
+        return 0.0
 
     def speech_lasts(self, node: "ReferenceNode", request: Any) -> float:
         """Return the seconds for which a node waits while release 1.0's robot speaks: it answers
@@ -516,9 +517,8 @@ def is_asked_again(node: Any) -> bool:
     parent = node.parent
     if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and node is not parent.children[-1]:
         return True
-    if isinstance(parent, WhileDoElse) and node is parent.children[0]:
-        return True
-    return parent is not None and is_asked_again(parent)
+    is_condition = isinstance(parent, WhileDoElse) and node is parent.children[0]
+    return is_condition or parent is not None and is_asked_again(parent)
 
 
 def spoken(known: files.PhrasesFile, text: str) -> Optional[str]:
@@ -735,9 +735,8 @@ def _begin(node: Any) -> None:
 
 def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    name = exhibits[index].name
     node.course.traversal.decided(node, STOP_STATE.format(
-        number=index + 1, of=len(exhibits), name=name, state=state))
+        number=index + 1, of=len(exhibits), name=exhibits[index].name, state=state))
 
 
 def _has_next(node: Any) -> bool:
@@ -963,10 +962,8 @@ ROWS: Tuple[Row, ...] = (
     _asks("WelcomeGesture", PerformGesture, partial(_iconic, which="welcome")),
     # other names and extensions
     speech("SayGoodBye", "SayGoodByeSpeech"),
-    _asks("DescribeExhibitSpeech_1", Say, partial(_describe, part="1"),
-          "<currentExhibit <description1"),
-    _asks("DescribeExhibitSpeech_2", Say, partial(_describe, part="2"),
-          "<currentExhibit <description2"),
+    *(_asks("DescribeExhibitSpeech_" + part, Say, partial(_describe, part=part),
+            "<currentExhibit <description" + part) for part in "12"),
     # release 1.0: the argument is the node's name
     _row("StartOfTree", ReferenceServiceAction, "", _start),
     _asks("SayText", Say, _say_utility, ">questionAskedAt", is_question=True),

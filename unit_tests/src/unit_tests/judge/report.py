@@ -9,8 +9,7 @@ from xml.etree import ElementTree
 
 from behavior_controller.config import settings
 from behavior_controller.config.config_file import to_text, values_of
-from behavior_controller.run.events import (
-    LeafFinished, Line, Noticed, PassFinished, Recovered)
+from behavior_controller.run.events import LeafFinished, Line, Noticed, PassFinished, Recovered
 from behavior_controller.run.state import LEFT_OUT, State
 from behavior_controller.viewer.report import ShownVerdict, to_html
 from behavior_controller.run.story import sentences, why

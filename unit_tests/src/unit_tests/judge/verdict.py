@@ -116,12 +116,11 @@ def _not_as_given(facts: Facts) -> Iterator[str]:
     for name, value in mission.settings.values.items():
         if name not in SET_BY_THE_TEST and has.get(name) != value:
             yield f"the controller has {name} {has.get(name)}; it was given {value}"
-    known = getattr(mission.knowledge, "sources", ())
     for what, its, given in (
             ("mission", files.documents, mission.tree.sources),
             ("phrases", [files.phrases], [mission.phrases.source]),
             ("recovery policy", [files.policy], [mission.policy.source]),
-            ("knowledge", files.knowledge, known)):
+            ("knowledge", files.knowledge, getattr(mission.knowledge, "sources", ()))):
         if [source.text for source in its] != [source.text for source in given]:
             names = ", ".join(source.file for source in its)
             yield f"the controller has another {what} than it was given: {names}"
@@ -148,8 +147,7 @@ def _end(verdict: Verdict) -> Iterator[str]:
     facts = verdict.facts
     finished, ending = facts.run.state.finished, "the controller " + _ending(facts.exit_code)
     outcomes = [visit.outcome for visit in facts.run.visits if visit.outcome]
-    is_told = bool(verdict.execution.difference)
-    if facts.has_timed_out and not is_told and (
+    if facts.has_timed_out and not verdict.execution.difference and (
             verdict.overdue or facts.run.state.started is None):
         yield facts.cut_off
     elif facts.cut_off or facts.run.state.started is None:
@@ -223,10 +221,10 @@ def _praise(verdict: Verdict) -> Iterator[str]:
     calls = [line for line in facts.journal if line.call]
     ended = [visit for visit in facts.run.visits if visit.outcome]
     whole = [visit for visit in ended if visit.outcome == "SUCCESS"]
-    right = [outcome.visit for outcome in verdict.outcomes if outcome.is_right]
-    others = len(whole) - len([visit for visit in whole if visit in right])
-    if len(whole) > others:
-        passes = count(len(whole) - others, "pass ended", "passes ended")
+    right = [each for each in verdict.outcomes if each.visit in whole and each.is_right]
+    others = len(whole) - len(right)
+    if right:
+        passes = count(len(right), "pass ended", "passes ended")
         yield f"{passes} as a visitor who {DOES[facts.test.visitor_behaviour]} should"
     if others:
         passes = count(others, "pass ended", "passes ended")

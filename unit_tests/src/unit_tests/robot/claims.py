@@ -135,9 +135,8 @@ def _claim(node: str, name: str, options: Options) -> Claim:
     resources += [CLOCK.name] * (node == CLOCK_NODE)
     if offers.topic is not None:
         resources.append(offers.publisher + ("/result" if offers.action is not None else ""))
-    words = options.words
-    return Claim(node, _resolved(name, words),
-                 frozenset(_resolved(resource, words) for resource in resources))
+    return Claim(node, _resolved(name, options.words),
+                 frozenset(_resolved(resource, options.words) for resource in resources))
 
 
 def _resolved(name: str, words: List[str]) -> str:

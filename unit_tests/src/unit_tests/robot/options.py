@@ -248,9 +248,8 @@ def _not_of_robot(test: Configuration, interface: Interface,
 _USAGE = (
     "usage: rosrun unit_tests runTest [name:=value ...]", "",
     "Runs the mission against the simulated robot. The last lines are the verdict and the path of "
-    "its page; exit code 0: "
-    "passed, 1: failed, 2: nothing was tested, 3: cut off. The configuration files have the "
-    "defaults, shown here after the names.")
+    "its page; exit code 0: passed, 1: failed, 2: nothing was tested, 3: cut off. The "
+    "configuration files have the defaults, shown here after the names.")
 
 _SECTIONS: Mapping[str, Sequence[Key]] = {
     FILE_NAME: KEYS,

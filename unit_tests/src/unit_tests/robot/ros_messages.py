@@ -39,8 +39,7 @@ def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:
 
 def response_fields(service: Service) -> Sequence[str]:
     """Return the names of the fields of a service's response, or of an action's result."""
-    slots: Sequence[str] = _response_class(service).__slots__
-    return slots
+    return list(_response_class(service).__slots__)
 
 
 def message(topic: Topic, content: Fields) -> Any:

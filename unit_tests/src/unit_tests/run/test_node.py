@@ -31,6 +31,7 @@ from behavior_controller.simulation.rehearsal.play import (
     LoadedMission, PASS_LIMIT, TIMED_OUT, leaves_reached)
 
 from unit_tests import folders
+from unit_tests.judge import verdict
 from unit_tests.folders import noted
 from unit_tests.robot import claims, options
 from unit_tests.run.controller import read_errors, read_exit_code
@@ -38,7 +39,6 @@ from unit_tests.judge.facts import Facts, Stall, by_record, speeds
 from unit_tests.judge.outcome import DOES
 from unit_tests.judge.read_back import misprints
 from unit_tests.judge.report import Report, title, to_junit
-from unit_tests.judge.verdict import Verdict
 from unit_tests.robot.options import Arguments, Options
 
 OUTPUT = "behaviorControllerTestOutput.dat"
@@ -52,7 +52,8 @@ VERDICT = "verdict"
 end."""
 
 PASSED, _FAILED, NOT_RUN, CUT_OFF = 0, 1, 2, 3
-"""Exit codes of a test."""
+EXIT_CODES = {verdict.PASSED: PASSED, verdict.FAILED: _FAILED, verdict.CUT_OFF: CUT_OFF}
+"""Exit codes of a test, and those of its verdicts."""
 
 NOTHING_TESTED = "nothing was tested"
 """The last line of a test that did not start."""
@@ -146,22 +147,15 @@ def _test(own: Options) -> int:
     content = report.page()
     page = content and save(content, arguments, folders.PAGE, robot)
     columns = shutil.get_terminal_size(fallback=(DEFAULT_COLUMNS, 0)).columns
+    is_refused = facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT
+    code = EXIT_CODES[report.verdict.word]
+    if is_refused and code == _FAILED:
+        code = NOT_RUN
     wrong = _read_back(report, arguments.folder, junit)
     shown = "\n".join([report.shown(columns, files, page), *wrong])
     if wrong:
-        return finish(_FAILED, shown, arguments)
-    return finish(_exit_code(report.verdict), shown, arguments)
-
-
-def _exit_code(verdict: Verdict) -> int:
-    facts = verdict.facts
-    if verdict.is_cut_off:
-        return CUT_OFF
-    if verdict.passed:
-        return PASSED
-    if facts.run.state.started is None and facts.exit_code == exit_codes.WRONG_INPUT:
-        return NOT_RUN
-    return _FAILED
+        code = _FAILED
+    return finish(code, shown, arguments)
 
 
 def _read_back(report: Report, folder: str, junit: str) -> List[str]:
@@ -271,10 +265,8 @@ def save(text: str, arguments: Arguments, kind: OutputKind, robot: str = "") -> 
     """Write the report, or its page, to the folder of the run, and a copy as the newest one of the
     robot; return the path of the copy."""
     wanted, name = arguments.values.get("outputFile"), _of_robot(OUTPUT, robot)
-    paths = [os.path.join(arguments.folder, OUTPUT), os.path.join(folders.share(), "data", name),
-             os.path.join(ros_home(), name)]
-    if wanted:
-        paths[1:] = [wanted]
+    newest = [os.path.join(folders.share(), "data", name), os.path.join(ros_home(), name)]
+    paths = [os.path.join(arguments.folder, OUTPUT)] + ([wanted] if wanted else newest)
     if kind is folders.PAGE:
         paths = list(map(folders.page_beside, paths))
     _write(paths[:1], text, kind)
@@ -303,8 +295,7 @@ def _save_junit(text: str, robot: str = "") -> str:
     reason = _write([path], text, folders.JUNIT).partition("nowhere: ")[2]
     if reason:
         print("no JUnit file: " + reason, flush=True)
-        return ""
-    return path
+    return "" if reason else path
 
 
 def finish(code: int, text: str, arguments: Arguments) -> int:
