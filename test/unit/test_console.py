@@ -257,6 +257,20 @@ def test_a_shortage_that_many_threads_meet_is_one_line(told, console, reason):
     assert len(told) == 1 and "no more memory, threads or files" in told[0]
 
 
+def test_an_internal_error_is_told_where_its_details_cannot_be_kept(
+        told, console, monkeypatch, tmp_path):
+    monkeypatch.setattr(module.tempfile, "tempdir", str(tmp_path / "missing"))
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])
+    failed = []
+    monkeypatch.setattr(threading, "excepthook", failed.append)
+    for text in ("odd", "even"):
+        console.report_internal_error(ValueError(text))
+        console.drain(5)
+    assert not failed and [line.partition(";")[0] for line in told] == [
+        "behaviorController: internal error (ValueError: odd)",
+        "behaviorController: internal error (ValueError: even)"]
+
+
 def test_what_another_node_answers_is_one_line():
     assert str(Trouble(Cause.HANDLER_EXCEPTION, ODD)).isprintable()
 

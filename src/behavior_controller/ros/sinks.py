@@ -261,7 +261,11 @@ class Detached(logging.Handler):
             return logging.LogRecord("rosout", logging.WARNING, __file__, 0,
                                      "behaviorController: %s", (text,), None)
 
-        self.sink = Sink(self.path or "/rosout", handler.handle, warning)
+        def write(record: logging.LogRecord) -> None:
+            with contextlib.suppress(OSError):  # the file cannot be opened
+                handler.handle(record)
+
+        self.sink = Sink(self.path or "/rosout", write, warning)
 
     def emit(self, record: logging.LogRecord) -> None:
         """Queue ``record``."""
