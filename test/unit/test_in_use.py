@@ -25,6 +25,21 @@ class Controller(RpcPeer):
         return 1, "", self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
 
 
+@pytest.mark.parametrize("shared, words", [
+    ([SAY], f"it asks {SAY}, and each"), ([SAY, "/x"], f"it asks {SAY} and 1 more of them, and"),
+    ([SAY, "/x", "/y"], f"it asks {SAY} and 2 more of them, and")])
+def test_the_refusal_counts_the_services_that_both_ask(monkeypatch, shared, words):
+    master, other = Master(), Controller([True, [*shared, "/of_the_other"]])
+    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    master.publishers["/rosout"], master.nodes["/a"] = ["/a"], other.uri
+    try:
+        with pytest.raises(NodesMissing, match=words):
+            check_unused(frozenset([*shared, "/of_ours"]))
+    finally:
+        for each in (other, master):
+            each.close()
+
+
 @pytest.mark.parametrize("name, answers, is_refused", [
     # its name comes after ours, and it may have looked before we were registered
     ("/z", [STARTS, STARTS, RUNS], True), ("/z", [STARTS, STARTS, REFUSED], False),
