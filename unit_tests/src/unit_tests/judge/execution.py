@@ -465,8 +465,7 @@ class Execution(TaskContext):
 
     # ------------------------------------------------------------------------- what the nodes go by
 
-    def ask(self, node: ReferenceNode, request: Union[Request, type],
-            is_step: bool = True) -> Query:
+    def ask(self, node: ReferenceNode, request: Union[Request, type], is_step: bool) -> Query:
         """Return a request with its answer, if that has come; of a node without a row only the
         request's kind is known. ``is_step``: the record tells that it begins."""
         is_told = is_step and not isinstance(node, reference.RecoveryTask)

@@ -60,14 +60,13 @@ class JournalCheck:
     """The journal beside the record."""
 
     def __init__(self, facts: Facts, execution: Execution):
-        self._facts, self._interface = facts, facts.world.settings.interface
+        chosen = facts.world.settings
+        self._facts, self._interface = facts, chosen.interface
         self._name_of = self._interface.name_of
         self._execution, self._crashes = execution, facts.crashes
         self.end = max([facts.run.state.at, *(line.time for line in facts.journal)])
-        self._robot = robot_of(facts.world.settings)
-        mission = facts.world.settings.scenario_specification
-        self._places = files.places(mission, self._robot.has_files)
-        self._deadlines = facts.world.settings.deadlines
+        self._robot, self._deadlines = robot_of(chosen), chosen.deadlines
+        self._places = files.places(chosen.scenario_specification, self._robot.has_files)
         self._safe_limit = max(self._deadlines[self._interface.service(type(request)).deadline_key]
                                for request in SAFE_STATE)
         names = dict.fromkeys(map(self._name_of, self._interface.services))
