@@ -55,11 +55,13 @@ CHOICES: Dict[str, Tuple[str, Sequence[str]]] = {
 Result = Union[Answer, Failure]
 
 
-def main() -> int:
+def main(arguments: Optional[List[str]] = None) -> int:
     """Return the exit code, see ``EXIT_CODES``."""
     keys = {key.name for key in settings.KEYS}
+    if arguments is None:
+        arguments = sys.argv[1:]
     # a key is also understood as roslaunch gives it, without its underscore
-    sys.argv[1:] = ["_" * (word.partition(ASSIGNMENT)[0] in keys) + word for word in sys.argv[1:]]
+    sys.argv[1:] = ["_" * (word.partition(ASSIGNMENT)[0] in keys) + word for word in arguments]
     given = settings.split_arguments(sys.argv)[0]
     kind, words = read_words(rospy.myargv(given)[1:])
     signal.signal(signal.SIGINT, signal.default_int_handler)
