@@ -16,7 +16,7 @@ import textwrap
 import threading
 import time
 from functools import partial
-from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple, Union
+from typing import Callable, Dict, Iterator, List, Optional, Set, Tuple, Union
 
 import msgspec
 from msgspec import Struct
