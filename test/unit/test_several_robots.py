@@ -3,11 +3,12 @@ import os
 import socket
 
 import pytest
+import rospy
 from rosgraph.names import load_mappings, resolve_name
 
 from behavior_controller.config import settings
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.ros.names import words_of
+from behavior_controller.ros.names import enter, words_of
 from behavior_controller.run.record import files
 from behavior_controller.run.record.unended import may_be_live
 from behavior_controller.viewer.server import opened
@@ -49,6 +50,15 @@ def test_names_are_below_the_robot_unless_they_are_remapped(words, say):
     assert resolve_name(SAY, node, mappings) == say
     assert load_mappings(found)["__ns"].strip("/") == "robot1" and "/clock" not in mappings
     assert words_of("", words) is words
+
+
+@pytest.mark.parametrize("words, say", [
+    (["__ns:=/robot1"], "/robot1/say"), (["__ns:=robot1", "say:=speak"], "/robot1/say"),
+    ([], "/say")])
+def test_a_node_that_has_no_name_yet_resolves_names_in_its_namespace(monkeypatch, words, say):
+    monkeypatch.setattr(rospy.names, "_caller_id", rospy.names.get_caller_id())
+    enter(["program", *words])
+    assert rospy.resolve_name("say") == say and rospy.resolve_name("/clock") == "/clock"
 
 
 @pytest.mark.parametrize("words, environment", [(["__ns:=/hall"], ""), ([], "hall")])
