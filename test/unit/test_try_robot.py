@@ -132,6 +132,7 @@ def test_a_ctrl_c_ends_the_wait_for_an_answer_and_says_what_may_be(rig):
 
 @pytest.mark.parametrize("arguments, code, words", [
     (["_langauge:=English"], 2, "langauge"), (["_robotInterface:=release-3"], 2, "release-3"),
+    (["robotInterface:=release-3"], 2, "release-3"),  # as roslaunch gives it
     (["__name:=a b"], 2, "is not the name of a node")])
 def test_what_keeps_the_program_from_asking(rig, arguments, code, words):
     found, text = rig.start("say", "x", *arguments, run=TRY).code()
