@@ -1,5 +1,6 @@
 """Tests of what a test asks the master before it starts: no answer ends it otherwise than by a
 line, in bounded time."""
+import os
 import socket
 import threading
 import time
@@ -201,3 +202,21 @@ def test_with_an_action_its_result_takes_the_place_of_the_topic(given):
     assert not any(name.endswith("/speechEvent/text") for name in claimed["speechEvent"])
     assert any(name.endswith("/result") for name in claimed["speechEvent"])
     assert "knowledgeBase" not in claimed
+
+
+@pytest.mark.parametrize("name, machine, process, is_ours", [
+    ("/ear", "here", os.getpid(), True), ("/ear", "here", os.getppid(), True),
+    ("/ear", "here", 1, False), ("/ear", "here", 1 << 30, False),  # there is no such process
+    ("/ear", "here", claims._UNKNOWN, True),  # it may be slow to answer
+    ("/ear", "there", os.getpid(), False), ("/other", "here", os.getpid(), False)
+], ids=map(str, range(7)))  # the numbers of processes differ where tests run side by side
+def test_a_node_below_the_same_roslaunch_is_of_this_launch(
+        monkeypatch, name, machine, process, is_ours):
+    monkeypatch.setenv("ROS_HOSTNAME", "here")
+    claim = claims.Claim("speechEvent", "/ear")
+    monkeypatch.setattr(claims, "_holders", lambda _: [
+        claims.Holder(claim, name, (), machine, process)])
+    others, is_under_way = claims.find_others([claim], Arguments([], {options.DRAWN: "1"}))
+    assert (not others, is_under_way) == (is_ours, is_ours)
+    others, is_under_way = claims.find_others([claim], Arguments([], {}))
+    assert len(others) == 1 and not is_under_way  # of no launch at all
