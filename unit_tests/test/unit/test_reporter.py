@@ -3,6 +3,7 @@ import pathlib
 import re
 import shutil
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -108,6 +109,11 @@ def test_the_time_that_a_test_needs_is_told_before_the_start(limit, is_short):
     assert ("cut off; set testTimeout:=1" in told) is is_short
 
 
+def test_visitors_who_never_leave_need_no_time_that_could_be_told():
+    stage = SimpleNamespace(play=lambda test: SimpleNamespace(seconds=test.test_timeout))
+    assert test_node.time_needed(stage, configuration.defaults(missionRuns=1)) == ""
+
+
 def test_a_run_without_an_end_has_no_verdict(tmp_path):
     assert test_node.read_verdict(str(tmp_path)) is None
 
@@ -122,7 +128,7 @@ def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(
     monkeypatch.setattr(test_node, "PROGRESS_INTERVAL", 0.0)
     outcome = test_node.wait_for_end(Options(Arguments([], {"folder": str(tmp_path)}),
                                              configuration.defaults(testTimeout=60.0), None))
-    assert outcome.exit_code == 0 and not outcome.cut_off
+    assert outcome.exit_code == 0 and not outcome.cut_off and not outcome.has_timed_out
     assert max(stall.ends - stall.begins for stall in outcome.stalls) > 0.3
 
 
