@@ -325,6 +325,7 @@ def test_a_technician_finds_the_visits_that_failed_and_the_commonest_cause(liste
     digests = listed_of(copy)
     failed = [visit.words for digest in reversed(digests) for visit in reversed(digest.visits)
               if visit.result == BROKEN_OFF]
+    assert texts(listed, "#figures") == ["11 visits in 3 runs"]
     # without a click: the fault that most visits met, and how many it ended
     assert texts(listed, "#faults tbody tr:first-child td") == [DRIVE, "2", "2"]
     chip = next(each for each in listed.find_elements("css selector", "#results button")
