@@ -59,16 +59,11 @@ RETRIES = ('<RetryUntilSuccessful name="AtMostThreePrompts" num_attempts="3">' +
            + "</RetryUntilSuccessful>")
 COUNTED = '<ScriptCondition code="@prompts &lt; 3"/><Script code="@prompts += 1"/>'
 
-ONE = ["asrEnabled:=true", "--kinds", "refused"]
 CALM = ["asrEnabled:=true", "--faults", "none"]
 
 
 def calm(visitors="engages", *words):
     return [*CALM, "--visitors", visitors, *words]
-
-
-def faulty(visitors="engages"):
-    return [*ONE, "--visitors", visitors]
 
 
 def planned(fault, *words):
@@ -168,8 +163,7 @@ FLAWED = [
      [as_fallback("VisitExhibits")]),
     ("a Fallback of the mission", ["--faults", "none"], "never-asked",
      [as_fallback("LabTour")]),
-    ("a Fallback of the way home", calm(), "not-home", [as_fallback("GoHome")]),
-]
+    ("a Fallback of the way home", calm(), "not-home", [as_fallback("GoHome")])]
 
 SEARCHED = {"a Fallback of the steps of a drive", "a Fallback of the steps at the end"}
 """The tours in which every visitor waits until the limit of a pass."""
@@ -183,8 +177,7 @@ SOUND = [
     ("goodbye in words, then by a gesture", [(PARALLEL, safe("SayGoodByeSpeech")
                                               + safe("GoodbyeGesture"))]),
     ("a counter that each visitor resets",
-     [(START, START + '<Script code="@prompts := 0"/>'), (PROMPT, COUNTED + PROMPT)]),
-]
+     [(START, START + '<Script code="@prompts := 0"/>'), (PROMPT, COUNTED + PROMPT)])]
 
 
 def changed(changes):
