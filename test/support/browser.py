@@ -68,17 +68,6 @@ return arguments[0].every(id => {
 """
 
 
-def first(chosen, everything):
-    """Return the parameters for ``everything``; those that are not ``chosen`` are long.
-
-    Chosen are so many that page and report are judged in both modes, on a phone, and the page in
-    each state.
-    """
-    return [
-        pytest.param(*each, marks=() if each in chosen else pytest.mark.long) for each in everything
-    ]
-
-
 def reset_screen(browser):
     """Take back what ``set_screen`` did."""
     browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
