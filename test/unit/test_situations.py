@@ -34,9 +34,10 @@ from behavior_controller.robot.d543 import FACES, INTERFACE
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, Faces, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention, SetPose)
-from browser import IS_WHOLE, SCREENS, reset_screen, set_screen
+from browser import IS_WHOLE, SCREENS
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
-from page_rig import Show, Situation, Stop, open_page, text, use_time_of, wait_until
+from page_rig import (
+    Situation, Stop, is_second_text, open_page, text, use_time_of, wait_until)
 from told_visits import refusing, walks_off
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 
@@ -180,44 +181,36 @@ return {what: text("now"), waits: text("waits"), next: text("next"), elapsed: te
 
 
 @pytest.mark.parametrize("situation", SITUATIONS)
-def test_card_and_robot_line_say_what_is_so(situation, monkeypatch, browser):  # noqa: F811
+def test_card_and_robot_line_say_what_is_so(situation, monkeypatch, show, browser):
     shows = []
-
-    def rig_on_page(rig):
-        use_time_of(rig, monkeypatch)
-        shows.append(Show(rig))
 
     def init(self, rig, begin=Situation.__init__):
         begin(self, rig)
-        rig_on_page(rig)
+        use_time_of(rig, monkeypatch)
+        shows.append(show(rig))
 
     monkeypatch.setattr(Situation, "__init__", init)
-    try:
-        played, wrong = situation()
-        now, robot = played.card, played.robot
-        open_page(browser, shows[-1])
-        wait_until(lambda: browser.execute_script(FIELDS)["kind"] == now.kind)
-        seen = browser.execute_script(FIELDS)
-        assert seen["what"] == now.what
-        assert seen["next"] == ("next: " + now.next if now.next else "")
-        assert now.waits_for in seen["waits"] and now.trouble in seen["waits"]
-        switches = ["attention " + robot.attention, "lifelike movement " + robot.movement]
-        if robot.safe:  # which says it
-            switches = ["", ""]
-        assert seen["robot"] == [robot.alive, robot.place, *switches, robot.safe,
-                                 robot.instruction]
-        assert [words for words in wrong if words in seen["all"]] == []
-        left = now.until - played.rig.clock.now() if now.until is not None else 0.0
-        if now.kind in ("wait", "asleep", "paused"):
-            assert abs(float(re.search(r"(\d+) s more", seen["elapsed"])[1]) - left) <= 2.0
-        line = card_line(now, played.rig.clock.now())
-        assert all(words in line for words in (now.where, now.what, now.waits_for, now.next))
-        assert robot.instruction in robot.text
-        assert browser.execute_script("return byId('visits-list').childElementCount") == len(
-            played.run.visits)
-    finally:
-        for each in shows:
-            each.page.close()
+    played, wrong = situation()
+    now, robot = played.card, played.robot
+    open_page(browser, shows[-1])
+    wait_until(lambda: browser.execute_script(FIELDS)["kind"] == now.kind)
+    seen = browser.execute_script(FIELDS)
+    assert seen["what"] == now.what
+    assert seen["next"] == ("next: " + now.next if now.next else "")
+    assert now.waits_for in seen["waits"] and now.trouble in seen["waits"]
+    switches = ["attention " + robot.attention, "lifelike movement " + robot.movement]
+    if robot.safe:  # which says it
+        switches = ["", ""]
+    assert seen["robot"] == [robot.alive, robot.place, *switches, robot.safe, robot.instruction]
+    assert [words for words in wrong if words in seen["all"]] == []
+    left = now.until - played.rig.clock.now() if now.until is not None else 0.0
+    if now.kind in ("wait", "asleep", "paused"):
+        assert abs(float(re.search(r"(\d+) s more", seen["elapsed"])[1]) - left) <= 2.0
+    line = card_line(now, played.rig.clock.now())
+    assert all(words in line for words in (now.where, now.what, now.waits_for, now.next))
+    assert robot.instruction in robot.text
+    assert browser.execute_script("return byId('visits-list').childElementCount") == len(
+        played.run.visits)
 
 
 def ticked(mission, seconds, answer=lambda request: NotImplemented):
@@ -303,8 +296,7 @@ def test_a_wait_says_what_is_wrong_with_its_topic():
     ("<Sequence _skipIf='false'><SayGoodByeSpeech/></Sequence>", ""),
     ("<Sequence><SayGoodByeSpeech _while='true'/></Sequence>", ""),
     ("<Switch2 variable='{x}' case_1='1' case_2='2'><WelcomeGesture/><AlwaysSuccess/>"
-     "<SayGoodByeSpeech/></Switch2>", ""),
-])
+     "<SayGoodByeSpeech/></Switch2>", "")])
 def test_what_comes_next_is_said_if_it_is_certain(following, expected):
     played = ticked("<Sequence><Script code='x := 1'/><WelcomeSpeech/>{}</Sequence>".format(
         following), 1, lambda request: None)
@@ -377,22 +369,16 @@ def test_what_a_node_was_asked_for_is_unknown_when_it_comes_back():
     assert (played.robot.attention, played.robot.movement) == ("unknown", "on")
 
 
-def test_retries_of_one_incident_are_one_entry(browser):  # noqa: F811
-    rig = Rig(answer=refusing(PerformGesture))
-    shown = Show(rig)
-    try:
-        open_page(browser, shown)
-        shown.run_until(lambda request: isinstance(request, Say) and request.text ==
-                        "second text 1")
-        sentences = shown.page.board.part("story")["sentences"]
-        incidents = {told["incident"] for told in sentences if told["incident"]}
-        assert len(incidents) == 2 and len([told for told in sentences if told["incident"]]) > 4
-        wait_until(lambda: browser.execute_script(
-            "return document.querySelectorAll('#transcript [data-incident]').length") == 2)
-        assert browser.execute_script(
-            "return document.querySelectorAll('#transcript details').length") == 2
-    finally:
-        shown.page.close()
+def test_retries_of_one_incident_are_one_entry(show, browser):
+    shown = show(Rig(answer=refusing(PerformGesture)))
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    sentences = shown.page.board.part("story")["sentences"]
+    incidents = {told["incident"] for told in sentences if told["incident"]}
+    assert len(incidents) == 2 and len([told for told in sentences if told["incident"]]) > 4
+    for rows in ("[data-incident]", "details"):
+        wait_until(lambda: len(
+            browser.find_elements("css selector", "#transcript " + rows)) == 2)
 
 
 # ----------------------------------------------------------------------- the cards of given models
@@ -807,67 +793,47 @@ return ["alive", "place", "attention", "movement"].every(
   id => byId(id).getBoundingClientRect().bottom <= box.bottom + 1)"""
 
 
-@pytest.mark.parametrize("width, height", SCREENS + [(320, 640)])
-def test_what_is_so_with_the_robot_moves_nothing(browser, width, height):  # noqa: F811
-    well = RobotLine(True, "all nodes in use answer", "off", "off", "at home")
-    drives = replace(well, place="driving to Camera wall", attention="on (scanning)")
-    lost = RobotLine(False, "/robotNavigation/set_goal is gone", "on (scanning)", "unknown",
-                     "last seen at Robot arm, on the way to Camera wall", "",
-                     "Restart /robotNavigation; take the robot home")
-    shown = Show(Rig())
-    set_screen(browser, width, height)
-    try:
-        open_page(browser, shown)
-        heads = browser.execute_script(HEADS, [asdict(robot) for robot in (well, drives, lost)])
+WELL = RobotLine(True, "all nodes in use answer", "off", "off", "at home")
+LOST = RobotLine(False, "/robotNavigation/set_goal is gone", "on (scanning)", "unknown",
+                 "last seen at Robot arm, on the way to Camera wall", "",
+                 "Restart /robotNavigation; take the robot home")
+FREE_BELOW = """
+return [byId("head").getBoundingClientRect().bottom - byId("movement").getBoundingClientRect().bottom,
+  parseFloat(getComputedStyle(byId("robot")).lineHeight)]"""
+
+
+def test_what_is_so_with_the_robot_moves_nothing_and_fills_the_head(show, browser, screen):
+    drives = replace(WELL, place="driving to Camera wall", attention="on (scanning)")
+    open_page(browser, show(Rig()))
+    for width, height in SCREENS + [(320, 640)]:
+        screen(width, height)
+        heads = browser.execute_script(HEADS, [asdict(robot) for robot in (WELL, drives, LOST)])
         assert len(set(heads)) == 1  # the instruction takes the place of the status
-        browser.execute_script("showRobot(arguments[0])", asdict(well))
+        browser.execute_script("showRobot(arguments[0])", asdict(WELL))
         assert browser.execute_script(IS_SHOWN)  # without a touch
-        browser.execute_script("showRobot(arguments[0]); byId('robot').focus()", asdict(lost))
+        browser.execute_script("showRobot(arguments[0]); byId('robot').focus()", asdict(LOST))
         assert browser.execute_script(IS_SHOWN)  # that has stepped aside, with one
-    finally:
-        reset_screen(browser)
-        shown.page.close()
+        browser.execute_script("byId('robot').blur(); showRobot(arguments[0])",
+                               asdict(replace(WELL, attention="on (scanning)", movement="on")))
+        free, line = browser.execute_script(FREE_BELOW)
+        # each of the lines that are kept for the robot has something in it
+        assert free < 0.5 * line or width == 320, width
 
 
-@pytest.mark.parametrize("width, height", SCREENS)
-def test_no_part_of_the_head_is_empty(browser, width, height):  # noqa: F811
-    """Each of the lines that are kept for the robot has something in it."""
-    well = RobotLine(True, "all nodes in use answer", "on (scanning)", "on", "at home")
-    shown = Show(Rig())
-    set_screen(browser, width, height)
-    try:
-        open_page(browser, shown)
-        browser.execute_script("showRobot(arguments[0])", asdict(well))
-        free, line = browser.execute_script(
-            "return [byId('head').getBoundingClientRect().bottom - "
-            "byId('movement').getBoundingClientRect().bottom, "
-            "parseFloat(getComputedStyle(byId('robot')).lineHeight)]")
-        assert free < 0.5 * line
-    finally:
-        reset_screen(browser)
-        shown.page.close()
-
-
-@pytest.mark.parametrize("width, height", SCREENS + [(320, 640), (320, 256), (640, 360)])
-def test_what_a_person_has_to_do_is_never_cut(browser, width, height):  # noqa: F811
+def test_what_a_person_has_to_do_is_never_cut(show, browser, screen):
     line = RobotLine(False, "/robotNavigation/set_goal is gone", "on", "unknown", "at home",
                      "safe state not reached: attention and lifelike movement may be on")
-    shown = Show(Rig())
-    set_screen(browser, width, height)
-    try:
-        open_page(browser, shown)
+    open_page(browser, show(Rig()))
+    for width, height in SCREENS + [(320, 640), (320, 256), (640, 360)]:
+        screen(width, height)
         for words in (1, 8, 20, 40):
             robot = replace(line, instruction=" ".join(["Restart", "/robotNavigation,"] * words))
             browser.execute_script("showRobot(arguments[0]); keepHeight()", asdict(robot))
-            assert browser.execute_script(IS_WHOLE, ["instruction", "safe"]), words
-    finally:
-        reset_screen(browser)
-        shown.page.close()
+            assert browser.execute_script(IS_WHOLE, ["instruction", "safe"]), (width, words)
 
 
-def shift_on_page(browser, shown, act):  # noqa: F811
+def shift_on_page(browser, act):
     """Return by how much the layout of the page shifts while ``act()`` happens."""
-    open_page(browser, shown)
     time.sleep(0.5)
     browser.execute_script(SHIFTS)
     act()
@@ -877,29 +843,25 @@ def shift_on_page(browser, shown, act):  # noqa: F811
     return shift
 
 
-@pytest.mark.parametrize("width, height", [(320, 640), (400, 800), (800, 1180), (1280, 800)])
-def test_a_long_instruction_moves_the_page_once(browser, width, height):  # noqa: F811
-    shown = Show(Rig())
+@pytest.mark.parametrize("width, height", [(320, 640), (1280, 800)])
+def test_a_long_instruction_moves_the_page_once(show, browser, screen, width, height):
+    line = RobotLine(False, "x is gone", "on", "unknown", "at home")
 
     def act():
         for text in ("Restart /{}; take the robot home".format(", /".join(["robotNavigation"] * 9)),
                      "", "Take the robot home") * 4:
-            line = RobotLine(False, "x is gone", "on", "unknown", "at home", instruction=text)
-            browser.execute_script("showRobot(arguments[0]); keepHeight()", asdict(line))
+            browser.execute_script("showRobot(arguments[0]); keepHeight()",
+                                   asdict(replace(line, instruction=text)))
             time.sleep(0.05)
 
-    set_screen(browser, width, height)
-    try:
-        assert shift_on_page(browser, shown, act) < 0.1  # to and fro, it would be ten times as much
-    finally:
-        reset_screen(browser)
-        shown.page.close()
+    screen(width, height)
+    open_page(browser, show(Rig()))
+    assert shift_on_page(browser, act) < 0.1  # to and fro, it would be ten times as much
 
 
 @pytest.mark.parametrize("width, height", [(400, 800), (800, 1180), (1280, 800)])
-def test_nothing_jumps_during_a_tour_with_failures(browser, width, height):  # noqa: F811
+def test_nothing_jumps_during_a_tour_with_failures(show, browser, screen, width, height):
     rig = Rig(answer=refusing(PerformGesture))
-    shown = Show(rig)
     visitor, waits = visitor_who("yes"), []
 
     def seen_by_the_page(rig):
@@ -907,16 +869,13 @@ def test_nothing_jumps_during_a_tour_with_failures(browser, width, height):  # n
         if len(waits) == 6:
             rig.mission.health.report(GONE, gone())
         elif len(waits) == 9:
-            rig.mission.health.report(GONE, replace(gone(), is_well=True, consequence=""))
+            rig.mission.health.report(GONE, BACK)
         visitor(rig)
 
-    set_screen(browser, width, height)
-    try:
-        shift = shift_on_page(browser, shown, lambda: rig.run(seen_by_the_page, runs=2))
-        assert len(waits) > 10 and shift < 0.1
-    finally:
-        reset_screen(browser)
-        shown.page.close()
+    screen(width, height)
+    open_page(browser, show(rig))
+    shift = shift_on_page(browser, lambda: rig.run(seen_by_the_page, runs=2))
+    assert len(waits) > 10 and shift < 0.1
 
 
 SEEN_ON_PAGE = (HealthChanged, PassFinished, Paused, Recovered, Recovering)
@@ -933,10 +892,11 @@ def nearly_all_calls_fail():
 @pytest.mark.long
 @pytest.mark.timing
 @pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
-def test_nothing_jumps_while_nearly_all_fails(browser, monkeypatch, width, height):  # noqa: F811
+def test_nothing_jumps_while_nearly_all_fails(
+        show, browser, screen, monkeypatch, width, height):
     rig = Rig()
     use_time_of(rig, monkeypatch)
-    shown, instructions = Show(rig), set()
+    shown, instructions = show(rig), set()
 
     def happens(event):
         rig.mission.events.emit(event)
@@ -951,15 +911,12 @@ def test_nothing_jumps_while_nearly_all_fails(browser, monkeypatch, width, heigh
         for service in INTERFACE.services:
             happens(replace(gone(), name=service.name, node=service.node))
 
-    set_screen(browser, width, height)
-    try:
-        assert shift_on_page(browser, shown, act) < 0.3  # on six visits, and with all that is lost
-        assert browser.execute_script("return innerWidth") == width
-        assert "" in instructions and max(map(len, instructions)) > 100
-        assert browser.execute_script(IS_WHOLE, ["instruction", "safe"])
-    finally:
-        reset_screen(browser)
-        shown.page.close()
+    screen(width, height)
+    open_page(browser, shown)
+    assert shift_on_page(browser, act) < 0.3  # on six visits, and with all that is lost
+    assert browser.execute_script("return innerWidth") == width
+    assert "" in instructions and max(map(len, instructions)) > 100
+    assert browser.execute_script(IS_WHOLE, ["instruction", "safe"])
 
 
 SCRUB = """
@@ -978,15 +935,15 @@ const ill = document.querySelectorAll("#health .ill").length, alarms = byId("ala
 return {ill: ill && alarms, letters, stops: byId("stops").childElementCount, told: rows, entries: Object.fromEntries(entries)}"""
 
 
-def scrub(browser, at):  # noqa: F811
+def scrub(browser, at):
     """Choose a moment, and return in how many milliseconds it is on the screen."""
     return browser.execute_async_script(SCRUB, at)
 
 
-def test_any_moment_can_be_shown_again_and_now_comes_back(browser, monkeypatch):  # noqa: F811
+def test_any_moment_can_be_shown_again_and_now_comes_back(show, browser, monkeypatch):
     rig = Rig(answer=refusing(PerformGesture))
     use_time_of(rig, monkeypatch)
-    played, shown, moments = Situation(rig), Show(rig), []
+    played, shown, moments = Situation(rig), show(rig), []
 
     def loses_a_node(rig):
         moments.append(rig.clock.now())
@@ -994,42 +951,39 @@ def test_any_moment_can_be_shown_again_and_now_comes_back(browser, monkeypatch):
             rig.mission.health.report(GONE, gone())
         visitor_who("yes")(rig)
 
-    try:
-        rig.run(loses_a_node)
-        lost = moments[5]
-        open_page(browser, shown)
-        wait_until(lambda: "ended" in browser.execute_script("return document.body.className"))
-        assert browser.execute_script("return document.getElementById('ready').hidden")
-        times = sorted({line.time for line in played.run.lines})
-        assert len(times) > 8
-        for at in times[1:-1:3]:
-            scrub(browser, at)
-            state = played.run.at(at)
-            fields, seen = browser.execute_script(FIELDS), browser.execute_script(SEEN)
-            assert (fields["kind"], fields["what"]) == (card(state).kind, card(state).what)
-            assert fields["robot"][1] == robot_line(state).place
-            assert seen["letters"] == state.letters
-            assert seen["stops"] == len(state.visit.stops)
-            assert seen["told"] and max(seen["told"]) <= at
-            assert seen["entries"].get("currentExhibit") == state.entries.get("currentExhibit")
-            assert seen["ill"] == len(state.robot.ill) == (0 if at < lost else 1)
-        assert "currentExhibit" in played.run.state.entries
-        chosen = browser.execute_script("""
-            const one = document.querySelectorAll("#transcript time")[2];
-            const at = Number(one.parentElement.dataset.at);
-            one.click();
-            return at""")
-        wait_until(lambda: browser.execute_script(SEEN)["letters"] == played.run.at(chosen).letters)
-        assert browser.execute_script("return frozen") == chosen
-        browser.execute_script("byId('live').click()")
-        assert browser.execute_script(FIELDS)["kind"] == "ended"
-        assert browser.execute_script(SEEN)["letters"] == played.run.state.letters
-    finally:
-        shown.page.close()
+    rig.run(loses_a_node)
+    lost = moments[5]
+    open_page(browser, shown)
+    wait_until(lambda: "ended" in browser.execute_script("return document.body.className"))
+    assert browser.execute_script("return document.getElementById('ready').hidden")
+    times = sorted({line.time for line in played.run.lines})
+    assert len(times) > 8
+    for at in times[1:-1:3]:
+        scrub(browser, at)
+        state = played.run.at(at)
+        fields, seen = browser.execute_script(FIELDS), browser.execute_script(SEEN)
+        assert (fields["kind"], fields["what"]) == (card(state).kind, card(state).what)
+        assert fields["robot"][1] == robot_line(state).place
+        assert seen["letters"] == state.letters
+        assert seen["stops"] == len(state.visit.stops)
+        assert seen["told"] and max(seen["told"]) <= at
+        assert seen["entries"].get("currentExhibit") == state.entries.get("currentExhibit")
+        assert seen["ill"] == len(state.robot.ill) == (0 if at < lost else 1)
+    assert "currentExhibit" in played.run.state.entries
+    chosen = browser.execute_script("""
+        const one = document.querySelectorAll("#transcript time")[2];
+        const at = Number(one.parentElement.dataset.at);
+        one.click();
+        return at""")
+    wait_until(lambda: browser.execute_script(SEEN)["letters"] == played.run.at(chosen).letters)
+    assert browser.execute_script("return frozen") == chosen
+    browser.execute_script("byId('live').click()")
+    assert browser.execute_script(FIELDS)["kind"] == "ended"
+    assert browser.execute_script(SEEN)["letters"] == played.run.state.letters
 
 
 @pytest.mark.timing
-def test_a_run_of_a_day_stays_quick(browser, monkeypatch):  # noqa: F811
+def test_a_run_of_a_day_stays_quick(show, browser, monkeypatch):
     rig, visits = Rig(answer=refusing(PerformGesture)), 200
     use_time_of(rig, monkeypatch)
     visit = Situation(rig)
@@ -1037,49 +991,43 @@ def test_a_run_of_a_day_stays_quick(browser, monkeypatch):  # noqa: F811
     began, length = visit.run.lines[0].time, rig.clock.now() - visit.run.lines[0].time
     other = Rig()
     use_time_of(other, monkeypatch)
-    shown = Show(other)
-    try:
-        for number in range(visits):
-            for line in visit.run.lines[2:-1]:
-                other.clock.set_to(began + number * length + line.time - began)
-                event = line.event
-                if isinstance(event, PassStarted):
-                    event = replace(event, number=number + 1)
-                other.mission.events.emit(event)
-        open_page(browser, shown)
-        wait_until(lambda: text(browser, "#visitor").startswith("Visitor {}".format(visits)), 60.0)
-        took = []
-        for number in range(0, visits, 7):
-            took.append(scrub(browser, began + (number + 0.9) * length))
-            assert text(browser, "#visitor").startswith("Visitor {}".format(number + 1))
-        print("{} events; a scrub takes {:.0f} ms, at most {:.0f}".format(
-            visits * len(visit.run.lines), sorted(took)[len(took) // 2], max(took)))
-        assert sorted(took)[len(took) // 2] < 100.0
-    finally:
-        shown.page.close()
+    shown = show(other)
+    for number in range(visits):
+        for line in visit.run.lines[2:-1]:
+            other.clock.set_to(began + number * length + line.time - began)
+            event = line.event
+            if isinstance(event, PassStarted):
+                event = replace(event, number=number + 1)
+            other.mission.events.emit(event)
+    open_page(browser, shown)
+    wait_until(lambda: text(browser, "#visitor").startswith("Visitor {}".format(visits)), 60.0)
+    took = []
+    for number in range(0, visits, 7):
+        took.append(scrub(browser, began + (number + 0.9) * length))
+        assert text(browser, "#visitor").startswith("Visitor {}".format(number + 1))
+    print("{} events; a scrub takes {:.0f} ms, at most {:.0f}".format(
+        visits * len(visit.run.lines), sorted(took)[len(took) // 2], max(took)))
+    assert sorted(took)[len(took) // 2] < 100.0
 
 
-def test_the_stream_of_a_tour_weighs_little():
-    shown = Show(Rig(answer=refusing(PerformGesture)))
+def test_the_stream_of_a_tour_weighs_little(show):
+    shown = show(Rig(answer=refusing(PerformGesture)))
     request = urllib.request.Request(shown.url + "events", headers={"Accept-Encoding": "gzip"})
-    try:
-        with urllib.request.urlopen(request, timeout=5) as stream:
-            wait_until(lambda: shown.page.streams)
-            first, visitor = len(stream.read1(1_000_000)), visitor_who("yes")
+    with urllib.request.urlopen(request, timeout=5) as stream:
+        wait_until(lambda: shown.page.streams)
+        first, visitor = len(stream.read1(1_000_000)), visitor_who("yes")
 
-            def slowly(rig):
-                time.sleep(0.02)
-                visitor(rig)
+        def slowly(rig):
+            time.sleep(0.02)
+            visitor(rig)
 
-            began = time.monotonic()
-            shown.rig.run(slowly, runs=3)
-            took, sent = time.monotonic() - began, 0
-            shown.page.close()
-            for part in iter(lambda: stream.read1(1_000_000), b""):
-                sent += len(part)
-        told = len(shown.page.board.part("story")["sentences"])
-        print("{} bytes at first, then {} for {} sentences in {:.1f} s".format(
-            first, sent, told, took))
-        assert told > 50 and sent < 400 * told
-    finally:
+        began = time.monotonic()
+        shown.rig.run(slowly, runs=3)
+        took, sent = time.monotonic() - began, 0
         shown.page.close()
+        for part in iter(lambda: stream.read1(1_000_000), b""):
+            sent += len(part)
+    told = len(shown.page.board.part("story")["sentences"])
+    print("{} bytes at first, then {} for {} sentences in {:.1f} s".format(
+        first, sent, told, took))
+    assert told > 50 and sent < 400 * told
