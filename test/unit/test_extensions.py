@@ -52,6 +52,7 @@ def bell(name="/bell", **changed):
         success=Success("success", True, False), impact_if_missing="no bell rings"), **changed))
 """
 RINGS = "SPECS = (leaf_spec('FixtureRing', FixtureRing, ''),)"
+RINGING = "<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRing/></BehaviorTree></root>"
 SPEECH = "from behavior_controller.extend import Speech\n"
 
 
@@ -94,8 +95,7 @@ def test_an_example_adds_its_leaves_its_decorator_and_its_phrase():
                      **there)
     assert (code, text.splitlines()[1:]) == (0, [
         os.path.join(EXAMPLES, "greeter", "data", "greet.xml") +
-        ": can be run, 25 nodes, 0 warnings"
-    ])
+        ": can be run, 25 nodes, 0 warnings"])
     palette = run("exportNodeModel", **there)[1]
     assert all('ID="{}"'.format(node) in palette
                for node in ("SayTime", "Lights", "EveryOther", "CuriousSpeech", "DriveTo",
@@ -162,16 +162,10 @@ def test_without_the_package_its_nodes_are_those_of_another_robot(tmp_path):
 
 
 @pytest.mark.parametrize("export, module, words", [
-    (LEAVES, "\n1 / 0", "cannot be imported: ZeroDivisionError: division by zero (a/leaves.py:2)"),
     (LEAVES, "import sys; sys.exit(0)", "SystemExit: 0 (a/leaves.py:1)"),
-    (INTERFACE, "raise SystemExit", "SystemExit (a/leaves.py:1)"),
-    (PHRASES, "raise KeyboardInterrupt", "KeyboardInterrupt (a/leaves.py:1)"),
     (LEAVES, "class Odd(BaseException): pass\nraise Odd('\\x1b[2J\\x07\\nnext')",
      "Odd: \\x1b[2J\\x07 next"),
-    (LEAVES, "SPECS = (7,)", "7 in SPECS is not a NodeSpec"),
-    (INTERFACE, "SERVICES = (7,)", "7 in SERVICES is not a Service"),
-    (INTERFACE, RING + "SERVICES = ()", "must not import leaves"),
-])
+    (INTERFACE, RING + "SERVICES = ()", "must not import leaves")])
 def test_what_is_wrong_with_a_package_is_one_line_of_a_command(tmp_path, export, module, words):
     package(tmp_path, export, module)
     code, text = run("exportNodeModel", packages=tmp_path, paths=[tmp_path / "a" / "src"])
@@ -305,8 +299,7 @@ def test_what_is_wrong_with_a_package_is_one_line_of_a_command(tmp_path, export,
     (PHRASES, SPEECH + "SPEECHES = (Speech('Hi', 'False', 'Hi.'),)",
      ["asks of a Speech is 'False'", "(a/leaves.py:2)"]),
     (PHRASES, SPEECH + "SPEECHES = (Speech('Hi all', False, 'Hi.'),)",
-     ["cannot be the name of a node", "(a/leaves.py:2)"]),
-])
+     ["cannot be the name of a node", "(a/leaves.py:2)"])])
 def test_a_mistake_of_another_package_is_told_with_its_place(exports, export, module, words):
     kind = export.partition("=")[0]
     with pytest.raises(extensions.BrokenExtension) as raised:
@@ -357,8 +350,7 @@ NO_HINT = "(most likely due to a circular import) (a/leaves.py:2)"
     ("interface", "1 / 0", "cannot be imported: ZeroDivisionError: .* (a/leaves.py:1)"),
     ("leaves", HALF, "cannot be imported: AttributeError: partially initialized .* " + NO_HINT),
     ("interface", HALF, "cannot be imported: AttributeError: partially initialized .* " + NO_HINT +
-     "; this module must not import leaves or phrases"),
-])
+     "; this module must not import leaves or phrases")])
 def test_why_an_exported_module_cannot_be_imported(exports, kind, module, text):
     export = '{}="a.leaves"'.format(kind)
     with pytest.raises(extensions.BrokenExtension) as raised:
@@ -383,8 +375,7 @@ COMMA = "{0} is not a tuple; with one item it needs a comma: {0} = (…,)"
     ("leaves", "COLOURS = ()\nSPEC = ()\nSPECES = ()",
      "it has no SPECS, but SPEC (a/leaves.py:2)"),
     ("interface", "SPECS = ()", "it has no SERVICES and no TOPICS"),
-    ("interface", "\nTOPIC = ()", "it has no SERVICES and no TOPICS, but TOPIC (a/leaves.py:2)"),
-])
+    ("interface", "\nTOPIC = ()", "it has no SERVICES and no TOPICS, but TOPIC (a/leaves.py:2)")])
 def test_an_exported_module_has_its_tuples(exports, kind, module, text):
     with pytest.raises(extensions.BrokenExtension) as raised:
         exports(kind, '{}="a.leaves"'.format(kind), module)
@@ -410,8 +401,7 @@ class Record:
     ({"text": 7}, "the text of a Record is 7, and not of the type str"),
     ({"is_loud": "no"}, "the is_loud of a Record is 'no', and not of the type bool"),
     ({"number": 1.5}, "the number of a Record is 1.5, and not of the type int"),
-    ({"seconds": "2"}, "the seconds of a Record is '2', and not of the type float"),
-])
+    ({"seconds": "2"}, "the seconds of a Record is '2', and not of the type float")])
 def test_the_plain_fields_of_what_is_declared_have_their_types(exports, fields, wrong):
     extension, = exports("leaves", LEAVES, "\nSPECS = []")
     assert extension.declared("SPECS", Record) == extension.declared("TOPICS", Record) == ()
@@ -438,8 +428,7 @@ def test_what_is_declared_is_of_one_kind(exports):
     (MANIFEST.replace("</name>", ""), "{} is not XML: mismatched tag: line 2, column .*"),
     (MANIFEST.replace("leaves", "leafs").replace("{1}", 'leafs="a.leaves"'),
      "{}: cssr_system has no attribute leafs; allowed: leaves, interface, phrases"),
-    (MANIFEST.replace("{1}", 'leaves=""'), 'leaves="" names no module'),
-])
+    (MANIFEST.replace("{1}", 'leaves=""'), 'leaves="" names no module')])
 def test_an_export_that_cannot_be_used_is_refused_with_its_place(tmp_path, exports, manifest, text):
     with pytest.raises(extensions.BrokenExtension) as raised:
         exports("leaves", LEAVES, "SPECS = ()", manifest)
@@ -452,8 +441,7 @@ def test_an_export_that_cannot_be_used_is_refused_with_its_place(tmp_path, expor
     (MANIFEST.replace("cssr_system", "rqt_gui"), ""),
     ("<package><name>a</name><odd></package>", ""),  # it exports nothing
     ("<package><name>a</name><export></odd></export>", ""),
-    ("<package><name>a</name>", "is not XML: no element found: line 1, column 23"),
-])
+    ("<package><name>a</name>", "is not XML: no element found: line 1, column 23")])
 def test_a_package_that_does_not_export_to_us_is_no_error(tmp_path, exports, manifest, doubt):
     assert exports("leaves", LEAVES, "SPECS = ()", manifest) == ()
     path = tmp_path / "a" / "package.xml"
@@ -477,8 +465,7 @@ def test_a_doubt_is_told_once_and_the_other_packages_export(tmp_path, exports):
 @pytest.mark.parametrize("text, words", [
     (None, ["file of phrases of the package a", "No such file"]),
     ("FixtureHi Hello\nFixtureHi Ho\n", ["phrases_English.ini:2:1", "FixtureHi"]),
-    ("", ["FixtureHi is missing"]),
-])
+    ("", ["FixtureHi is missing"])])
 def test_phrases_of_a_package_are_checked_as_at_the_start(tmp_path, text, words):
     package(tmp_path, PHRASES, SPEECH + "SPEECHES = (Speech('FixtureHi', False, 'Hi.'),)")
     (tmp_path / "a" / "data").mkdir()
@@ -493,14 +480,8 @@ def test_phrases_of_a_package_are_checked_as_at_the_start(tmp_path, text, words)
 
 def test_two_packages_with_a_node_of_the_same_name(tmp_path):
     for name in ("a", "b"):
-        source = tmp_path / name / "src" / name
-        source.mkdir(parents=True)
-        (tmp_path / name / "package.xml").write_text(
-            MANIFEST.format(name, 'leaves="{}.leaves"'.format(name)))
-        (source / "__init__.py").write_text("")
-        (source /
-         "leaves.py").write_text(LEAF +
-                                 "SPECS = (NodeSpec('FixtureTwice', Kind.ACTION, str.title),)")
+        package(tmp_path, 'leaves="{}.leaves"'.format(name),
+                LEAF + "SPECS = (NodeSpec('FixtureTwice', Kind.ACTION, str.title),)", name)
     code, text = run("exportNodeModel", packages=tmp_path,
                      paths=[tmp_path / "a" / "src", tmp_path / "b" / "src"])
     assert (code, len(text.splitlines())) == (2, 1)
@@ -531,12 +512,11 @@ def test_an_import_that_does_not_end_is_one_line_within_its_limit(tmp_path, tool
         '(a/leaves.py:2)\n'.format(os.path.basename(tool)))
 
 
-@pytest.mark.parametrize("method", ["__init__(self, name)", "configure(self)"])
-@pytest.mark.parametrize("tool", ["validateMission", "rehearseMission"])
+@pytest.mark.parametrize("tool, method", [
+    ("validateMission", "__init__(self, name)"), ("rehearseMission", "configure(self)")])
 def test_a_leaf_that_is_not_made_in_time_is_one_line_with_its_place(tmp_path, tool, method):
     package(tmp_path, LEAVES, RING + "    def {}: {}\n".format(method, BLOCKED) + RINGS)
-    (tmp_path / "m.xml").write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRing/>"
-                                    "</BehaviorTree></root>")
+    (tmp_path / "m.xml").write_text(RINGING)
     code, text = run_briefly(tool, str(tmp_path / "m.xml"), packages=tmp_path,
                              paths=[tmp_path / "a" / "src"])
     line = (RING + "x").count("\n") + 1
@@ -575,16 +555,8 @@ def test_what_holds_the_work_up_is_named_with_its_package(tmp_path, monkeypatch)
 @pytest.mark.parametrize("tool, arguments", TOOLS[:2])
 @pytest.mark.parametrize("manifest, code, words", [
     (MANIFEST.format("a", 'leaves="a.leaves"')[:-30], 2, ["package a: ", "package.xml is not XML"]),
-    (MANIFEST.format("a",
-                     "")[:90], 0, ["package a: warning: ", "package.xml is not XML", "left out"]),
-    ("", 0, ["package a: warning: ", "package.xml is not XML", "left out"]),
     (None, 0,
      ["package a: warning: ", "package.xml cannot be read: it is not a regular file", "left out"]),
-    ("<package><name>a</name><odd></package>", 0, []),
-    (MANIFEST.format("a", 'leaves="a.leaves"').replace("<cssr_system", "<cssr_sytem"), 2,
-     ["package a: ", "package.xml:2: ", "did you mean cssr_system?"]),
-    (MANIFEST.format("a", 'leaves="a.leaves"').replace("export>", "odd>"), 2,
-     ["package a: ", "must stand in <export>"]),
 ])
 def test_a_package_xml_that_cannot_be_read_stops_nothing_unless_it_exports_to_us(
         tmp_path, tool, arguments, manifest, code, words):
@@ -597,7 +569,7 @@ def test_a_package_xml_that_cannot_be_read_stops_nothing_unless_it_exports_to_us
         path.write_text(manifest)
     found, text = run(tool, *arguments, packages=tmp_path, paths=[tmp_path / "a" / "src"])
     about = [line for line in text.splitlines() if line.startswith(tool + ": package")]
-    assert (found, len(about)) == (code, bool(words)), text
+    assert (found, len(about)) == (code, 1), text
     assert all(word in about[0] for word in words)
 
 
@@ -649,8 +621,7 @@ KINDS = {
     "function": inspect.isfunction,
     "status": lambda thing: thing in STATUSES,
     "text": lambda thing: isinstance(thing, str),
-    "type": lambda thing: not isinstance(thing, type) and hasattr(thing, "__args__"),
-}
+    "type": lambda thing: not isinstance(thing, type) and hasattr(thing, "__args__")}
 """Whether a public name is of a kind that the reference gives it."""
 
 
@@ -736,8 +707,7 @@ class FixtureRing(InstantAction):
 
 def test_a_thread_of_a_leaf_that_fails_is_a_finding_of_the_rehearsal(tmp_path):
     package(tmp_path, LEAVES, THREAD + RINGS)
-    (tmp_path / "m.xml").write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRing/>"
-                                    "</BehaviorTree></root>")
+    (tmp_path / "m.xml").write_text(RINGING)
     code, text = run("rehearseMission", str(tmp_path / "m.xml"), "--faults", "none",
                      packages=tmp_path, paths=[tmp_path / "a" / "src"])
     assert code == 4 and "Traceback" not in text
@@ -750,8 +720,7 @@ def test_a_thread_that_fails_while_a_leaf_is_made_is_one_line(tmp_path):
     def act(self):
         pass
 """ + RINGS)
-    (tmp_path / "m.xml").write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureRing/>"
-                                    "</BehaviorTree></root>")
+    (tmp_path / "m.xml").write_text(RINGING)
     text = run("validateMission", str(tmp_path / "m.xml"),
                packages=tmp_path, paths=[tmp_path / "a" / "src"])[1]
     assert [line for line in text.splitlines() if " thread " in line] == [
@@ -789,9 +758,8 @@ def test_a_syntax_error_is_named_with_the_folder_of_its_file(exports):
 @pytest.mark.parametrize("does, what", [
     ("1 / 0", "ZeroDivisionError: division by zero"),
     (BLOCKED, "TimeoutError: it has not returned for 1 s")])
-@pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_declaration_that_fails_in_a_rehearsal_is_a_finding_with_its_place(
-        tmp_path, does, what, jobs):
+        tmp_path, does, what):
     package(tmp_path, 'interface="a.bell" leaves="a.leaves"', """from a.bell import BELL
 from behavior_controller.extend import Evidence, TopicCondition, leaf_spec
 class FixtureRang(TopicCondition):
@@ -808,7 +776,7 @@ TOPICS = (BELL,)
     (tmp_path / "m.xml").write_text(
         "<root BTCPP_format='4'><BehaviorTree ID='M'><ReactiveFallback><FixtureRang/>"
         "<Sleep msec='3000'/></ReactiveFallback></BehaviorTree></root>")
-    code, text = run("rehearseMission", str(tmp_path / "m.xml"), "--faults", "none", "--jobs", jobs,
-                     packages=tmp_path, paths=[tmp_path / "a" / "src"])
+    code, text = run("rehearseMission", str(tmp_path / "m.xml"), "--faults", "none", "--visitors",
+                     "engages", packages=tmp_path, paths=[tmp_path / "a" / "src"])
     assert code == 4 and "Traceback" not in text, text
     assert what in text and "(a/bell.py:4)" in text, text
