@@ -30,8 +30,7 @@ ODD = [
     None, True, -1, 0, 10**17, 1e308,
     float("inf"),
     float("nan"), "", SCRIPT, "\ud800\0", [], {}, [[]],
-    nested(500)
-]
+    nested(500)]
 
 
 KINDS = {kind.__name__ for kind in EVENTS}
@@ -65,8 +64,7 @@ def record(tmp_path_factory):
         TreeStatuses("R-"),
         FeedbackReceived(1, "-"),
         Checked("topic", "/x", "ready"),
-        TopicSaid("/x", "-", 1.0)
-    ]
+        TopicSaid("/x", "-", 1.0)]
     at = lines[began]["time"]
     lines[began + 1:began + 1] = [msgspec.to_builtins(Line(at, event)) for event in extra]
     return lines
@@ -116,25 +114,26 @@ def delete(holder, key):
     del holder[key]
 
 
-def test_the_record_itself_is_right(record, tmp_path, capsys):
+def test_the_record_itself_is_right_also_with_foreign_line_ends(record, tmp_path, capsys):
     assert set(map(kind_of, record)) == {"Header"} | KINDS - {"Lost"}
     assert judged(record, tmp_path, capsys) == (0, 0)
+    data = b"\xef\xbb\xbf" + "".join(json.dumps(line) + "\r\n" for line in record).encode()
+    assert judged(data, tmp_path, capsys) == (0, 0)
 
 
 ALL_KINDS = ["Header"] + sorted(KINDS - {"Lost"})
 
 
-@pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("step", [15, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("event", ALL_KINDS)
 def test_any_part_of_a_line(event, step, record, tmp_path, capsys):
     number = next(number for number, line in enumerate(record) if kind_of(line) == event)
     line = record[number]
     refused = 0
     for turn, path in enumerate(places(line)):
-        odd_ones = ODD[turn % step::step]  # a fifth at each place, or all of them
+        odd_ones = ODD[turn % step::step]  # one at each place, or all of them
         for change in [delete] + [
-                lambda holder, key, odd=odd: holder.__setitem__(key, odd) for odd in odd_ones
-        ]:
+                lambda holder, key, odd=odd: holder.__setitem__(key, odd) for odd in odd_ones]:
             codes = judged(record[:number] + [tampered(line, path, change)] + record[number + 1:],
                            tmp_path, capsys)
             refused += codes[0] == 2
@@ -165,35 +164,28 @@ def with_fields(lines, **fields):
     lambda lines: with_fields(lines, extra=nested(50)),
     lambda lines: with_fields(lines, _type="Tick"),
     lambda lines: [[line] for line in lines],
-    lambda lines: b"\xef\xbb\xbf" + "\r\n".join(map(json.dumps, lines)).encode() + b"\r\n",
     lambda lines: "\n".join(map(json.dumps, lines)).encode("utf-16"),
     lambda lines: b"\0" * 10_000 + b"\n",
     lambda lines: b"\xff\n",
     lambda lines: b"\x80" * 1000,
     lambda lines: b"{" * 100_000 + b"\n",
     lambda lines: json.dumps(lines).encode() + b"\n",
-    lambda lines: b"\n" * 100_000,
-] + [without(kind) for kind in ALL_KINDS])
+    lambda lines: b"\n" * 100_000] + [without(kind) for kind in ALL_KINDS])
 def test_the_record_as_a_whole(change, record, tmp_path, capsys):
     judged(change(record), tmp_path, capsys)
-
-
-def test_a_byte_order_mark_and_foreign_line_ends_are_tolerated(record, tmp_path, capsys):
-    data = b"\xef\xbb\xbf" + "".join(json.dumps(line) + "\r\n" for line in record).encode()
-    assert judged(data, tmp_path, capsys) == (0, 0)
 
 
 def test_a_pass_number_is_no_html(record, tmp_path, capsys):
     lines = [
         dict(line, event=dict(line["event"], number=SCRIPT))
-        if kind_of(line) == "PassFinished" else line for line in record
-    ]
+        if kind_of(line) == "PassFinished" else line for line in record]
     assert judged(lines, tmp_path, capsys) == (2, 2)
 
 
-@pytest.mark.parametrize("name", ["documents", "phrases", "policy"])
-@pytest.mark.parametrize("text",
-                         ["", "\0", "\ud800", SCRIPT, "<root/>", "<a>" * 5000, "x\n" * 5000])
+@pytest.mark.parametrize("name, text", [
+    *[("documents", text) for text in (
+        "", "\0", "\ud800", SCRIPT, "<root/>", "<a>" * 5000, "x\n" * 5000)],
+    ("phrases", SCRIPT), ("policy", SCRIPT)])
 def test_the_texts_of_a_record_are_checked_as_files_are(name, text, record, tmp_path, capsys):
     source = [SCRIPT, text]
     lines = copy.deepcopy(record)
