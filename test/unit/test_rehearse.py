@@ -333,8 +333,7 @@ def test_random_scenes_have_the_visitors_in_turn_and_a_seed_for_each_run():
     first = [
         Scenario("engages", rate=0.5, seed=7, kinds=("crash", )),
         Scenario("silent", False, rate=0.5, seed=8, kinds=("crash", )),
-        Scenario("engages", rate=0.5, seed=9, kinds=("crash", ))
-    ]
+        Scenario("engages", rate=0.5, seed=9, kinds=("crash", ))]
     assert plays.random(both, 3, (0.5, 0.0), 7,
                          ["crash"]) == first + [each._replace(rate=0.0) for each in first]
 
@@ -364,8 +363,7 @@ def test_messages_are_never_late(tmp_path, oldest, gap):
     runner = ScenarioRunner({"topicMaxAge": oldest}, path, 900.0)
     times = [
         line.time for line in runner.play(Scenario("engages")).played.journal
-        if line.node == "faceDetection"
-    ]
+        if line.node == "faceDetection"]
     assert [later - sooner
             for sooner, later in zip(times, times[1:])] == pytest.approx([gap] * int(5 / gap - 1))
 
@@ -405,8 +403,7 @@ def test_a_share_of_the_plot_stands_where_the_axes_say():
                for label in labels.values())
     lines = [
         re.fullmatch(r"M([\d.]+) ([\d.]+)([HV])([\d.]+)", line.get("d")).groups()
-        for line in plot.findall("path")
-    ]
+        for line in plot.findall("path")]
     (begin, bottom, _, end), (_, height, _, _) = lines[0], lines[5]  # of 0 % and 100 %
     assert [line[1] for line in lines[:6]
             ] == [labels["{} %".format(share)].get("y") for share in (0, 20, 40, 60, 80, 100)]
@@ -430,8 +427,7 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
     rows = [
         VisitorRow("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2))),
         VisitorRow("leaves", False, "", 59.6, 0, ()),
-        VisitorRow("silent", False, "FAILURE", 59.4, 0, ())
-    ]
+        VisitorRow("silent", False, "FAILURE", 59.4, 0, ())]
     shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
     left_on, not_home = (findings.KIND_BY_NAME[name] for name in ("left-on", "not-home"))
     told = [
@@ -439,8 +435,7 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
                        (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""), ),
                        "lab_tour --planned 'a b'",
                        (FindingSummary(not_home, "Go::3", "m.xml:5:6", "to <c>"),)),
-        FindingSummary(not_home, "M::1", "m.xml:1:2", "far away")
-    ]
+        FindingSummary(not_home, "M::1", "m.xml:1:2", "far away")]
     parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "",
                    html_report.to_html("a < b", rows, shares, told))
     parts = re.sub("<[^>]*>", "\n", parts).split("\n")
@@ -535,8 +530,7 @@ def test_a_page_without_visitors_shares_and_findings_has_no_tables():
         (["lab_tour", "--planned", "textToSpeech:-1"
           ], "textToSpeech:-1 is not of the form node:call:kind"),
         (["lab_tour", "--planned", "textToSpeech:1:crsh"
-          ], "it cannot be crsh (did you mean crash?)"),
-    ])
+          ], "it cannot be crsh (did you mean crash?)")])
 def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
     with pytest.raises(SystemExit) as end:
         cli.main(words)
@@ -577,8 +571,7 @@ def test_a_planned_fault_that_no_call_meets_is_reported(capsys):
       ], "argument --planned: the robot D5.4.3 has no node x (there are: "),
     (["lab_tour", "--silent", "/faces"], "/faceDetection/data"),
     (["lab_tour", "--silent", "/x"
-      ], "argument --silent: the robot D5.4.3 has no topic /x (there are: "),
-])
+      ], "argument --silent: the robot D5.4.3 has no topic /x (there are: ")])
 def test_what_cannot_be_played_is_told(capsys, words, told):
     code, text = run(capsys, *words)
     assert code == exit_codes.WRONG_INPUT and told in text and "Traceback" not in text
@@ -709,8 +702,7 @@ FINDINGS = [
     FindingSummary(findings.KIND_BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1,
                    Scenario("silent"), 4.0, (SAID, ), "again 3",
                    (FindingSummary(findings.KIND_BY_NAME["left-on"], "Nod", "m.xml:6:7", "on"),)),
-    FindingSummary(findings.UNREACHED, "Nap", "m.xml:4:5", "not reached by 7 simulated runs")
-]
+    FindingSummary(findings.UNREACHED, "Nap", "m.xml:4:5", "not reached by 7 simulated runs")]
 TOLD = """
 mission, robot D5.4.3: 7 simulated runs in 1.5 s, stopped before the other 5
 
@@ -751,8 +743,7 @@ def made_result(tmp_path):
     todo = plan(tmp_path, SPEECH, "--faults", "none")
     rows = [
         VisitorRow("engages", True, "SUCCESS", 65.0, 5, (("", 1), ("SUCCESS", 3))),
-        VisitorRow("silent", False, "", 9.0, 0, ())
-    ]
+        VisitorRow("silent", False, "", 9.0, 0, ())]
     return cli.Result(todo, rows, [Share(0.5, 4, 1, 59.0)], FINDINGS, 7, 12, 1.5, ("one line",))
 
 
@@ -793,15 +784,13 @@ def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
             outcome(Scenario("engages", planned=TWO), "FAILURE", 5.0),
             outcome(Scenario("engages", planned=TWO[:1]), "SUCCESS", 5.0),
             outcome(Scenario("engages", False, TWO), "FAILURE", 5.0),
-            outcome(Scenario("silent", True, TWO), "SUCCESS", 5.0)
-    ]:
+            outcome(Scenario("silent", True, TWO), "SUCCESS", 5.0)]:
         survey.take(each)
     assert len(survey.outcomes) == 8 and survey.shares() == []
     assert survey.rows() == [
         VisitorRow("engages", True, "SUCCESS", 60.0, 5, (("", 1), ("FAILURE", 1), ("SUCCESS", 1))),
         VisitorRow("engages", False, "SUCCESS", 70.0, 4, (("FAILURE", 1), )),
-        VisitorRow("silent", True, "", 900.0, 0, (("SUCCESS", 1), ))
-    ]
+        VisitorRow("silent", True, "", 900.0, 0, (("SUCCESS", 1), ))]
 
 
 def test_a_share_is_counted_for_each_failure_rate(tmp_path):
@@ -836,8 +825,7 @@ def test_a_command_plays_its_scene_again(tmp_path, scene, words):
 
 
 @pytest.mark.parametrize(
-    "words, scene", [(["--planned", "textToSpeech:3"
-                       ], Scenario("engages",
+    "words, scene", [(["--planned", "textToSpeech:3"], Scenario("engages",
                                    planned=(PlannedFault("textToSpeech", 3, "refused"), ))),
                      (["--runs", "1", "--failureRate", "0.5"],
                       Scenario("engages", rate=0.5, seed=1))])
@@ -904,8 +892,7 @@ CAUSE, HERE_TOO, THERE = (Finding("missing-data", 2, "x"), Finding("left-on", 2,
     # what is known of a place is enough, and of two causes the first
     ([(VOICE, 1, THERE)], [3], {"left-on": []}),
     ([(VOICE, 1, Finding("exception", 1, "e"), CAUSE, THERE)], [],
-     {"exception": ["missing-data", "left-on"]}),
-])
+     {"exception": ["missing-data", "left-on"]})])
 def test_what_follows_from_what(tmp_path, plays_with, unreached, expected):
     survey = survey_of(tmp_path, TWO_SPEECHES)
     for scene, stops, *found in plays_with:
@@ -1048,10 +1035,10 @@ def start(*words, complaints):
                             start_new_session=True)
 
 
-def test_several_processes_find_the_same(capsys):
-    words = [
-        planted("goodbye_to_nobody"), "--json", "--kinds", "refused,crash", "--visitors", "leaves"
-    ]
+def test_several_processes_find_the_same(capsys, tmp_path):
+    path = mission(tmp_path, "<Sequence>" + 12 * "<WelcomeSpeech/>" + "</Sequence>") + ".xml"
+    os.rename(path[:-len(".xml")], path)
+    words = [path, "--json", "--visitors", "engages"]
     process = start(*words, "--jobs", "2", complaints=subprocess.PIPE)
     text, complaints = process.communicate(timeout=120)
     assert (process.returncode, complaints) == (exit_codes.FINDINGS, b"")
@@ -1148,8 +1135,7 @@ def test_the_missions_of_another_package_are_rehearsed_by_their_name():
     ("refused", "refused, aborted (/move_base)"),
     ("exception", "refused, aborted (call 1 of move_base fails on purpose) (/move_base)"),
     ("unanswered", "no answer in time, waited 120 s (/move_base)"),
-    ("crash", "connection lost, the server hung up (/move_base)"),
-])
+    ("crash", "connection lost, the server hung up (/move_base)")])
 def test_an_action_of_another_package_fails_in_a_rehearsal_as_a_service_does(tmp_path, kind, cause):
     words = ("greet", "--planned", "move_base:1:" + kind, "--visitors", "engages")
     assert rehearse_package(GREETER, *words)[0] == exit_codes.SUCCESS  # tried again
