@@ -220,7 +220,7 @@ def test_it_stays_when_the_controller_is_stopped_for_a_while():
     with subprocess.Popen([sys.executable, "-c", STOPPED_CONTROLLER], env=ENVIRONMENT,
                           stdin=subprocess.PIPE, stdout=subprocess.PIPE) as controller:
         pid = int(controller.stdout.readline())
-        for _ in range(4):
+        for _ in range(2):
             os.kill(controller.pid, signal.SIGSTOP)
             time.sleep(3.2)  # more than the limit without a sign of life
             os.kill(controller.pid, signal.SIGCONT)
