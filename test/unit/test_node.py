@@ -65,7 +65,6 @@ def test_a_run_from_its_announcement_to_the_safe_state(rig, answer, code, outcom
 
 @pytest.mark.parametrize("arguments, words", [
     (["walk"], ["command line: unknown argument 'walk'", "allowed: _key:=value, /name:=/other_"]),
-    (["_misionRuns:=2"], ["misionRuns", "did you mean missionRuns"]),
     (["_missionRuns:=x"], ["missionRuns cannot be \"x\"", "1 mistake, see above"]),
     (["__name:=a b"], ["argument __name:=a b: this is not the name of a node"])])
 def test_what_is_wrong_with_the_input_is_told_and_nothing_is_started(rig, arguments, words):
