@@ -108,8 +108,7 @@ class _Cond(_Leaf, leaf.ConditionLeaf):
 
 _KINDS = {
     "stateful": (_Stateful, Kind.ACTION), "sync": (_Sync, Kind.ACTION),
-    "cond": (_Cond, Kind.CONDITION)
-}
+    "cond": (_Cond, Kind.CONDITION)}
 
 
 def _nth(items: List[Any], number: int) -> Any:
@@ -228,12 +227,9 @@ def _run_tree(case: Dict[str, Any], tree: Tree, events: List[Any]) -> Dict[str, 
         "ticks": records,
         "blackboard": {
             path: {key: _plain(entry.value) for key, entry in board.local.items()}
-            for path, board in tree.blackboards.items()
-        },
+            for path, board in tree.blackboards.items()},
         "final_status": {
-            str(node.uid): NAMES[node.status] for node in tree.nodes if node.status is not IDLE
-        },
-    }
+            str(node.uid): NAMES[node.status] for node in tree.nodes if node.status is not IDLE}}
 
 
 def _before_tick(case: Dict[str, Any], tree: Tree, events: List[Any], records: List[Any],
@@ -310,8 +306,7 @@ def _root(record: Dict[str, Any]) -> str:
 def _event_difference(wanted: Dict[str, Any], seen: Dict[str, Any], level: str) -> Iterator[str]:
     left, right = ([
         event[:4] if event[0] in ("port_err", "out_err") else event for event in record["events"]
-        if level == "full" or event[0] in LEAF_EVENTS
-    ] for record in (wanted, seen))
+        if level == "full" or event[0] in LEAF_EVENTS] for record in (wanted, seen))
     for index in range(max(len(left), len(right))):
         pair = [side[index] if index < len(side) else None for side in (left, right)]
         if not _equal(*pair):

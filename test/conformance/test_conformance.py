@@ -18,8 +18,7 @@ def test_every_recorded_case(vectors, count):
     assert len(cases) == count
     differing = {
         case["name"]: found[0] for case in cases for found in [conformance.judge(case, "full")]
-        if found
-    }
+        if found}
     assert {name: text for name, text in differing.items() if name not in MAY_DIFFER} == {}
     if vectors == "hand":
         # an exception that is no longer one must go
@@ -28,16 +27,14 @@ def test_every_recorded_case(vectors, count):
 
 ON_PURPOSE = {
     "{@foo} given to a SubTree": [
-        ('<SubTree ID="Sub" a="{@foo}"/>', {"foo": 3}),
-    ],
+        ('<SubTree ID="Sub" a="{@foo}"/>', {"foo": 3})],
     "{=} of SetBlackboard, SkipUnlessUpdated, WaitValueUpdate and WasEntryUpdated": [
         ('<Sequence><Script code="value := 3"/><SetBlackboard value="{=}" output_key="x"/>'
          '</Sequence>', {"value": 3, "x": 3}),
     ] + [('<Sequence><Script code="entry := 3"/>{}</Sequence>'.format(node), {"entry": 3, "y": 1})
          for node in ('<SkipUnlessUpdated entry="{=}"><Script code="y := 1"/></SkipUnlessUpdated>',
                       '<WaitValueUpdate entry="{=}"><Script code="y := 1"/></WaitValueUpdate>',
-                      '<WasEntryUpdated entry="{=}" _onSuccess="y := 1"/>')],
-}
+                      '<WasEntryUpdated entry="{=}" _onSuccess="y := 1"/>')]}
 
 
 @pytest.mark.parametrize("body, entries", [case for cases in ON_PURPOSE.values() for case in cases])
@@ -79,8 +76,7 @@ def test_what_counts_as_true():
     assert len(recorded["expressions"]) == 204
     differing = {
         expression: truth for expression, truth in recorded["expressions"]
-        if _truth_of(expression, recorded["entries"]) != truth
-    }
+        if _truth_of(expression, recorded["entries"]) != truth}
     assert differing == {}
 
 
@@ -89,8 +85,7 @@ def test_what_counts_as_true():
     (lambda got: got["ticks"][0]["events"].pop(), "roots", False),
     (lambda got: got["ticks"][0]["events"].pop(), "full", True),
     (lambda got: got["blackboard"][""].update(a=1.0), "full", True),
-    (lambda got: got["blackboard"][""].update(a=1.0), "leaves", False),
-])
+    (lambda got: got["blackboard"][""].update(a=1.0), "leaves", False)])
 def test_the_comparison_notices_what_its_level_is_for(change, level, noticed):
     case = _hand_made("script_lit_int")
     got = conformance.run(case)

@@ -77,8 +77,7 @@ def _scope(module: ast.Module, path: str) -> ast.AST:
     node: ast.AST = module
     for name in path.split(".") if path else ():
         inner = [
-            child for child in ast.iter_child_nodes(node) if getattr(child, "name", None) == name
-        ]
+            child for child in ast.iter_child_nodes(node) if getattr(child, "name", None) == name]
         if len(inner) != 1:
             raise Stale("there is no scope {}".format(path))
         node = inner[0]
@@ -118,8 +117,7 @@ def _replace(place: Place, new: List[ast.stmt]) -> None:
 
 _COMPARISONS = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In
-}
+    ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}
 _ARITHMETIC = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 
 

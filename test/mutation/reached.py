@@ -119,8 +119,7 @@ class Reached:
         if line not in inside or (file, line) in self._at_import:
             files = {test.split("::")[0] for test in here}
             found = found | {
-                test for test in self._seconds if not files or test.split("::")[0] in files
-            }
+                test for test in self._seconds if not files or test.split("::")[0] in files}
         return sorted(found, key=cost)
 
 

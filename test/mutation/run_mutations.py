@@ -116,8 +116,7 @@ def _traces_notice(root: str) -> str:
             sys.executable,
             os.path.join(VECTORS, "harness.py"),
             os.path.join(VECTORS, vectors), "--may-differ",
-            os.path.join(VECTORS, "may_differ.json")
-        ]
+            os.path.join(VECTORS, "may_differ.json")]
         try:
             done = subprocess.run(command, env=environment, stdout=subprocess.PIPE,
                                   stderr=subprocess.STDOUT, timeout=120, check=False)
@@ -268,8 +267,7 @@ def _pytest(place: str, arguments: List[str], limit: float = RUN_LIMIT,
     environment["PYTHONPATH"] = os.pathsep.join([
         os.path.join(place, "src"),
         os.path.join(place, "unit_tests", "src"), HERE,
-        environment.get("PYTHONPATH", "")
-    ])
+        environment.get("PYTHONPATH", "")])
     command = [
         sys.executable, "-m", "pytest", "-q", "-rfE", "-p", "no:cacheprovider", "-p", "reached"
     ] + arguments

@@ -271,8 +271,7 @@ def main():
               for topic in behaviour.topics(interface) if modes.get(topic.name) != "absent"}
     actions = [
         CommandedAction(topic.action, modes[topic.action.name]) for topic in interface.topics
-        if topic.action is not None and topic.action.name in modes
-    ]
+        if topic.action is not None and topic.action.name in modes]
     report(ready=True)
     for line in sys.stdin:
         order = json.loads(line)

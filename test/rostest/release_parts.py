@@ -51,12 +51,10 @@ class EndingServer:
         self._publishers = {
             "status":
                 rospy.Publisher(ACTION + "/status", GoalStatusArray, queue_size=10), "result":
-                    rospy.Publisher(ACTION + "/result", recogniseSpeechActionResult, queue_size=10)
-        }
+                    rospy.Publisher(ACTION + "/result", recogniseSpeechActionResult, queue_size=10)}
         self._subscribers = [
             rospy.Subscriber(ACTION + "/goal", recogniseSpeechActionGoal, self._end),
-            rospy.Subscriber(ACTION + "/cancel", GoalID)
-        ]
+            rospy.Subscriber(ACTION + "/cancel", GoalID)]
 
     def _end(self, goal):
         self.goals += 1

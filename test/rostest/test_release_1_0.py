@@ -371,8 +371,7 @@ class TestStart(ReleaseCase):
             dict(
                 RELEASE, **{
                     "/robotLocalization/set_pose": "absent", "/speechEvent/set_enabled": "absent",
-                    "/tabletEvent/prompt_and_get_response": "absent"
-                }))
+                    "/tabletEvent/prompt_and_get_response": "absent"}))
         code, text = self.run_node()
         self.assertEqual(code, 0, text)
         for name in ("/robotLocalization/set_pose", "/speechEvent/set_enabled",

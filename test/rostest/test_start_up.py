@@ -28,8 +28,7 @@ PARTS = {  # what the robot's nodes offer (contract, sections 2 and 3), by the n
     "/overtAttention/set_mode": "overtAttention", "/robotNavigation/set_goal": "robotNavigation",
     "/tabletEvent/prompt_and_get_response": "tabletEvent", "/textToSpeech/say_text": "textToSpeech",
     "/faceDetection/data": "faceDetection", "/overtAttention/mode": "overtAttention",
-    "/speechEvent/text": "speechEvent"
-}
+    "/speechEvent/text": "speechEvent"}
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
   <BehaviorTree ID="M">
     <Sequence>

@@ -27,8 +27,7 @@ class TestStop(NodeCase):
         """
         off = [
             request["service"] for request in robot.requests()
-            if request["fields"].get("state") == "disabled"
-        ]
+            if request["fields"].get("state") == "disabled"]
         self.assertEqual(sorted(off), sorted([ATTENTION, ANIMATION]))
         self.assertEqual(sorted(request["service"] for request in robot.requests()[-2:]),
                          sorted(off))

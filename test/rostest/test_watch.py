@@ -148,8 +148,7 @@ class TestWatch(NodeCase):
         client = self.groot2_client()
         hook = {
             "enabled": True, "uid": 5, "mode": 1, "once": False, "desired_status": "FAILURE",
-            "position": 1
-        }
+            "position": 1}
         client.send_multipart([struct.pack("<BBI", 2, ord("I"), 1), json.dumps(hook).encode()])
         self.assertNotEqual(client.recv_multipart()[0], b"error")
         self.node.lines.wait_for(

@@ -170,8 +170,7 @@ def flood(trial, count):
         resource.prlimit(process, resource.RLIMIT_NOFILE, (FEW_DESCRIPTORS, FEW_DESCRIPTORS))
     see_tours(trial, tours, 1)
     idle = [
-        connection for port in (page_port, groot2_port) for connection in connections(port, count)
-    ]
+        connection for port in (page_port, groot2_port) for connection in connections(port, count)]
     hang_a_drive(trial, robot, tours)  # the calls after it need a new connection
     see_tours(trial, tours, 3)
     trial.require(tours.viewer() == processes[1], "the viewer was started again")
@@ -564,8 +563,7 @@ TRIALS += [
     ("killed with one recordDirectory", 240, partial(killed_with_one_directory, rounds=3)),
     ("breakpoint of a client that died", 240, partial(breakpoint_of_the_dead, rounds=4)),
     ("web page", 120, web_page),
-    ("a workspace with the user's own files", 240, users_workspace),
-]
+    ("a workspace with the user's own files", 240, users_workspace)]
 TRIALS += drawn_trials.TRIALS
 
 SHORT = [("cut of 8 s, master with the " + master, 60,

@@ -182,15 +182,13 @@ class Catalogue:
                 if child.name != child.registration_id))
             for node in tree.nodes if isinstance(node, Control)
             for index in range(len(node.children) - 1)
-            if all(types([child]) for child in node.children[index:index + 2])
-        ]
+            if all(types([child]) for child in node.children[index:index + 2])]
         self.controls = [(node.full_path, type(node), [types([child]) for child in node.children])
                          for node in tree.nodes if isinstance(node, Control)]
         self.numbers = [
             (node.full_path, name, (node.registration_id,) + tuple(types([node.parent.parent])))
             for node in tree.nodes if not isinstance(node, MissionLeaf)
-            for name, text in node.attributes.items() if text.isdecimal()
-        ]
+            for name, text in node.attributes.items() if text.isdecimal()]
 
     def values(self, kind: type, field: str) -> List[Any]:
         """Return the values that the requests of one kind have in a field, in a fixed order."""
@@ -359,8 +357,7 @@ ASKS: Tuple[Tuple[str, str, Callable[[Any], None]], ...] = (
     ("not awaited", "{} does not await the answer", does_not_await_the_answer),
     ("late", "{} asks 3 s late", asks_late),
     ("late", "{} reads its answer 3 s late", hears_late),
-    ("skipped", "{} succeeds without asking", asks_nothing),
-)
+    ("skipped", "{} succeeds without asking", asks_nothing))
 
 
 def asked_otherwise(known: Catalogue) -> Iterator[Breakage]:
@@ -450,8 +447,7 @@ RESULTS: Tuple[Tuple[type, str, str, str, Callable[[Any], None]], ...] = (
     (TopicCondition, "condition", "{} always holds", "FAILURE", holds),
     (TopicCondition, "condition", "{} never holds", "SUCCESS", does_not_hold),
     (TopicCondition, "condition", "{} uses messages from before", "", uses_old_messages),
-    (TopicCondition, "condition", "{} takes any message for the sign", "", uses_any_message),
-)
+    (TopicCondition, "condition", "{} takes any message for the sign", "", uses_any_message))
 
 
 def wrong_results(known: Catalogue) -> Iterator[Breakage]:
@@ -509,8 +505,7 @@ WRITES: Tuple[Tuple[str, Callable[[Any, Any], None]], ...] = (
     ("{} writes a value of another type to {}",
      lambda write, value: write([value] if isinstance(value, str) else str(value))),
     ("{} writes twice to {}, the second time another value",
-     lambda write, value: (write(value), write(other(value)))),
-)
+     lambda write, value: (write(value), write(other(value)))))
 
 
 def exchanges(one: str, another: str) -> Callable[[Any], None]:
@@ -605,8 +600,7 @@ LISTS: Tuple[Tuple[str, Callable[[Any], Any]], ...] = (
     ("begun with the second", lambda exhibits: exhibits[1:] + exhibits[:1]),
     ("without the last", lambda exhibits: exhibits[:-1]),
     ("without the first", lambda exhibits: exhibits[1:]),
-    ("with the first twice", lambda exhibits: exhibits[:1] + exhibits),
-)
+    ("with the first twice", lambda exhibits: exhibits[:1] + exhibits))
 
 
 def wrong_exhibits(known: Catalogue) -> Iterator[Breakage]:
@@ -644,8 +638,7 @@ RULES: Tuple[Tuple[str, Callable[[Any], Any]], ...] = (
     ("no back-off", lambda rule: rule._replace(back_off=0.0)),
     ("skip instead of give up", lambda rule: rule._replace(then=SKIP)),
     ("give up instead of skip", lambda rule: rule._replace(then=GIVE_UP)),
-    ("no substitute", lambda rule: rule._replace(substitute=None)),
-)
+    ("no substitute", lambda rule: rule._replace(substitute=None)))
 
 
 def wrong_rules(known: Catalogue) -> Iterator[Breakage]:
@@ -686,8 +679,7 @@ RECOVERIES: Tuple[Tuple[str, type, str, Callable[..., Any]], ...] = (
     ("the budget counts as spent", MissionContext, "afford_recovery", _unaffordable),
     ("no step is tried again", HandleFallBack, "rule", _never_redone),
     ("an exhibit that is left out is not noted", HandleFallBack, "leave_out", _not_left_out),
-    ("every cause counts as refused", HandleFallBack, "rule", _as_refused),
-)
+    ("every cause counts as refused", HandleFallBack, "rule", _as_refused))
 
 
 def wrong_recoveries(known: Catalogue) -> Iterator[Breakage]:
@@ -748,8 +740,7 @@ SAFE: Tuple[Tuple[str, Callable[[Any], Any]], ...] = (
         for request in requests)),
     ("attention to people", lambda requests: tuple(
         replace(request, state="social") if request.switches == "attention" else request
-        for request in requests)),
-)
+        for request in requests)))
 
 
 def wrong_safe_states(known: Catalogue) -> Iterator[Breakage]:
@@ -1256,8 +1247,7 @@ def asks_after_the_end(method: Any, self: Any) -> Any:
 PAUSES: Tuple[Tuple[str, Callable[..., float]], ...] = (
     ("half as long", lambda method, self, number: method(self, number) / 2),
     ("twice as long", lambda method, self, number: method(self, number) * 2),
-    ("as long as the first one", lambda method, self, number: method(self, 0)),
-)
+    ("as long as the first one", lambda method, self, number: method(self, 0)))
 
 
 def wrong_missions(known: Catalogue) -> Iterator[Breakage]:

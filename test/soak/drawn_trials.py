@@ -26,8 +26,7 @@ def drawn(trial, case, check, choices):
         trial.times.append(", ".join(map(repr, arguments)))
         result = unittest.TestResult()
         test = type(case.__name__, (case, ), {
-            "runTest": lambda test, arguments=arguments: getattr(test, check)(*arguments)
-        })
+            "runTest": lambda test, arguments=arguments: getattr(test, check)(*arguments)})
         test().run(result)
         for _, problem in result.failures + result.errors:
             trial.require(False, "{}: {}".format(trial.times[-1], problem))
@@ -74,5 +73,4 @@ TRIALS = [("drawn: " + name, LIMIT, partial(drawn, case=case, check=check, choic
     ("messages that cannot be decoded", TestMission, "check_garbled", (FACES, GAZE, SPEECH)),
     ("a log file that hangs", TestStartUp, "check_hanging_log", ("behaviorController", "tour_1")),
     ("a word that means nothing", TestStartUp, "check_word", WORDS),
-    ("an argument that no launch file declares", TestStartUp, "check_launch", LAUNCHES),
-)]
+    ("an argument that no launch file declares", TestStartUp, "check_launch", LAUNCHES))]

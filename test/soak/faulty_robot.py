@@ -140,8 +140,7 @@ class FaultyRobot:
         self.attempts = attempts
         self.index = {id(attempt): number for number, attempt in enumerate(attempts)}
         self.script = {
-            service: [a for a in attempts if a.service == service] for service in SERVICES
-        }
+            service: [a for a in attempts if a.service == service] for service in SERVICES}
         self.position = dict.fromkeys(SERVICES, 0)
         self.unmet = [n for n, attempt in enumerate(attempts) if attempt.fault in BEFORE_SENDING]
         self.held, self.extra, self.stop_at, self.on_stop = [], [], stop_at, on_stop
@@ -311,6 +310,5 @@ class FaultyRobot:
         """Return the expected requests that did not come."""
         problems = [
             "{} call(s) to {} did not come".format(len(script) - self.position[service], service)
-            for service, script in self.script.items() if self.position[service] < len(script)
-        ]
+            for service, script in self.script.items() if self.position[service] < len(script)]
         return problems + ["not told: {}".format(what) for what in self.untold.elements()]

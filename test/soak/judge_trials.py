@@ -32,8 +32,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.realpath(__file__
 sys.path[:0] = [
     os.path.dirname(os.path.abspath(__file__)),
     os.path.join(ROOT, "src"),
-    os.path.join(ROOT, "unit_tests", "src")
-]
+    os.path.join(ROOT, "unit_tests", "src")]
 
 from breakages import ON_PURPOSE, Breakage, Catalogue, Needs, breakages  # noqa: E402
 from behavior_controller import exit_codes  # noqa: E402
@@ -60,8 +59,7 @@ STAGES: Dict[str, Dict[str, Any]] = {
     "release 1.0 by tablet": dict(RELEASE, asrEnabled=False, tabletSuccessIs="yes"),
     "reception by voice": {"scenarioSpecification": "reception", "asrEnabled": True},
     "release 1.0 reception by voice": dict(
-        RELEASE, scenarioSpecification="release_1_0_reception", asrEnabled=True),
-}
+        RELEASE, scenarioSpecification="release_1_0_reception", asrEnabled=True)}
 
 
 @functools.lru_cache(maxsize=None)
@@ -213,8 +211,7 @@ ASPECTS: Dict[str, Callable[[RunResult], Timed]] = {
     "exit code": lambda played: [(0.0, played.exit_code)],
     "times": lambda played: played.asked,
     "journal": lambda played: [(line.time, line[1:]) for line in played.journal],
-    "record": lambda played: list(recorded(played)),
-}
+    "record": lambda played: list(recorded(played))}
 """In what a run can differ from another: first what tells most about the robot."""
 
 

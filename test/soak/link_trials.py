@@ -95,8 +95,7 @@ def cut(trial, seconds, stops, master="robot", robot="robot", kind="tun"):
                             textToSpeechDeadline=DEADLINE)
     trial.allow_several_controllers()
     watched, late, *others = [
-        link.node("__name:=n{}".format(number)) for number in range(len(stops) + 2)
-    ]
+        link.node("__name:=n{}".format(number)) for number in range(len(stops) + 2)]
     for node in (watched, late, *others):
         for leaf in ("WelcomeSpeech", *HEARS):
             node.lines.wait_for(re.compile(leaf + ".*SUCCESS").search, 40)

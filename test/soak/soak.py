@@ -57,8 +57,7 @@ class Soak:
         """Start the node."""
         deadlines = {
             service.split("/")[1].replace("Behaviour", "Behavior") + "Deadline": str(DEADLINE)
-            for service in SERVICES
-        }
+            for service in SERVICES}
         self.package.configure(verboseMode="true", asrEnabled=str(by_voice).lower(),
                                missionRuns=str(runs), **deadlines)
         return Controller(self.package)
@@ -168,8 +167,7 @@ def rates(soak, short, seed):
                     return draw.choice(sorted(FAULTS)) if draw.random() < rate else default
 
             tours = [
-                tour_with(Draws(), by_voice, is_careful=True) for _ in range(1 if short else 20)
-            ]
+                tour_with(Draws(), by_voice, is_careful=True) for _ in range(1 if short else 20)]
             yield "failure rate {:g}, {}".format(
                 rate, "voice" if by_voice else "tablet"), len(tours), soak.run(tours, by_voice)
 

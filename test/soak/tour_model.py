@@ -22,8 +22,7 @@ FAULTS = {  # a kind of fault: the policy's word for its cause, and what an oper
     "refused connection": ("not-reachable", "not reachable"),
     "zombie": ("not-reachable", "not reachable"),
     "wrong md5": ("type-mismatch", "type mismatch"),
-    "malformed": ("unusable-answer", "unusable answer"),
-}
+    "malformed": ("unusable-answer", "unusable answer")}
 BEFORE_SENDING = ("refused connection", "zombie", "wrong md5")
 """Faults that keep the request from arriving at all; only the log shows the first two."""
 

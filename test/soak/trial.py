@@ -134,8 +134,7 @@ def longest_gap(node, pattern, since, until):
     """Return the longest time without a line with ``pattern`` between two moments (monotonic)."""
     times = [
         came for came, line in list(node.lines.all)
-        if since < came < until and re.search(pattern, line)
-    ]
+        if since < came < until and re.search(pattern, line)]
     return max(later - sooner for sooner, later in zip([since] + times, times + [until]))
 
 

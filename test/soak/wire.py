@@ -106,8 +106,7 @@ def main():
     try:
         ends = [
             make_device(namespace, TAP if sys.argv[1] == "tap" else TUN)
-            for namespace in sys.argv[2:]
-        ]
+            for namespace in sys.argv[2:]]
     except OSError as error:
         tell(error=str(error))
         return 1

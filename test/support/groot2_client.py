@@ -45,5 +45,4 @@ class Client:
 def hook(uid, position=0, mode=1, once=False, enabled=True, status="SUCCESS"):
     return json.dumps({
         "enabled": enabled, "uid": uid, "mode": mode, "once": once, "desired_status": status,
-        "position": position
-    })
+        "position": position})

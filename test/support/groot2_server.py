@@ -39,8 +39,7 @@ class Cond(Script, ConditionLeaf):
 SCRIPTS = {}
 SPECS = builtin_specs() + [
     NodeSpec("Act", Kind.ACTION, Act),
-    NodeSpec("Cond", Kind.CONDITION, Cond)
-]
+    NodeSpec("Cond", Kind.CONDITION, Cond)]
 
 
 class Served(Groot2Publisher):

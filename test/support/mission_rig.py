@@ -32,8 +32,7 @@ RUN = events.RunStarted(
 MOST_ROUNDS = 2 * runner.ROUNDS_AT_ONCE
 CAUSES = [
     Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
-    Cause.HANDLER_EXCEPTION, Cause.TYPE_MISMATCH
-]
+    Cause.HANDLER_EXCEPTION, Cause.TYPE_MISMATCH]
 ASKS_WITHOUT_START_OF_TREE = """<Sequence><QueryTourSpeech/><ForceSuccess><ReactiveFallback>
 <IsYesNoUttered/><ForceFailure><Sleep msec='2000'/></ForceFailure></ReactiveFallback></ForceSuccess>
 <IsVisitorResponseYes/><LookUpEntrance/><Navigate/></Sequence>"""

@@ -187,8 +187,7 @@ TREES = {
       <SetSpeedLimit percent="{speed}"/>
       <DriveStraight distance="0.5" error="{drive_error}" _failureIf="tries &gt; 2 &amp;&amp; speed &lt; 10"/>
     </Sequence></RetryUntilSuccessful>
-  </Sequence>""",
-}
+  </Sequence>"""}
 DRIVE = '\n  <BehaviorTree ID="Drive">\n    ' + pipeline(REPLAN, FOLLOW) + "\n  </BehaviorTree>"
 
 

@@ -99,8 +99,7 @@ class Day:
         gazes = is_there and self.kind != "no gaze"
         rig.topics.publish(FACES, Faces(("1",), (gazes,)) if is_there else Faces((), ()))
         modes = [
-            request.state for request in rig.requests[-60:] if isinstance(request, SetAttention)
-        ]
+            request.state for request in rig.requests[-60:] if isinstance(request, SetAttention)]
         if modes and modes[-1] == "seeking":
             rig.topics.publish(ATTENTION, AttentionStatus("seeking", 1 if gazes else 0))
         says = {"declines": "no", "silent": None}.get(self.kind, "yes")

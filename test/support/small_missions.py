@@ -13,8 +13,7 @@ REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Typed", Kind.ACTION, AlwaysSuccess,
              (Port("number", "int"), Port("flag", "bool"), Port("list", "vec_int"),
               Port("out", "double", Direction.INOUT), Port("text", "string"))),
-    NodeSpec("Attend", Kind.ACTION, AlwaysSuccess, names=("social", "seeking")),
-])
+    NodeSpec("Attend", Kind.ACTION, AlwaysSuccess, names=("social", "seeking"))])
 
 
 def root(body, attributes='BTCPP_format="4" main_tree_to_execute="Main"'):

@@ -128,36 +128,30 @@ RUNS = {
         "said info 2 “second text 1”", "stop info IsListWithExhibit 1 2 1",
         "stop info SelectExhibit 2 2 2", "stop info IsListWithExhibit 2 2 2",
         "moved info Navigate", "moved info GoodbyeGesture", "moved info Navigate",
-        "visit info 1 SUCCESS 2.5 2 2"
-    ]),
+        "visit info 1 SUCCESS 2.5 2 2"]),
     "left out": (looks_away, None, True, 1, [
         "stop info SelectExhibit 1 2 1", "moved info Navigate 1",
         "stop warning IsMutualGazeDiscovered 1 2 1", "stop info SelectExhibit 2 2 2",
-        "visit warning 1 SUCCESS 17.0 1 1 2"
-    ]),
+        "visit warning 1 SUCCESS 17.0 1 1 2"]),
     "given up": (visitor_who("yes"), unanswered_drive, True, 1, [
         "failure warning Navigate 180 /robotNavigation/set_goal", "recovery info Navigate 2 2",
         "stop error Navigate 1 2 1 2 /robotNavigation/set_goal",
         "recovery error Navigate 2 /robotNavigation/set_goal",
-        "visit warning 1 FAILURE 3.0 1 2 1 2 /robotNavigation/set_goal"
-    ]),
+        "visit warning 1 FAILURE 3.0 1 2 1 2 /robotNavigation/set_goal"]),
     "visitor left": (walks_off, None, True, 1, [
         "moved info Navigate 1", "stop info IsVisitorDiscovered 1 2 1", "moved info Navigate",
-        "visit info 1 16.0 1 2 1"
-    ]),
+        "visit info 1 16.0 1 2 1"]),
     "node died": (loses_the_voice, unreachable_speech, True, 1, [
         "health warning /textToSpeech/say_text /textToSpeech",
         "failure warning MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech /textToSpeech/say_text",
         "recovery info MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech 2 2",
         "recovery warning MaybeAnotherTimeSpeech MaybeAnotherTimeSpeech 2 /textToSpeech/say_text",
-        "visit warning 1 SUCCESS 1.5 MaybeAnotherTimeSpeech"
-    ]),
+        "visit warning 1 SUCCESS 1.5 MaybeAnotherTimeSpeech"]),
     "budget spent": (visitor_who("yes"), refusing(Say, PerformGesture), True, 2, [
         "recovery warning WelcomeSpeech WelcomeSpeech 2 /textToSpeech/say_text",
         "recovery warning Point to exhibit LocationOvertAttentionMode PerformDeicticGesture "
         "/gestureExecution/perform_gesture", "moved info HandleFallBack 1",
-        "recovery error GoodbyeGesture 30 600 GoodbyeGesture /gestureExecution/perform_gesture"
-    ]),
+        "recovery error GoodbyeGesture 30 600 GoodbyeGesture /gestureExecution/perform_gesture"]),
     "silent": (visitor_who(), None, True, 1, [
         "asked info SayYesNoSpeech “I am sorry, I can only understand yes or no. Please say yes "
         "or no.”",
@@ -167,8 +161,7 @@ RUNS = {
         "or no.”",
         "said info MaybeAnotherTimeSpeech “That is all right. Maybe another time! Have a nice "
         "day.”",
-        "visit info 1 SUCCESS 40.5"
-    ]),
+        "visit info 1 SUCCESS 40.5"]),
     "declined": (visitor_who("no"), None, True, 1,
                  ["heard info IsYesNoUttered “no”", "visit info 1 SUCCESS 1.0"]),
     "no gaze": (visitor_who(gazes=False), None, True, 1,
@@ -177,11 +170,9 @@ RUNS = {
         "heard info IsYesNoUttered “perhaps”",
         "asked info SayYesNoSpeech “I am sorry, I can only understand yes or no. Please say yes "
         "or no.”",
-        "visit info 1 SUCCESS 40.5"
-    ]),
+        "visit info 1 SUCCESS 40.5"]),
     "tablet": (visitor_who(), NO, False, 1,
-               ["pressed info PressYesNoDialogue “No”", "visit info 1 SUCCESS 0.5"]),
-}
+               ["pressed info PressYesNoDialogue “No”", "visit info 1 SUCCESS 0.5"])}
 
 
 def rig_of(kind):

@@ -169,8 +169,7 @@ FOREIGN = {
     "a link to other tests": lambda r, ws: foreign_link(r, ws, "unit_tests"),
     "a link to nothing": lambda _, ws: (ws / "src/unit_tests").symlink_to("nothing"),
     "a package of our name": lambda _, ws: write(ws / "src/robot/nodes/deep/package.xml",
-                                                 MANIFEST.format("")),
-}
+                                                 MANIFEST.format(""))}
 
 
 @pytest.mark.parametrize("words", [(), ("--remove", )], ids=["add", "remove"])

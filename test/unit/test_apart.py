@@ -87,6 +87,5 @@ def test_work_that_hangs_does_not_keep_the_process_from_its_end():
     before = set(threading.enumerate())
     run_together([threading.Event().wait], 0.01)
     hanging = set(threading.enumerate()) - before | {
-        thread for thread in before if thread.name == "apart"
-    }
+        thread for thread in before if thread.name == "apart"}
     assert len(hanging) > 1 and all(thread.daemon for thread in hanging)

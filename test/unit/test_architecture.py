@@ -51,12 +51,10 @@ LAYERS = [
     ["output_files"],
     ["errors", "exit_codes", "ros_arguments"],
     ["ros_packages"],
-    ["text", "foreign_code", "folders", "thread_check"],
-]
+    ["text", "foreign_code", "folders", "thread_check"]]
 ROS = {
     "actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch",
-    "roslib", "rosnode", "rospy", "rosservice", "rostopic", "std_msgs"
-}
+    "roslib", "rosnode", "rospy", "rosservice", "rostopic", "std_msgs"}
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 LONGEST_FUNCTION = 60  # lines
 LONGEST_LINE = 100
@@ -284,8 +282,7 @@ def strings(tree):
     """Return each string constant of a module that is not a docstring, with its line."""
     docstrings = {
         id(node.body[0].value) for node in ast.walk(tree)
-        if isinstance(node, DOCUMENTED) and node.body and isinstance(node.body[0], ast.Expr)
-    }
+        if isinstance(node, DOCUMENTED) and node.body and isinstance(node.body[0], ast.Expr)}
     return [(node.lineno, node.value) for node in ast.walk(tree) if isinstance(node, ast.Constant)
             and isinstance(node.value, str) and id(node) not in docstrings]
 
@@ -439,8 +436,7 @@ def test_every_python_package_is_installed(package, folder):
     start = os.path.join(ROOT, folder, "src")
     packages = {
         os.path.relpath(place, start).replace(os.sep, ".") for place, _, names in os.walk(start)
-        if "__init__.py" in names
-    }
+        if "__init__.py" in names}
     assert packages
     assert {name for name in packages if "'{}'".format(name) not in text} == set()
 
@@ -471,8 +467,7 @@ def test_no_file_names_a_place_on_somebodys_machine():
             with open(os.path.join(ROOT, path), encoding="utf-8", errors="replace") as file:
                 found += [
                     "{}: {}".format(path, match.group())
-                    for match in MACHINE_PATH.finditer(file.read())
-                ]
+                    for match in MACHINE_PATH.finditer(file.read())]
     assert found == []
 
 
@@ -484,8 +479,7 @@ def test_the_architecture_document_names_what_is_there():
     assert len(named) > 20
     assert {
         name for name in named
-        if not any(os.path.exists(os.path.join(ROOT, place, name)) for place in places)
-    } == set()
+        if not any(os.path.exists(os.path.join(ROOT, place, name)) for place in places)} == set()
 
 
 def members():
@@ -495,12 +489,10 @@ def members():
     for name in OURS:
         tree = parse(MODULES[name])
         for head, body in [(name.split(".")[-1], tree.body)] + [
-            (node.name, node.body) for node in ast.walk(tree) if isinstance(node, ast.ClassDef)
-        ]:
+            (node.name, node.body) for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]:
             targets = [
                 target for node in body
-                for target in getattr(node, "targets", [getattr(node, "target", node)])
-            ]
+                for target in getattr(node, "targets", [getattr(node, "target", node)])]
             found.setdefault(head, set()).update(
                 getattr(target, "name", getattr(target, "id", "")) for target in targets)
     return found

@@ -42,8 +42,7 @@ def contents(board):
     ([{}, "auto"], "x", (1, "x")),                           # each level decides for itself
     ([{}, {}], "@x", (0, "x")),
     ([{"_p": "y"}], "_p", (0, "y")),                         # an explicit remapping leads anywhere
-    ([{}, {"x": "@y"}], "x", (0, "y")),
-])
+    ([{}, {"x": "@y"}], "x", (0, "y"))])
 def test_where_an_entry_is_made_and_found(levels, key, leads_to):
     boards = chain(*levels)
     assert boards[-1].find(key) is None
@@ -87,8 +86,7 @@ def test_get_answers_the_default_for_no_entry_and_an_empty_one():
 
 @pytest.mark.parametrize("first, then, clash", [
     ("int", "int", False), ("any", "int", False), ("int", "any", False), ("Any", "double", False),
-    ("int", "double", True), ("string", "int", True),
-])
+    ("int", "double", True), ("string", "int", True)])
 def test_a_strong_type_is_declared_once(first, then, clash):
     board = Blackboard()
     entry = board.create("k", first)
@@ -107,8 +105,7 @@ def test_a_strong_type_is_declared_once(first, then, clash):
 
 @pytest.mark.parametrize("value, declared", [
     (2 ** 31 - 1, "int"), (-2 ** 31, "int"), (2 ** 31, "int64"), (-2 ** 31 - 1, "int64"),
-    (1.5, "double"), (True, "bool"), ("text", "any"), ([1], "list"),
-])
+    (1.5, "double"), (True, "bool"), ("text", "any"), ([1], "list")])
 def test_the_first_write_declares_the_type_except_a_text(value, declared):
     board = Blackboard()
     board.set("k", value)
@@ -144,8 +141,7 @@ def test_a_truth_and_a_status_are_stored_as_integers():
     ("vec_int", [1, 2], None, [1, 2]),
     ("vec_double", [], None, []),
     ("string", "x", "string", "x"),
-    ("int64", 5, "int", 5),
-])
+    ("int64", 5, "int", 5)])
 def test_what_an_empty_typed_entry_takes(declared, value, value_type, stored):
     board = Blackboard()
     board.create("k", declared)
@@ -168,8 +164,7 @@ def test_what_an_empty_typed_entry_takes(declared, value, value_type, stored):
     ("vec_int", ["1"], None),
     ("vec_int", [True], None),
     ("int", [1], None),
-    ("list", "x", "string"),
-])
+    ("list", "x", "string")])
 def test_what_a_typed_entry_refuses(declared, value, value_type):
     board = Blackboard()
     entry = board.create("k", declared)
@@ -214,8 +209,7 @@ def test_writing_through_a_remapping_respects_the_type():
     (1.5, None, "double"),
     ("x", None, "string"),
     (3000000000, "uint", "uint"),
-    ([3], "vec_int", "vec_int"),
-])
+    ([3], "vec_int", "vec_int")])
 def test_a_value_remembers_what_it_was(value, value_type, origin):
     board = Blackboard()
     board.set("k", value, value_type)

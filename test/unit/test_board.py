@@ -92,8 +92,7 @@ def test_nodes_are_called_what_py_trees_render_calls_them():
 
     labels = [
         " ".join(filter(None, (node["name"], node["kind"])))
-        for node in board.part("mission")["nodes"]
-    ]
+        for node in board.part("mission")["nodes"]]
     assert sorted(labels) == sorted(node.name for node in create_tree("lab_tour").iterate())
 
 
@@ -349,8 +348,7 @@ def test_what_there_is_to_know_of_a_node():
     node = next(node for node in rig.tree.nodes if node.name == "Navigate")
     before = board.node(node.uid)
     assert before["results"] == [] and before["ports"] == [{
-        "name": "target", "text": "{@targetLocation}", "value": "–"
-    }]
+        "name": "target", "text": "{@targetLocation}", "value": "–"}]
     with open(node.element.document.file, encoding="utf-8") as file:
         line = file.read().split("\n")[int(before["place"].split(":")[1]) - 1]
     assert "<Navigate/>" in line and before["type"] == "Navigate"
@@ -413,8 +411,7 @@ def test_results_that_differ_are_not_one_and_a_failure_is_that_of_its_tick():
         Failure(Cause.REFUSED, "a"),
         Failure(Cause.REFUSED, "b"),
         Failure(Cause.REFUSED, "b"),
-        Answer()
-    ]
+        Answer()]
     rig = one_leaf("<ForceSuccess><WelcomeSpeech/></ForceSuccess>", lambda request: answers.pop(0))
     board = board_of(rig)
     rig.mission.events.emit(

@@ -122,8 +122,7 @@ def mistaken(body):
 
 @pytest.mark.parametrize("control", [
     "Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback", "Parallel",
-    "SequenceWithMemory", "AsyncFallback", "Inverter", "ForceSuccess"
-])
+    "SequenceWithMemory", "AsyncFallback", "Inverter", "ForceSuccess"])
 @pytest.mark.parametrize("condition", ["", " _skipIf='false'"])
 @pytest.mark.parametrize("result", [None, True, "SUCCESS"])
 def test_a_rule_that_returns_no_status_is_an_error_at_its_node(monkeypatch, control, condition,

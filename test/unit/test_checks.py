@@ -203,8 +203,7 @@ RULES = {
         main("<ManualSelector>{}</ManualSelector>".format(LEAF)), (3, 5), "unknown-node",
         "Switch2"),
     # elsewhere
-    "Selector": (main("<Selector>{}</Selector>".format(LEAF)), (3, 5), "unknown-node", "Fallback"),
-}
+    "Selector": (main("<Selector>{}</Selector>".format(LEAF)), (3, 5), "unknown-node", "Fallback")}
 
 
 @pytest.mark.parametrize("rule", sorted(RULES))
@@ -282,8 +281,7 @@ WARNINGS = {
         "contains itself"),
     "bad script in an unused tree": (
         root(tree(LEAF) + "\n" + tree('<Script code="("/>', "B")), (6, 13), "script-syntax",
-        "script of code"),
-}
+        "script of code")}
 
 
 @pytest.mark.parametrize("rule", sorted(WARNINGS))
@@ -325,8 +323,7 @@ def test_what_behaviortree_cpp_accepts_is_no_fault(body):
 @pytest.mark.parametrize("call, inside", [
     ('<SubTree ID="S" who="1"/>', '<input_port name="who"/><MetadataFields/>'),
     ('<SubTree ID="S"/>', '<input_port name="who" default="2"/>'),
-    ('<SubTree ID="S" _autoremap="1"/>', '<input_port name="who"/>'),
-])
+    ('<SubTree ID="S" _autoremap="1"/>', '<input_port name="who"/>')])
 def test_what_a_model_asks_for_may_be_given_in_three_ways(call, inside):
     assert told(root(tree(call) + tree(LEAF, "S") + model(inside))) == []
 
@@ -343,8 +340,7 @@ TWO = tree('<SubTree ID="B"/>', "A") + "\n" + tree(LEAF, "B")
     ("<root BTCPP_format=\"4\"><BehaviorTree>{}</BehaviorTree></root>".format(LEAF), True,
      "BehaviorTree_1"),
     (root(TWO, 'BTCPP_format="4"'), False, "A"),
-    (root(TWO, 'BTCPP_format="4"'), True, ""),
-])
+    (root(TWO, 'BTCPP_format="4"'), True, "")])
 def test_the_main_tree(text, strict, expected):
     found = checked(text, strict=strict)
     assert found.main == expected
@@ -391,8 +387,7 @@ def test_every_fault_is_told_in_one_pass_in_the_order_of_the_file():
         '<BehaviorTree ID="Main"><Sequence>', "<Navigat/>", '<Typed number="x" flag="y"/>',
         '<SubTree ID="Nope"/>', '<Script code="1 +"/>', "<Inverter/>", "</Sequence></BehaviorTree>",
         '<BehaviorTree ID="Unused">', "<Fallback/>", "</BehaviorTree>", '<BehaviorTree ID="a/b">',
-        "<Nope/>", "</BehaviorTree>"
-    ]))
+        "<Nope/>", "</BehaviorTree>"]))
     assert [fault[:2] for fault in told(text)] == [(3, 1), (4, 8), (4, 19), (5, 10), (6, 9), (7, 1),
                                                    (10, 1), (12, 15), (13, 1)]
     with pytest.raises(MissionError) as caught:
@@ -468,8 +463,7 @@ def warned(text):
     ('<Typed out="1e"/>', 12, "e", "1.0"),
     ('<Typed list="1;2.5;3"/>', 12, ".5", "1;2;3"),
     ('<LoopInt queue="1;2 x" value="{v}"><Navigate/></LoopInt>', 14, "x", "1;2"),
-    ('<LoopDouble queue="1,5;2" value="{v}"><Navigate/></LoopDouble>', 17, ",5", "1.0;2.0"),
-])
+    ('<LoopDouble queue="1,5;2" value="{v}"><Navigate/></LoopDouble>', 17, ",5", "1.0;2.0")])
 def test_a_number_that_is_not_read_to_its_end_is_told_with_what_is_read(
         body, column, rest, read_as):
     fault, = warned(main(body))
@@ -481,8 +475,7 @@ def test_a_number_that_is_not_read_to_its_end_is_told_with_what_is_read(
 UNITS = {
     "ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000,
     "seconds": 1000, "min": 60_000, "minute": 60_000, "minutes": 60_000,
-    "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000
-}
+    "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000}
 
 
 @pytest.mark.parametrize("body, hint", [
@@ -606,8 +599,7 @@ def test_thousands_of_trees_that_call_each_other_are_no_trouble():
 @pytest.mark.parametrize("bodies", [
     ['<SubTree ID="U{}"/>'.format(number) for number in range(5000)],
     ["<Navigat{}/>".format(number) for number in range(5000)],
-    ['<Typed nummber{}="1"/>'.format(number) for number in range(5000)],
-])
+    ['<Typed nummber{}="1"/>'.format(number) for number in range(5000)]])
 def test_thousands_of_mistakes_are_no_trouble(bodies):
     trees = "".join(tree(body, "T{}".format(number)) for number, body in enumerate(bodies))
     main_tree = tree("<Sequence>{}</Sequence>".format("".join(
@@ -632,7 +624,6 @@ def test_ten_thousand_nodes_are_checked_in_a_moment():
     ('<Condition ID="ScriptCondition" code="1 +"/>', 37, "script-syntax"),
     ('<Decorator ID="Inverter"/>', 5, "decorator-children"),
     ('<Control ID="ReactiveSequence"/>', 5, "no-child"),
-    ('<Action ID="Navigate" _skipIf="1 +"/>', 27, "script-syntax"),
-])
+    ('<Action ID="Navigate" _skipIf="1 +"/>', 27, "script-syntax")])
 def test_the_explicit_form_is_checked_as_the_compact_one(body, column, code):
     assert told(main(body)) == [(3, column, False, code)]

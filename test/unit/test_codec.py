@@ -23,8 +23,7 @@ REQUESTS = [
     SetAttention("location", Point(0.1, 0.2, 1e300)),
     GoTo(Location(1.5, -0.0, 90.0)),
     Prompt(("yes", "no")),
-    Say("a \ud800 b\u2028\n")
-]
+    Say("a \ud800 b\u2028\n")]
 MESSAGES = [Message("/faceDetection/data", 1, Faces(("7", ""), (True, False)), 12.5),
             Message("/overtAttention/mode", 2, AttentionStatus("seeking", 2), 0.0),
             Message("/speechEvent/text", 3, "yes", 1.0)]
@@ -37,8 +36,7 @@ BEGIN = [
         "/m.xml", [("b::2", "B")],
         {"asrEnabled": True, "missionRuns": 2, "topicMaxAge": 0.5, "language": "x"},
         Sources((Source("/i.xml", "<i/>"), Source("/m.xml", "<m/>")), Source("p", "a"),
-                Source("r", ""), "R"))
-]
+                Source("r", ""), "R"))]
 
 
 def written(events):
@@ -139,8 +137,7 @@ def test_letters_of_any_language_can_be_read_in_the_file():
 def test_all_that_the_interface_asks_and_tells_can_be_recorded():
     assert [
         service.request for service in INTERFACE.services
-        if not issubclass(service.request, Request)
-    ] == []
+        if not issubclass(service.request, Request)] == []
     assert {type(request)
             for request in REQUESTS} <= {service.request for service in INTERFACE.services}
     assert {message.topic for message in MESSAGES} <= {topic.name for topic in INTERFACE.topics}

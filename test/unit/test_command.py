@@ -90,8 +90,7 @@ def test_the_exit_code_is_what_the_function_returns(program, code):
      ["a.xml:1:2: odd", "b.xml: even"]),
     (ImportError("lxml is too old"), 1, ["lxml is too old"]),
     (MemoryError(), 1, ["there is too little memory for this"]),
-    (RecursionError(), 1, ["there is too little memory for this"]),
-])
+    (RecursionError(), 1, ["there is too little memory for this"])])
 def test_what_a_command_cannot_do_is_told_line_by_line(program, error, code, lines):
     text = "".join("tool: {}\n".format(line) for line in lines)
     assert program.run(raising(error)) == (code, text)
@@ -119,8 +118,7 @@ def test_a_doubt_about_another_package_changes_no_exit_code(program, monkeypatch
     ("raise MemoryError", 1, 4, "tool: cannot be loaded: MemoryError\n"),
     ("raise OSError('no files left')", 1, 4, "tool: cannot be loaded: no files left\n"),
     ("from behavior_controller.errors import ConfigurationError as E\nraise E.of('a', 'odd')", 2, 2,
-     "tool: a: odd\n"),
-])
+     "tool: a: odd\n")])
 def test_a_program_that_cannot_be_loaded_says_why(tmp_path, monkeypatch, program, source,
                                                   command_code, node_code, words):
     (tmp_path / "unloaded_tool.py").write_text(source)
@@ -145,8 +143,7 @@ CONTROLS = "\x1b[Hone\r\x1b[J\x1b]0;two\x07\n"
 
 @pytest.mark.parametrize("options, shown", [
     ({}, "\\x1b[Hone\\r\\x1b[J\\x1b]0;two\\x07\n"),
-    ({"redraws": True}, "\x1b[Hone\r\x1b[J\\x1b]0;two\\x07\n"),
-])
+    ({"redraws": True}, "\x1b[Hone\r\x1b[J\\x1b]0;two\\x07\n")])
 def test_what_a_command_prints_moves_no_cursor_unless_it_redraws(program, options, shown):
     def main():
         sys.stderr.write(CONTROLS)

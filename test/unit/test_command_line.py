@@ -135,8 +135,7 @@ def test_the_home_folder():
     (["/usr/bin/roslaunch", "theirs", "x.launch", "seed:=1"], []),
     # which may include ours
     (["/usr/bin/roslaunch", "theirs", "everything.launch", "mision:=x"], []),
-    ([], []),
-))
+    ([], [])))
 def test_what_roslaunch_was_given_for_our_file(command, given):
     assert ros_arguments.given_to_roslaunch(command, "ours", "x.launch") == given
 

@@ -54,8 +54,7 @@ def condition(mission):
     ("<Timeout msec='500'>" + SEEN + "</Timeout>", None),
     # a robot that does something else meanwhile does not wait
     (retried(5, "<Fallback>" + SEEN + "<ForceFailure>" + SAYS + "</ForceFailure></Fallback>"),
-     None),
-])
+     None)])
 def test_the_mission_waits_for_a_condition(mission, seconds):
     assert wait_for(condition(mission)) == pytest.approx(seconds)
 

@@ -115,8 +115,7 @@ def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
     (2, "seeking", 3, FAILURE),
     (1, "social", 1, FAILURE),
     (2, "social", 2, FAILURE),
-    (1, "", 1, FAILURE),
-])
+    (1, "", 1, FAILURE)])
 def test_what_mutual_gaze_is(convention, state, value, result):
     rig = one_leaf("<IsMutualGazeDiscovered/>", mutualGazeValue=convention)
     rig.topics.publish(ATTENTION, AttentionStatus(state, value))
@@ -159,8 +158,7 @@ THE_DOCUMENTS = Noticed("warning", "/overtAttention/mode has said seeking with 1
     (2, [(0, 1)] * 3, [THE_DOCUMENTS]),
     (2, [(0, )] * 5, []),
     (2, [(1, 2)] + [(1, )] * 5, []),
-    (2, [(1, ), (1, 3), (1, ), (1, )], []),
-])
+    (2, [(1, ), (1, 3), (1, ), (1, )], [])])
 def test_a_sign_of_the_other_convention_is_told_once(convention, values, warnings):
     assert searches(convention, *values) == warnings
 
@@ -301,8 +299,7 @@ def test_a_halted_wait_begins_anew():
 def reported(rig, node):
     return [
         event.failure.message for event in rig.of(LeafFinished)
-        if event.node == node and event.failure
-    ]
+        if event.node == node and event.failure]
 
 
 def test_each_round_of_a_condition_is_reported():
@@ -331,8 +328,7 @@ def test_a_wait_goes_on_if_its_condition_is_false_for_another_reason():
             rig.clock.advance(2.5)
         assert rig.tick() is RUNNING
     assert reported(rig, "IsVisitorDiscovered") == [
-        "no face seen; no message has come", "no face seen; the newest message is too old"
-    ]
+        "no face seen; no message has come", "no face seen; the newest message is too old"]
     assert [(event.words, event.limit)
             for event in rig.of(StepStarted)] == [("waiting for a visitor", 9.0)]
 

@@ -24,8 +24,7 @@ SANE = {
     "getParam": {"a": [1, "b"]}, "registerService": 1, "publisherUpdate": 0,
     "registerPublisher": ["http://h:1/"], "registerSubscriber": [], "unregisterSubscriber": 1,
     "deleteParam": 0, "getPid": 77, "requestTopic": ["TCPROS", "h", 1],
-    "setParam": 0, "servicesInUse": [True, ["/a/x"]]
-}
+    "setParam": 0, "servicesInUse": [True, ["/a/x"]]}
 
 
 @contextlib.contextmanager
@@ -113,8 +112,7 @@ def test_a_value_of_another_shape_is_trouble(method):
 
 @pytest.mark.parametrize("answer", [
     None, 1, "text", [], [1], [1, "ok"], [1, "ok", "x", "y"], {"a": 1}, [[1], "ok", "x"],
-    ["1", "ok", "x"], [None, None, None], [True, "ok", "http://h:1/"]
-], ids=repr)
+    ["1", "ok", "x"], [None, None, None], [True, "ok", "http://h:1/"]], ids=repr)
 def test_an_answer_that_is_no_triple_is_trouble(answer):
     with peer(answered(answer)) as uri, pytest.raises(Trouble):
         ask(uri, "lookupNode", "/n", seconds=5.0)
@@ -135,8 +133,7 @@ def test_an_answer_without_an_end_is_trouble():
 
 @pytest.mark.parametrize("uri", [
     "", "x", "http://", "http:///", "ftp://h:1", "http://h:99999/", "http://h:x/", "http://[::1/",
-    "http://a b:1/", "http://\0:1/", "http://" + "a" * 70 + ":1/", "http://127.0.0.1:1/"
-])
+    "http://a b:1/", "http://\0:1/", "http://" + "a" * 70 + ":1/", "http://127.0.0.1:1/"])
 def test_an_address_at_which_nothing_can_answer_is_trouble(uri):
     with pytest.raises(Trouble):
         ask(uri, "lookupNode", "/n", seconds=1.0)

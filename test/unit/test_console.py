@@ -76,8 +76,7 @@ def console(monkeypatch):
     SafeStateReported((SafePart(ODD, ODD, FAILURE), SafePart(ODD, ODD, None)), 1.0),
     Noticed("error", ODD),
     Noticed(ODD, ODD),
-    RunFinished(ODD, 3)
-])
+    RunFinished(ODD, 3)])
 @pytest.mark.parametrize("is_verbose", [False, True])
 def test_each_event_is_told_on_lines_of_its_own(told, console, event, is_verbose):
     console(PassStarted(1, 0.0))

@@ -77,8 +77,7 @@ def specs():
         NodeSpec("To", Kind.ACTION, Reader, (Port("spot", SPOT, default="{@spot}"), )),
         NodeSpec("Put", Kind.ACTION, Writer, (Port("spot", SPOT, Direction.OUT, "{@spot}"), )),
         NodeSpec("Mark", Kind.ACTION, Writer, (Port("marks", MARKS, Direction.OUT, "{marks}"), )),
-        NodeSpec("Marked", Kind.ACTION, Reader, (Port("marks", MARKS, default="{marks}"), )),
-    ]
+        NodeSpec("Marked", Kind.ACTION, Reader, (Port("marks", MARKS, default="{marks}"), ))]
 
 
 def ran(body, more="", **host):
@@ -186,8 +185,7 @@ def test_a_record_is_read_from_a_literal_from_a_text_and_from_an_entry():
 
 @pytest.mark.parametrize("body, column, words", [
     ('<To spot="1.5"/>', 5, "1.5 is not a spot: write x;y"),
-    ('<Marked marks="1;2"/>', 9, " Marks "),
-])
+    ('<Marked marks="1;2"/>', 9, " Marks ")])
 def test_a_literal_that_is_none_is_refused_where_it_stands(body, column, words):
     with pytest.raises(MissionError) as caught:
         load_text(

@@ -50,8 +50,7 @@ def node(text):
     ("a := 'ü😀'", "a := 'ü😀'"),
     ("]]>", "]]>"),
     ("x:='1'", "x:='1'"),
-    ("", ""),
-])
+    ("", "")])
 def test_values_are_read_as_behaviortree_cpp_reads_them(written, read_as):
     assert node(mission('<Script code="{}"/>'.format(written))).attributes == {"code": read_as}
 
@@ -71,8 +70,7 @@ def test_what_has_no_meaning_is_passed_over():
 
 def test_single_quotes_and_blanks_around_the_equals_sign():
     assert node(mission("<Script code = 'a := \"b\"' name\n=\n'x'/>")).attributes == {
-        "code": 'a := "b"', "name": "x"
-    }
+        "code": 'a := "b"', "name": "x"}
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
@@ -142,8 +140,7 @@ def test_an_attribute_is_not_found_inside_the_value_of_another():
     (6, (3, 7)),
     (7, (4, 1)),
     (8, (4, 2)),
-    (99, (4, 3)),
-])
+    (99, (4, 3))])
 def test_a_fault_stands_at_the_line_of_its_character_in_a_value_of_several_lines(at, place):
     fault = node(mission('\n<Script code="a;\n&lt; b\r\n c"/>')).fault(
         rules.NO_TREE, "x", attribute="code", at=at)
@@ -166,8 +163,7 @@ def test_texts_are_told_beside_tags_with_raw_ampersands_too():
 
 @pytest.mark.parametrize("rule, said, is_warning", [
     (rules.NO_TREE, None, False), (rules.STRAY_TEXT, None, True), (rules.NO_TREE, True, True),
-    (rules.STRAY_TEXT, False, False),
-])
+    (rules.STRAY_TEXT, False, False)])
 def test_a_fault_is_a_warning_if_its_rule_is_unless_it_is_said(rule, said, is_warning):
     assert parse(mission()).root.fault(rule, "x", is_warning=said).is_warning is is_warning
 
@@ -219,8 +215,7 @@ def test_a_fault_is_a_warning_if_its_rule_is_unless_it_is_said(rule, said, is_wa
      "an element after the end of the first element"),
     ('<!DOCTYPE r [\n<!ENTITY a "b">]><root/>', (1, 1), "doctype", "declarations inside DOCTYPE"),
     ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root/>', (1, 1), "doctype",
-     "declarations inside DOCTYPE"),
-])
+     "declarations inside DOCTYPE")])
 def test_markup_faults_have_a_place(text, place, code, words):
     fault = faults_of(text)[0]
     assert unsaid([words], [fault]) == []
@@ -256,8 +251,7 @@ IN_ONE_PASS = [  # every fault of a text, in order
     ("<b y/>\n<!-- a <c z/>\n</S>\n", [(2, 4, "attribute-value"), (3, 1, "not-closed")]),
     # a comment in a comment, and what is after the first end of both
     ("<!-- <S>\n<!-- a -->\n</S>\n-->\n<b y/>\n", [
-        (3, 1, "comment-in-comment"), (6, 4, "attribute-value")]),
-]
+        (3, 1, "comment-in-comment"), (6, 4, "attribute-value")])]
 
 
 @pytest.mark.parametrize("inside, expected", IN_ONE_PASS)
@@ -298,8 +292,7 @@ def test_all_markup_faults_of_a_file_are_told():
     ("<root n='éé\n".encode("utf-8") + b"  \xff'/>", (2, 3), "not-text", "byte 0xff is not UTF-8"),
     ("<root/>".encode("utf-16-le"), (1, 2), "not-text", "NUL"),
     ("<root/>".encode("utf-16") + b"\x00", (1, 8), "not-text", "is not UTF-16"),
-    (b"<root>\xed\xa0\x80</root>", (1, 7), "not-text", "is not UTF-8"),
-])
+    (b"<root>\xed\xa0\x80</root>", (1, 7), "not-text", "is not UTF-8")])
 def test_wrong_encodings(data, place, code, words):
     fault = faults_of(data)[0]
     assert unsaid([words], [fault]) == []
@@ -333,8 +326,7 @@ def test_a_lone_surrogate_in_a_text():
      "".join("<!ENTITY a{} '{}'>".format(i, "&a{};".format(i - 1 if i else "") * 10)
              for i in range(12)) + "]><root>&a11;</root>", "doctype"),
     ("a quadratic entity", "<!DOCTYPE z [<!ENTITY a '" + "a" * 100_000 + "'>]><root>" +
-     "&a;" * 100_000 + "</root>", "doctype"),
-])
+     "&a;" * 100_000 + "</root>", "doctype")])
 def test_what_is_too_large_is_refused_within_a_second(name, text, code):
     began = time.thread_time()
     fault = faults_of(text)[0]
@@ -519,8 +511,7 @@ def packages_below(folder, *names):
     ("hidden", None),
     ("nameless", None),
     ("misnamed", None),
-    ("", None),
-])
+    ("", None)])
 def test_where_a_ros_package_is(tmp_path, monkeypatch, name, found):
     packages_below(tmp_path, "one/direct=direct", "one/a/b=below", "one/b/second=twice",
                    "one/b/first=twice", "one/a/b/c=in_a_package", "one/d/e=ignored",
@@ -561,8 +552,7 @@ def test_the_number_of_folders_where_packages_are_looked_for_has_an_end(
 @pytest.mark.parametrize("length, faults", [(50, 0), (51, 1), (100, 1)])
 def test_a_chain_of_includes_has_an_end(tmp_path, length, faults):
     files = {
-        "f{}".format(i): library("T{}".format(i), "f{}".format(i + 1)) for i in range(length - 1)
-    }
+        "f{}".format(i): library("T{}".format(i), "f{}".format(i + 1)) for i in range(length - 1)}
     files["f{}".format(length - 1)] = library("Last")
     found = included_faults(write(tmp_path, main=library("Main", "f0"), **files))
     assert [fault.code for fault in found] == ["too-large"] * faults

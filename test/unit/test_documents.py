@@ -153,8 +153,7 @@ def test_no_file_names_a_document_that_is_not_there():
                 with open(path, encoding="utf-8", errors="replace") as file:
                     named.update(re.findall(r"docs/\w+\.md", file.read()))
     assert named and [
-        path for path in sorted(named) if not os.path.isfile(os.path.join(ROOT, path))
-    ] == []
+        path for path in sorted(named) if not os.path.isfile(os.path.join(ROOT, path))] == []
 
 
 def test_no_picture_is_older_than_what_it_shows(pictures):

@@ -24,8 +24,7 @@ def dot(root, level="ALL"):
 def test_every_node_of_the_lab_tour_is_drawn_once_with_a_label_of_its_own():
     labels = [
         node.get_label().strip('"') for node in dot(create_tree("lab_tour")).get_node_list()
-        if node.get_label()
-    ]
+        if node.get_label()]
     assert len(labels) == len(set(labels)) == 222
     assert {"lab_tour", "Navigate #107", "UntilMutualGaze (ReactiveFallback) #35",
             "GiveTour #79"} <= set(labels)
@@ -44,8 +43,7 @@ OF_THE_FILE = {"tourBrokenOff"}  # the entry that its scripts use
 
 def entries_of_the_tour():
     defaults = {
-        port.default for node in create_tree("lab_tour").iterate() for port in node.spec.ports
-    }
+        port.default for node in create_tree("lab_tour").iterate() for port in node.spec.ports}
     return {datum.name for datum in data.ALL if whole_mission(datum.name) in defaults} | OF_THE_FILE
 
 

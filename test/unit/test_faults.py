@@ -71,8 +71,7 @@ def test_a_planned_fault_comes_at_its_call_and_moves_no_other():
 @pytest.mark.parametrize("text, expected", (
     ("textToSpeech:3", PlannedFault("textToSpeech", 3, REFUSED)),
     ("textToSpeech:1", PlannedFault("textToSpeech", 1, REFUSED)),
-    ("robotNavigation:12:unanswered", PlannedFault("robotNavigation", 12, UNANSWERED)),
-))
+    ("robotNavigation:12:unanswered", PlannedFault("robotNavigation", 12, UNANSWERED))))
 def test_planned_faults_are_read(text, expected):
     assert parse_planned_fault(text, NODES) == expected
 

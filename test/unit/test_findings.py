@@ -37,8 +37,7 @@ STAGE = LoadedMission(settings.defaults(), [
     <PerformDeicticGesture name="next" target="{@nextExhibit}"/>
     <PerformDeicticGesture name="answer" target="{@visitorResponse}"/></Sequence>
     <Parallel name="both"><Navigate name="left"/><Navigate name="right"/></Parallel>
-    <HandleFallBack name="help"/></Fallback></BehaviorTree></root>""")
-])
+    <HandleFallBack name="help"/></Fallback></BehaviorTree></root>""")])
 TREE = STAGE.mission.tree
 UIDS = {node.name: node.uid for node in TREE.nodes}
 HOME = STAGE.world.knowledge.home.location
@@ -134,8 +133,7 @@ def kinds(seen):
         (play(asked(Say(""), "hi"), journal=[FAULT, FAULT._replace(
             time=START + 1.5, fault=None, objection="there is no text",
             resource="/textToSpeech/say_text")]),
-         [("senseless-request", "hi", "/textToSpeech/say_text refuses it: there is no text")])
-    ])
+         [("senseless-request", "hi", "/textToSpeech/say_text refuses it: there is no text")])])
 def test_what_goes_wrong_in_a_play_is_found(seen, expected):
     assert found(seen) == expected
 

@@ -55,8 +55,7 @@ class Instant(SyncActionLeaf):
 SPECS = builtin_specs() + [
     NodeSpec("Probe", Kind.ACTION, Probe),
     NodeSpec("Instant", Kind.ACTION, Instant),
-    NodeSpec("Busy", Kind.ACTION, Busy)
-]
+    NodeSpec("Busy", Kind.ACTION, Busy)]
 
 
 class Hooks(HookList):
@@ -141,8 +140,7 @@ def test_hooks_are_inside_the_conditions(condition, expected):
     tree, hooks, _ = hooked("<Probe {}='true'/>".format(condition))
     hooks.insert([
         Hook(1, position, REPLACE, False, True, "FAILURE" if expected is SUCCESS else "SUCCESS")
-        for position in (BEFORE, AFTER)
-    ])
+        for position in (BEFORE, AFTER)])
     assert tree.tick_exactly_once() is expected
 
 

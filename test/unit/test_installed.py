@@ -72,8 +72,7 @@ def from_source_distribution(tmp_path_factory):
         sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps",
         "--no-build-isolation", "--disable-pip-version-check", "--target",
         str(target),
-        str(archive)
-    ], scratch)
+        str(archive)], scratch)
     shutil.rmtree(str(copy / "src"))
     return target
 
@@ -81,8 +80,7 @@ def from_source_distribution(tmp_path_factory):
 def run(command, folder, **environment):
     """Run a command in ``folder`` without ROS, and return what it prints."""
     kept = {
-        key: value for key, value in os.environ.items() if not key.startswith(("ROS", "PYTHON"))
-    }
+        key: value for key, value in os.environ.items() if not key.startswith(("ROS", "PYTHON"))}
     done = subprocess.run(command, cwd=str(folder), env=dict(kept,
                                                              **environment), stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, encoding="utf-8", timeout=300)

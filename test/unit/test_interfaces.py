@@ -25,31 +25,24 @@ EXPECTED = {
     "srv/gestureExecutionService.srv": [
         "string gesture_type", "uint8 gesture_id", "int64 gesture_duration", "uint32 bow_nod_angle",
         "float64 location_x", "float64 location_y", "float64 location_z", "---",
-        "uint8 gesture_success"
-    ],
+        "uint8 gesture_success"],
     "srv/knowledgeBaseService.srv": [
-        "string parameters", "---", "bool success", "exhibitInfoMessage[] exhibits"
-    ],
+        "string parameters", "---", "bool success", "exhibitInfoMessage[] exhibits"],
     "srv/overtAttentionService.srv": [
         "string state", "float64 location_x", "float64 location_y", "float64 location_z", "---",
-        "uint8 mode_set_success"
-    ],
+        "uint8 mode_set_success"],
     "srv/robotNavigationService.srv": [
         "float64 goal_x", "float64 goal_y", "float64 goal_theta", "---",
-        "uint8 navigation_goal_success"
-    ],
+        "uint8 navigation_goal_success"],
     "srv/textService.srv": ["string message", "---", "bool success", "string response"],
     "msg/locationMessage.msg": ["float64 x", "float64 y", "float64 theta"],
     "msg/gestureMessage.msg": ["float64 x", "float64 y", "float64 z"],
     "msg/exhibitInfoMessage.msg": [
         "string name", "string description1", "string description2", "locationMessage location",
-        "gestureMessage gesture"
-    ],
+        "gestureMessage gesture"],
     "msg/faceDetectionMessage.msg": [
-        "string[] face_label_id", "geometry_msgs/Point[] centroids", "bool[] mutualGaze"
-    ],
-    "msg/overtAttentionMessage.msg": ["string state", "int64 value"],
-}
+        "string[] face_label_id", "geometry_msgs/Point[] centroids", "bool[] mutualGaze"],
+    "msg/overtAttentionMessage.msg": ["string state", "int64 value"]}
 
 
 @pytest.mark.parametrize("path", sorted(EXPECTED))
@@ -64,8 +57,7 @@ def test_each_declared_type_has_its_file():
     for folder, offers in (("srv", INTERFACE.services), ("msg", INTERFACE.topics)):
         own = [
             offer.type.partition("/")[2] for offer in offers
-            if offer.type.startswith("cssr_system/")
-        ]
+            if offer.type.startswith("cssr_system/")]
         files = ["{}/{}.{}".format(folder, name, folder) for name in own]
         missing += [path for path in files if not os.path.exists(os.path.join(ROOT, path))]
     assert missing == []
@@ -88,8 +80,7 @@ SERVICES = [
     (Prompt(("Yes", "No")), "/tabletEvent/prompt_and_get_response", "tabletEvent", "textService",
      ("Yes|No", ), ("success", True, False)),
     (Say("hello"), "/textToSpeech/say_text", "textToSpeech", "textService", ("hello", ),
-     ("success", True, False)),
-]
+     ("success", True, False))]
 
 
 @pytest.mark.parametrize("request_, name, node, type_, fields, success", SERVICES,
@@ -134,9 +125,7 @@ PUBLISHED = {
     "srv/tabletPromptService": ["string message", "---", "bool success"],
     "msg/overtAttentionMessage": ["string state", "int64 value"],
     "action/recogniseSpeech": [
-        "float32 wait", "---", "string transcription", "---", "int8 progress"
-    ],
-}
+        "float32 wait", "---", "string transcription", "---", "int8 progress"]}
 
 
 def md5s_of_action(lines):
@@ -146,8 +135,7 @@ def md5s_of_action(lines):
     header = md5("uint32 seq", "time stamp", "string frame_id")
     goal_id = md5("time stamp", "string id")
     words = ("PENDING ACTIVE PREEMPTED SUCCEEDED ABORTED REJECTED PREEMPTING RECALLING RECALLED "
-             "LOST".split(
-    ))
+             "LOST".split())
     status = md5(*["uint8 {}={}".format(word, number) for number, word in enumerate(words)],
                  goal_id + " goal_id", "uint8 status", "string text")
     return {
@@ -156,8 +144,7 @@ def md5s_of_action(lines):
                                                                      status + " status",
                                                                      md5(*result) + " result"),
         "ActionFeedback": md5(header + " header", status + " status",
-                              md5(*feedback) + " feedback")
-    }
+                              md5(*feedback) + " feedback")}
 
 
 def documented():
@@ -216,8 +203,7 @@ RELEASE_SERVICES = [
     (Prompt(("Yes", "No")), "/tabletEvent/prompt_and_get_response", "tabletEvent",
      "tabletPromptService", ("'Yes'|'No'", ), ("success", True, False)),
     (Say("Sawubona", "IsiZulu"), "/textToSpeech/say_text", "textToSpeech", "sayTextService",
-     ("Sawubona", "IsiZulu"), ("success", True, False)),
-]
+     ("Sawubona", "IsiZulu"), ("success", True, False))]
 
 
 @pytest.mark.parametrize("request_, name, node, type_, fields, success", RELEASE_SERVICES)
@@ -254,8 +240,7 @@ def test_speech_may_come_as_the_result_of_an_action(transcription, text):
                                            status("seeking", 2)], 10.0),
     (Sense.GAZE, status("seeking", 2),
      [status("seeking", 1), status("seeking", 3),
-      status("social", 2)], math.inf),
-])
+      status("social", 2)], math.inf)])
 def test_what_tells_of_a_visitor(sense, given, others, wait):
     evidence = release_1_0.INTERFACE.evidence(sense)
     assert (evidence.topic.name, evidence.wait) == ("/overtAttention/mode", wait)
@@ -320,8 +305,7 @@ def test_any_speech_is_an_utterance_for_which_the_robot_goes_on_to_listen():
 
 def test_a_declaration_that_contradicts_itself_is_refused():
     say, (tell, ) = INTERFACE.service(Say), [
-        each for each in release_1_0.SERVICES if each.request is Say
-    ]
+        each for each in release_1_0.SERVICES if each.request is Say]
     with pytest.raises(
             ValueError,
             match="^/textToSpeech/say_text and /textToSpeech/say_text are both declared for Say$"):
@@ -384,10 +368,8 @@ def test_what_is_switched_on_or_off_is_told_so(request_, doing):
 def test_what_a_robot_of_release_1_0_may_lack():
     assert {
         service.name: service.fails_without for service in release_1_0.SERVICES
-        if service.is_optional
-    } == {
+        if service.is_optional} == {
         "/robotLocalization/set_pose": False, "/speechEvent/set_enabled": False,
-        "/speechEvent/set_language": False, "/tabletEvent/prompt_and_get_response": True
-    }
+        "/speechEvent/set_language": False, "/tabletEvent/prompt_and_get_response": True}
     assert not any(service.is_optional for service in INTERFACE.services)
     assert not any(topic.is_optional for topic in INTERFACE.topics + release_1_0.INTERFACE.topics)

@@ -75,8 +75,7 @@ def package(tmp_path, monkeypatch):
             "knowledgeBase words.dat\nvalueTypes types.dat\n",
         "config/recoveryPolicy.ini": POLICY,
         "data/places.dat": ENVIRONMENT,
-        "data/words.dat": CULTURE,
-    }
+        "data/words.dat": CULTURE}
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
@@ -131,8 +130,7 @@ def test_the_language_chooses_messages_and_phrases():
     lambda text: text.replace("\n", "\n\n \n"),
     lambda text: "# a comment\n" + text.replace("\n", "\n  # robotLocationPose 4\n"),
     lambda text: "\n".join("\t{}\t {}".format(*line.split(None, 1))
-                           for line in text.split("\n") if line),
-])
+                           for line in text.split("\n") if line)])
 def test_forms_that_change_nothing(package, form):
     for name, text in [("places.dat", ENVIRONMENT), ("words.dat", CULTURE)]:
         (package / "data" / name).write_bytes(form(text).encode("utf-8"))
@@ -154,8 +152,7 @@ def test_a_text_may_be_long():
 def test_keys_of_other_programs_in_the_culture_file_say_nothing():
     keys = [
         "phraseAddressOlderEnglish Hello", "phraseRhythmEnglish", "utilityPhraseKinyarwanda12 x",
-        "x", "bow 30"
-    ]
+        "x", "bow 30"]
     assert read(culture=CULTURE + "\n".join(keys * 2)).warnings == ()
 
 
@@ -202,8 +199,7 @@ def test_an_unknown_key_that_is_like_no_other_is_told_with_those_that_there_are(
 
 @pytest.mark.parametrize("key, meant", [
     ("utilityPhraseEnglsh1", "utilityPhraseEnglish1"), ("phraseLangauge", "phraseLanguage"),
-    ("utilityPhraseisiZulu3", "utilityPhraseIsiZulu3"),
-])
+    ("utilityPhraseisiZulu3", "utilityPhraseIsiZulu3")])
 def test_a_key_of_the_culture_file_that_is_like_a_known_one_is_a_warning(key, meant):
     warning, = read(culture="{} x\n{} x\n".format(key, key) + CULTURE).warnings
     assert str(
@@ -347,8 +343,7 @@ def test_the_faults_of_all_four_files_come_at_once(package):
         "config/environmentKnowledgeBaseConfiguration.ini:1:13",
         "config/environmentKnowledgeBaseConfiguration.ini:2:1",
         "config/environmentKnowledgeBaseConfiguration.ini", "data/words.dat:2:1",
-        "data/words.dat:4:1"
-    ]
+        "data/words.dat:4:1"]
     assert all(word in said[0] for word, (_, *said) in zip(
         ('"maybe"', "knowlegeBase", "knowledgeBase", "phraseLanguage", "phraseLanguage"), found))
 
@@ -376,8 +371,7 @@ def test_files_that_were_interchanged(package):
      "cultureKnowledgeBaseConfiguration.ini").write_text("knowledgeBase places.dat")
     assert faults_of_load(package) == [
         "data/places.dat: this is the environment file (the key "
-        "knowledgeBase of config/cultureKnowledgeBaseConfiguration.ini names it)"
-    ]
+        "knowledgeBase of config/cultureKnowledgeBaseConfiguration.ini names it)"]
 
 
 @pytest.mark.parametrize("name",
@@ -398,8 +392,7 @@ def test_a_knowledge_file_may_be_in_another_folder(package, name):
 def checked(package, name):
     found = knowledge_files.check(str(package / name))
     return found if found is None else [
-        str(fault).replace(str(package) + os.sep, "") for fault in found
-    ]
+        str(fault).replace(str(package) + os.sep, "") for fault in found]
 
 
 @pytest.mark.parametrize("name",
@@ -412,8 +405,7 @@ def test_an_environment_file_by_itself_is_checked_in_the_languages_that_it_has(p
         "data/places.dat:14:21: warning: location 9 of the tour has no {0}: the robot says nothing "
         "there (if that is "
         "meant, add a line: {0} 9 without a text)".format(key)
-        for key in ("preGestureMessageEnglish", "postGestureMessageKinyarwanda")
-    ] + [
+        for key in ("preGestureMessageEnglish", "postGestureMessageKinyarwanda")] + [
         "data/places.dat:14:23: the tour goes to location 8, which has no entries (there are: 4, 9)"
     ]
 
@@ -431,8 +423,7 @@ def test_a_culture_file_by_itself(package, name):
      ["config/other.ini:2:1"]),
     ("knowledgeBase places.dat", []),
     ("knowledgeBase words.dat", []),
-    ("knowledgeBase x.dat", ["data/x.dat"]),
-])
+    ("knowledgeBase x.dat", ["data/x.dat"])])
 def test_a_configuration_of_another_name_may_name_either(package, text, expected):
     (package / "data" / "x.dat").write_text("x 1\n")
     (package / "config" / "other.ini").write_text(text)
@@ -530,8 +521,7 @@ def test_the_delivered_phrases_are_those_of_the_other_missions(language):
     same = dict(
         zip(UTILITY_PHRASES, [
             "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech",
-            "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"
-        ]))
+            "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"]))
     assert {key: text.strip() for key, text in keys.items()} == {
         "utilityPhrase{}{}".format(language, number): phrases.load(language).speeches[node]
         for number, node in same.items()}

@@ -25,8 +25,7 @@ SAYS = {
     "Another": "another time",
     "End": "last exhibit",
     "Door": "here is the door",
-    "Bye": "goodbye",
-}
+    "Bye": "goodbye"}
 
 
 def named(request):
@@ -52,21 +51,18 @@ def named(request):
 GAZE = ["attention seeking", "attention social"]
 MEETING = [
     "animation enabled", "attention scanning", "animation disabled", "iconic 1 3000 at 0 0 0",
-    "animation enabled", "say Welcome"
-] + GAZE
+    "animation enabled", "say Welcome"] + GAZE
 
 
 def drive(place):
     return [
-        "attention disabled", "animation disabled", "go to {:g} {:g} {:g}".format(*place.location)
-    ]
+        "attention disabled", "animation disabled", "go to {:g} {:g} {:g}".format(*place.location)]
 
 
 def visit(exhibit):
     return (["say Follow"] + drive(exhibit) + GAZE + [
         "say " + exhibit.description1, "deictic 1 3000 at {:g} {:g} {:g}".format(*exhibit.gesture),
-        "attention social", "say " + exhibit.description2
-    ])
+        "attention social", "say " + exhibit.description2])
 
 
 FAREWELL = (["say End", "query entrance"] + drive(ENTRANCE) + GAZE
@@ -303,8 +299,7 @@ def test_a_mission_that_goes_on_in_spite_of_all_still_ends():
 
 @pytest.mark.parametrize("stop, before", [
     (1, FIRST[:5]),
-    (2, FIRST + SECOND[:5]),
-])
+    (2, FIRST + SECOND[:5])])
 def test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(stop, before):
     rig = Rig()
     assert rig.run(leaves_at(stop)) == 3
@@ -342,8 +337,7 @@ def test_no_recovery_gives_a_tour_to_who_said_no():
     lambda: test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(
         1,
         FIRST[:5]),
-    test_no_recovery_gives_a_tour_to_who_said_no,
-])
+    test_no_recovery_gives_a_tour_to_who_said_no])
 def test_a_recovery_that_always_succeeds_is_noticed(monkeypatch, shown):
     monkeypatch.setattr(HandleFallBack, "on_start", lambda self: SUCCESS)
     with pytest.raises(AssertionError):
@@ -375,8 +369,7 @@ def test_every_failure_is_recorded_with_cause_and_service():
     rig.run(visitor_who(says="yes"))
     failures = [
         event.failure for event in rig.of(LeafFinished)
-        if event.failure and event.node.endswith("Gesture")
-    ]
+        if event.failure and event.node.endswith("Gesture")]
     assert failures and all(
         isinstance(failure, Failure) and failure.cause.value == "refused" and
         failure.resource == "/gestureExecution/perform_gesture" for failure in failures)

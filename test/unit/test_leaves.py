@@ -57,8 +57,7 @@ def test_a_default_is_a_value_of_its_port_s_type():
 def test_an_entry_that_a_leaf_shares_is_cleared_for_the_next_visitor():
     shared = {
         port.default for spec in leaves.SPECS for port in spec.ports
-        if str(port.default).startswith("{@")
-    }
+        if str(port.default).startswith("{@")}
     assert shared <= {whole_mission(datum.name)
                       for datum in data.ALL}, "declare the entry in leaves/data.py"
 
@@ -66,10 +65,8 @@ def test_an_entry_that_a_leaf_shares_is_cleared_for_the_next_visitor():
 def test_what_makes_no_sense_after_the_visitor_has_left():
     known = set(TABLE_4 + EXTENSIONS)
     assert known & {
-        spec.id for spec in leaves.SPECS if isinstance(spec, MissionSpec) and spec.is_farewell
-    } == {
-        "HereIsTheDoorSpeech", "EndTourSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"
-    }
+        spec.id for spec in leaves.SPECS if isinstance(spec, MissionSpec) and spec.is_farewell} == {
+        "HereIsTheDoorSpeech", "EndTourSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"}
 
 
 PLACE, TARGET = Location(1.0, 2.0, 45.0), Point(1.0, 2.0, 3.0)
@@ -112,8 +109,7 @@ DESCRIBED = {"currentExhibit": "robot", "description1": "one", "description2": "
     ('<PerformDeicticGesture target="1;2;3"/>', {}, PerformGesture("deictic", 1, 3000, TARGET)),
     ('<LocationOvertAttentionMode target="1;2;3"/>', {}, SetAttention("location", TARGET)),
     ('<Sequence><LookUpHome targetLocation="{@home}"/><Navigate target="{@home}"/></Sequence>',
-     {"targetLocation": PLACE}, GoTo(HOME.location)),
-])
+     {"targetLocation": PLACE}, GoTo(HOME.location))])
 def test_what_a_leaf_asks_for(element, entries, request_):
     rig = one_leaf(element)
     write(rig, **entries)
@@ -131,8 +127,7 @@ def test_the_deictic_gesture_is_that_of_the_configuration():
 
 @pytest.mark.parametrize("node", [
     "DescribeExhibitSpeech", "PerformDeicticGesture", "Navigate", "SelectExhibit",
-    "LocationOvertAttentionMode"
-])
+    "LocationOvertAttentionMode"])
 def test_without_what_it_needs_a_leaf_fails_and_asks_for_nothing(node):
     rig = one_leaf("<{}/>".format(node))
     assert rig.tick() is FAILURE
@@ -146,8 +141,7 @@ def test_without_what_it_needs_a_leaf_fails_and_asks_for_nothing(node):
     ('<Navigate target="1;2;inf"/>', "write x;y;theta"),
     ('<PerformDeicticGesture target="left"/>', "write x;y;z, in metres"),
     ('<IsListWithExhibit exhibits="robot"/>', "a value of type Exhibits has no text"),
-    ('<DescribeExhibitSpeech part="3"/>', "the part cannot be 3; allowed: 1, 2, both"),
-])
+    ('<DescribeExhibitSpeech part="3"/>', "the part cannot be 3; allowed: 1, 2, both")])
 def test_a_value_that_is_none_is_refused_at_load(element, words):
     with pytest.raises(FaultsFound) as caught:
         one_leaf(element)
@@ -165,8 +159,7 @@ def test_a_value_that_is_none_is_refused_at_load(element, words):
     ("<IsYesNoUttered/>", "questionAskedAt", [1]),
     ("<RetrieveListOfExhibits/>", "nextExhibit", "first"),
     ("<SocialOvertAttentionMode/>", "attentionSetAt", [1]),
-    ("<DescribeExhibitSpeech part='{@part}'/>", "part", "3"),
-])
+    ("<DescribeExhibitSpeech part='{@part}'/>", "part", "3")])
 def test_data_of_the_wrong_kind_is_a_failure_and_never_an_exception(element, entry, value):
     rig = one_leaf(element)
     write(rig, currentExhibit="robot")
@@ -193,8 +186,7 @@ def test_what_a_leaf_cannot_do_without_has_to_be_written():
 
 def test_the_part_of_a_description_need_not_be_given():
     assert "port-missing" not in {
-        warning.code for warning in one_leaf("<DescribeExhibitSpeech/>").tree.warnings
-    }
+        warning.code for warning in one_leaf("<DescribeExhibitSpeech/>").tree.warnings}
 
 
 @pytest.mark.parametrize("result", [Answer(),
@@ -232,8 +224,7 @@ def test_each_exhibit_of_the_tour_is_begun_and_over():
                     state, "exhibit" if state == "begun" else "")
         for uid, node, number, state in [
             (4, select, 1, "begun"), (5, ask, 1, "over"),
-            (6, select, 2, "begun"), (8, ask, 2, "over")]
-    ]
+            (6, select, 2, "begun"), (8, ask, 2, "over")]]
 
 
 def test_a_list_that_another_node_has_written_begins_at_its_start():
@@ -317,8 +308,7 @@ def test_the_entrance_has_a_gesture_target_and_home_has_none(home):
     ("PressYesNoDialogue", Answer(""), Cause.MISSING_DATA, "the visitor pressed nothing"),
     ("PressYesNoDialogue", Answer("0"), Cause.MISSING_DATA, "the visitor pressed nothing"),
     ("PressYesNoDialogue", Answer("perhaps"), Cause.UNUSABLE_ANSWER,
-     "the response 'perhaps' is none of Yes, No"),
-])
+     "the response 'perhaps' is none of Yes, No")])
 def test_answers_that_are_none(node, answer, cause, message):
     rig = one_leaf("<{}/>".format(node), lambda request: answer)
     assert rig.tick() is FAILURE
@@ -364,8 +354,7 @@ def test_the_start_forgets_the_last_visitor():
 CALLERS = [
     spec.id for spec in leaves.SPECS
     if not spec.names and spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits")) or
-    spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))
-]
+    spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))]
 
 
 @pytest.mark.parametrize("node", CALLERS)
@@ -641,8 +630,7 @@ def test_each_leaf_and_decorator_has_its_row():
 
     made = {
         base for spec in leaves.SPECS
-        for base in type(spec.factory((spec.names or ("name", ))[0])).__mro__
-    }
+        for base in type(spec.factory((spec.names or ("name", ))[0])).__mro__}
     ours = {kind for kind in below(Node) if kind.__module__.startswith(leaves.__name__ + ".")}
     assert {kind.__qualname__
             for kind in ours - made} == set(), "no row in the SPECS of their modules"
@@ -679,8 +667,7 @@ def test_a_condition_that_does_not_say_what_it_checks_is_refused_at_load():
     with pytest.raises(
             FaultsFound,
             match="FixtureBare does not say what it checks: its class needs a sense, or "
-                  "own_evidence"
-    ):
+                  "own_evidence"):
         load_text(BARE, types)
 
 

@@ -16,8 +16,7 @@ from mission_rig import one_leaf
 GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"
 DEADLINES = [
     "animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention", "robotNavigation",
-    "tabletEvent", "textToSpeech"
-]
+    "tabletEvent", "textToSpeech"]
 RANGES = [  # the first two are taken, the others are not; as the reference says
     ("missionRuns", "0", "1000000000", "-1", "1000000001"),
     ("startupTimeout", "0", "86400", "-0.001", "86400.001"),
@@ -54,8 +53,7 @@ DEFAULTS = {
     "deicticGestureId": 1, "gestureDuration": 3000, "groot2Port": 1667, "monitorPort": 8080,
     "animateBehaviorDeadline": 5, "gestureExecutionDeadline": 15, "knowledgeBaseDeadline": 5,
     "overtAttentionDeadline": 5, "robotNavigationDeadline": 180, "tabletEventDeadline": 60,
-    "textToSpeechDeadline": 60
-}
+    "textToSpeechDeadline": 60}
 
 
 def test_what_a_key_is_if_the_file_does_not_say_it(tmp_path):
@@ -82,8 +80,7 @@ def test_a_policy_of_mistakes_is_told_as_far_as_a_person_reads_it(tmp_path):
     ("* * 99 0 giveUp", True),
     ("* * 100 0 giveUp", False),
     ("* * 0 3600 skip", True),
-    ("* * 0 3600.001 skip", False),
-])
+    ("* * 0 3600.001 skip", False)])
 def test_the_numbers_of_a_policy(tmp_path, line, is_taken):
     path = tmp_path / "policy.ini"
     path.write_text(line + ("\n" if line.startswith("budget") else "\nbudget 5 60\n"))

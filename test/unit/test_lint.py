@@ -41,8 +41,7 @@ REGISTRY = Registry(builtin_specs() + [
              (Port("to", "int", Direction.OUT, "{@pace}"),
               Port("mood", "int", default="{@mood}", is_optional=True))),
     NodeSpec("Guess", Kind.ACTION, AlwaysSuccess,
-             (Port("of", default="{@given}", is_optional=True), )),
-])
+             (Port("of", default="{@given}", is_optional=True), ))])
 TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance",
                       "random.jsonl.xz")
 
@@ -331,8 +330,7 @@ SCRIPTS = {  # body -> line and code of each warning, and its words
         [(4, "text-and-number"), (5, "text-and-number"), (6, "text-and-number")],
         "a += 1 calculates with a text (texts are joined with ..)",
         "a - a calculates with a text (texts are joined with ..)",
-        "given * a calculates with a text (texts are joined with ..)"),
-}
+        "given * a calculates with a text (texts are joined with ..)")}
 
 
 @pytest.mark.parametrize("rule", sorted(SCRIPTS))
@@ -453,8 +451,7 @@ def test_an_unused_tree_of_an_included_file_is_no_concern():
         parse('<root BTCPP_format="4"><BehaviorTree ID="Spare"><Act/></BehaviorTree></root>',
               "lib.xml"),
         parse('<root BTCPP_format="4"><BehaviorTree ID="Main"><Act/></BehaviorTree></root>',
-              "m.xml")
-    ]
+              "m.xml")]
     assert lint(check(documents, REGISTRY)) == []
 
 
@@ -478,8 +475,7 @@ def test_an_unused_tree_of_an_included_file_is_no_concern():
     ('<SubTree ID="Sub"/>', '<In in="{ID}"/>', "never-written"),
     ('<SubTree ID="Sub" _x="{given}"/>', '<In in="{_x}"/>', "never-written"),
     ('<Sequence><Out out="{x}"/><SubTree ID="Sub" x="{other}" _autoremap="1"/></Sequence>',
-     '<In in="{x}"/>', "never-written"),
-])
+     '<In in="{x}"/>', "never-written")])
 def test_entries_are_followed_through_subtrees(call, inside, told):
     deep = [tree("Deep", '<Out out="{x}"/>')] if "Deep" in inside else []
     found = warnings(call, tree("Sub", inside), *deep)
@@ -500,8 +496,7 @@ def test_entries_are_followed_through_subtrees(call, inside, told):
     ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{other}"/>', (3, 5),
      "never-written", ""),
     ('<SubTree ID="Sub"/>', '<Drive target="1"/>', (3, 24), "never-written",
-     "Hurry or Stroll writes it"),
-])
+     "Hurry or Stroll writes it")])
 def test_an_entry_that_is_not_written_is_told_where_it_can_be_mended(main, inside, place, code,
                                                                      hint):
     fault, = faults(main, tree("Sub", inside))
@@ -513,8 +508,7 @@ def test_an_entry_that_is_not_written_is_told_where_it_can_be_mended(main, insid
     ('<SubTree ID="Sub" x="5"/>', []),
     ('<SubTree ID="Sub"/>', ["subtree-port-missing"]),
     ('<SubTree ID="Sub" z="{y}"/>', ["subtree-port-unknown"]),
-    ('<SubTree ID="Sub" autoremap="true"/>', ["subtree-condition"]),
-])
+    ('<SubTree ID="Sub" autoremap="true"/>', ["subtree-condition"])])
 def test_each_call_must_give_what_a_tree_needs(second, told):
     body = '<Sequence><Out out="{y}"/><SubTree ID="Sub" x="{y}"/>\n{}</Sequence>'.replace(
         "{}", second)
@@ -527,8 +521,7 @@ def test_each_call_must_give_what_a_tree_needs(second, told):
     ("{done}", '<Out out="{result}"/>', []),
     ("2 done", '<Out out="{result}"/>', []),
     ("idle", '<Sequence><In in="{result}"/><Out out="{result}"/></Sequence>', []),
-    ("done", '<In in="{result}"/>', []),
-])
+    ("done", '<In in="{result}"/>', [])])
 def test_a_result_needs_an_entry(given, inside, told):
     found = warnings('<SubTree ID="Sub" result="{}"/>'.replace("{}", given, 1), tree("Sub", inside))
     assert [code for _, _, code in found] == told
@@ -549,8 +542,7 @@ def test_a_subtree_may_wait():
     ("abd", "abc", "model-port-unknown", "abc?"),
     ("xyz", "who abc", "model-port-unknown", "abc, who"),
     ("post", "", "subtree-condition", "_post?"),
-    ("abc", "who", None, ""),
-])
+    ("abc", "who", None, "")])
 def test_what_a_subtree_is_given_and_does_not_use(name, more, code, hinted):
     model = '<TreeNodesModel><SubTree ID="Sub">{}</SubTree></TreeNodesModel>'.format("".join(
         '<input_port name="{}" default="1"/>'.format(port) for port in more.split()))
@@ -598,8 +590,7 @@ def test_a_mission_with_faults_is_not_linted():
     body = "<Fallback><Begin/><Nope/></Fallback>"
     documents = [
         parse(
-            '<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))
-    ]
+            '<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))]
     found = lint(check(documents, REGISTRY))
     assert [fault.code for fault in found] == ["unknown-node"]
 
@@ -628,8 +619,7 @@ def mission(*leaves):
     (["Navigate"], "SelectExhibit"),
     (["RetrieveListOfExhibits", "SelectExhibit", "Navigate", "DescribeExhibitSpeech"], None),
     (["SeekingOvertAttentionMode", "IsMutualGazeDiscovered"], None),
-    (["IsVisitorResponseYes"], "IsYesNoUttered"),
-])
+    (["IsVisitorResponseYes"], "IsYesNoUttered")])
 def test_what_the_mission_needs(tmp_path, leaves, writers):
     (tmp_path / "m.xml").write_text(mission(*leaves), encoding="utf-8")
     found = load_tree(str(tmp_path / "m.xml")).warnings
@@ -792,8 +782,7 @@ SLEEP = "<Sleep msec='9000'/>"
     ("<ReactiveFallback><Begin/>{}</ReactiveFallback>", False),
     ("<ReactiveFallback><Inverter><Begin/></Inverter>{}</ReactiveFallback>", True),
     ("<WhileDoElse><Begin/>{}<Cond/></WhileDoElse>", True),
-    ("<WhileDoElse><Cond/><Begin/>{}</WhileDoElse>", False),
-])
+    ("<WhileDoElse><Cond/><Begin/>{}</WhileDoElse>", False)])
 def test_an_action_is_done_again_if_a_later_child_runs_after_its_success(body, is_told):
     found = {code for _, _, code in warnings(body.format(SLEEP))}
     assert (rules.DONE_AGAIN.code in found) is is_told

@@ -102,8 +102,7 @@ def test_a_mission_that_is_missing_is_told_with_those_that_are_there():
     with pytest.raises(ConfigurationError) as raised:
         load.find("x")
     assert str(
-        raised.value
-    ) == "scenarioSpecification: there is no mission {} (there are: {})".format(
+        raised.value) == "scenarioSpecification: there is no mission {} (there are: {})".format(
         folders.data("x.xml"), "d6_1_tour, lab_tour, reception, release_1_0_reception, "
         "release_1_0_tour, release_1_1_tour, release_1_1_visitor_tour")
 
@@ -182,8 +181,7 @@ def tree_of(**facts):
         [dataclasses.replace(leaf_spec("FixtureWaves", FixtureWaves, "FixtureWaves."), **facts)])
     return load.build_tree([
         parse('<root BTCPP_format="4"><BehaviorTree ID="M"><FixtureWaves/></BehaviorTree></root>',
-              "m.xml")
-    ], registry=registry)
+              "m.xml")], registry=registry)
 
 
 def test_what_no_robot_has_is_a_fault():
@@ -208,8 +206,7 @@ def test_what_a_node_does_without_is_a_warning_that_names_the_robots_that_have_i
 def test_a_mission_needs_what_its_nodes_use():
     assert offers_of("<WelcomeSpeech/>") == ["/textToSpeech/say_text"]
     assert offers_of("<IsVisitorDiscovered/><Navigate/>") == [
-        "/robotNavigation/set_goal", "/faceDetection/data"
-    ]
+        "/robotNavigation/set_goal", "/faceDetection/data"]
     assert offers_of("<Sleep msec='1'/>") == []
     assert offers_of("<WelcomeSpeech/>",
                      startupCheck="all") == [offer.name for offer in INTERFACE.offers]

@@ -34,11 +34,9 @@ def test_another_kind():
 def test_other_ports():
     assert warnings(
         "<Action ID='Sleep'><input_port name='msecs'/><output_port name='msec'/></Action>") == [
-            (4, 32, "palette-port"), (4, 46, "palette-direction")
-        ]
+            (4, 32, "palette-port"), (4, 46, "palette-direction")]
     assert warnings("<Action ID='AlwaysSuccess'><input_port name='msec'/></Action>") == [
-        (4, 40, "palette-port")
-    ]
+        (4, 40, "palette-port")]
 
 
 def test_not_all_of_very_many_models_are_told():

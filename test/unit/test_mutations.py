@@ -38,8 +38,7 @@ def test_a_sample_has_each_place_once_and_leaves_the_rest_as_it_is():
         (told, 'return ("ö" == angle) and angle > LIMIT - self.play'.replace('("ö"', "('ö'")),
         (told, 'return "ö" != angle and (angle >= LIMIT - self.play)'),
         (told, 'return "ö" != angle and angle > (LIMIT + self.play)'),
-        (told, "return ('ö' != angle or angle > LIMIT - self.play)")
-    }
+        (told, "return ('ö' != angle or angle > LIMIT - self.play)")}
     assert len(mutations) == len(changed) == len({mutation.key for mutation in mutations})
     assert {mutation.scope for mutation in mutations} == {"", "Door.is_open"}
 

@@ -24,8 +24,7 @@ SCENES = [Scenario("engages", by_voice=False), Scenario("engages", by_voice=True
 DECORATORS = {
     "Timeout": {"msec": "60000"}, "Delay": {"delay_msec": "500"}, "Repeat": {"num_cycles": "2"},
     "RetryUntilSuccessful": {"num_attempts": "2"}, "ForceSuccess": {}, "ForceFailure": {},
-    "Inverter": {}, "KeepRunningUntilFailure": {}, "RunOnce": {}
-}
+    "Inverter": {}, "KeepRunningUntilFailure": {}, "RunOnce": {}}
 ALIKE = [("Sequence", "ReactiveSequence", "SequenceWithMemory", "AsyncSequence"),
          ("Fallback", "ReactiveFallback", "AsyncFallback")]
 
@@ -100,8 +99,7 @@ def disproved(path):
     ticked = {nodes[uid - 1].element.place() for outcome, _ in plays for uid in outcome.reached}
     succeeded = {
         nodes[result.uid - 1].element.place() for _, play in plays
-        for result in play.run.results if result.letter == "S"
-    }
+        for result in play.run.results if result.letter == "S"}
     has_tour = bool(plays[0][0].stops)
     wrong = []
     for fault in runner.stage(True).mission.tree.warnings:

@@ -52,8 +52,7 @@ def rows():
 
 def in_words(rule):
     then = rule.substitute.id if rule.substitute else {
-        recovery_policy.SKIP: "skip", recovery_policy.GIVE_UP: "give up"
-    }[rule.then]
+        recovery_policy.SKIP: "skip", recovery_policy.GIVE_UP: "give up"}[rule.then]
     return ("{}×, ".format(rule.retries) if rule.retries else "") + then
 
 

@@ -14,8 +14,7 @@ from behavior_controller.bt.engine.registry import Kind, NodeSpec
 
 LEAVES = {
     "Win": SUCCEEDS, "Lose": FAILS, "Skip": SKIPS, "WinOrSkip": SUCCEEDS | SKIPS,
-    "LoseOrSkip": FAILS | SKIPS, "Either": None
-}
+    "LoseOrSkip": FAILS | SKIPS, "Either": None}
 REGISTRY = Registry(builtin_specs() + [
     NodeSpec(name, Kind.ACTION, AlwaysSuccess, outcome=outcome) for name, outcome in LEAVES.items()
 ] + [NodeSpec("Own", Kind.DECORATOR, Inverter),
@@ -129,7 +128,6 @@ RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
         # of a node type that declares nothing, anything is thought
         ("<Own><Lose/></Own>", ANY_RESULT),
         ("<OwnControl><Lose/></OwnControl>", ANY_RESULT),
-        ("<Sequence><Own><Lose/></Own><Win/></Sequence>", ANY_END),
-    ])
+        ("<Sequence><Own><Lose/></Own><Win/></Sequence>", ANY_END)])
 def test_how_a_node_can_end(body, expected):
     assert ends(body) == expected

@@ -57,8 +57,7 @@ ENGLISH = phrases.load("English")
         ("I would like that", "yes"),
         ("I would not", "no"),
         ("I would rather not", "no"),
-        ("no, please don't", "no"),
-    ])
+        ("no, please don't", "no")])
 def test_spoken_answers(utterance, meaning):
     assert ENGLISH.spoken_answer(utterance) == meaning
 
@@ -88,8 +87,7 @@ def test_what_the_recognition_says_itself(utterance, is_so):
     ("", None),
     ("0", None),
     ("3", None),
-    ("maybe", None),
-])
+    ("maybe", None)])
 def test_pressed_answers(response, meaning):
     assert ENGLISH.pressed_answer(response) == meaning
 
@@ -105,8 +103,7 @@ def test_pressed_answers(response, meaning):
     ("EndTourSpeech", "hope you enjoyed"),
     ("EndTourSpeech", "way out"),
     ("HereIsTheDoorSpeech", "here is the door"),
-    ("SayGoodByeSpeech", "goodbye"),
-])
+    ("SayGoodByeSpeech", "goodbye")])
 def test_the_english_phrases_say_what_table_4_asks_for(node, words):
     assert words in ENGLISH.speeches[node].lower()
 
@@ -164,8 +161,7 @@ def test_faults_of_a_language_come_at_once(tmp_path, monkeypatch):
     assert [fault.line for fault in found] == [
         keys.index("FolowMeSpeech") + 1,
         keys.index("tabletYes") + 1,
-        keys.index("unclear") + 1, 0
-    ]
+        keys.index("unclear") + 1, 0]
 
 
 def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):

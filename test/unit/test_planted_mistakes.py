@@ -111,8 +111,7 @@ def chosen(text, pattern, draw):
 def replaced(text, match, new, group=0):
     """Return ``text`` with a group of a match replaced, and the line of its beginning."""
     return text[:match.start(group)] + new + text[match.end(group):], {
-        line_of(text, match.start(group))
-    }
+        line_of(text, match.start(group))}
 
 
 def line_of(text, offset):
@@ -179,8 +178,7 @@ def entry_misspelt(text, draw):
         return MISSING
     wrong, lines = replaced(text, match, word, 1)
     return wrong, lines | {
-        line_of(text, other.start()) for other in re.finditer(r"\b%s\b" % match.group(1), text)
-    }
+        line_of(text, other.start()) for other in re.finditer(r"\b%s\b" % match.group(1), text)}
 
 
 def both_tags_misspelt(text, draw):
@@ -200,8 +198,7 @@ def second_child(text, draw):
     if match is MISSING:
         return MISSING
     return text[:match.end()] + "<AlwaysSuccess/>" + text[match.end():], {
-        line_of(text, match.start())
-    }
+        line_of(text, match.start())}
 
 
 def child_of_a_leaf(text, draw):
@@ -254,8 +251,7 @@ def writer_gone(text, draw):
     removed = match.group().count("\n")
     return text[:match.start()] + text[match.end():], {
         line_of(text, reader.start()) - removed * (reader.start() > match.start())
-        for reader in readers
-    }
+        for reader in readers}
 
 
 def element_as_text(text, draw):
@@ -379,8 +375,7 @@ MISTAKES = {
     "a writer gone":
         writer_gone,
     "a version 3 name":
-        by_pattern(r"<(SubTree) ID", constant("SubTreePlus", "Subtree")),
-}
+        by_pattern(r"<(SubTree) ID", constant("SubTreePlus", "Subtree"))}
 
 
 def missions():

@@ -42,8 +42,7 @@ def script_made(**entries):
     ("a{b}c", None),
     (" = ", None),
     ("== ", None),
-    ("\x0b{k}", None),
-])
+    ("\x0b{k}", None)])
 def test_what_is_a_reference(text, key):
     assert ports.reference(text, "p") == key
 
@@ -73,8 +72,7 @@ def test_what_is_a_reference(text, key):
         # found when they are read
         ("any", "anything", True),
         ("NodeStatus", "MAYBE", True),
-        ("enum", "PINK", True),
-    ])
+        ("enum", "PINK", True)])
 def test_which_text_is_refused_at_load(type_name, text, accepted):
     assert (ports.literal_fault(text, port(type_name), ENUMS) is None) is accepted
 
@@ -92,8 +90,7 @@ def test_which_text_is_refused_at_load(type_name, text, accepted):
     ("enum", "BLUE", 3),
     ("enum", "2", 2),
     ("vec_bool", "1;false", [True, False]),
-    ("vec_string", "a; b ;c", ["a", " b ", "c"]),
-])
+    ("vec_string", "a; b ;c", ["a", " b ", "c"])])
 def test_literals(type_name, text, value):
     found = ports.read(text, port(type_name), Blackboard(), ENUMS)
     assert type(found) is type(value) and found == value
@@ -121,8 +118,7 @@ def test_literals(type_name, text, value):
     (3, "NodeStatus", FAILURE),
     (0, "NodeStatus", IDLE),
     (4, "NodeStatus", SKIPPED),
-    (255, "uint8", 255),
-])
+    (255, "uint8", 255)])
 def test_reading_an_entry(stored, type_name, value):
     found = ports.read("{k}", port(type_name), script_made(k=stored), ENUMS)
     assert type(found) is type(value) and found == value
@@ -145,8 +141,7 @@ def test_reading_an_entry(stored, type_name, value):
     ([1.5], "vec_int", "no known safe conversion"),
     ([1], "int", "not a number"),
     (5, "NodeStatus", "outside"),
-    ("PINK", "enum", "RED BLUE"),
-])
+    ("PINK", "enum", "RED BLUE")])
 def test_an_entry_that_cannot_be_read(stored, type_name, reason):
     with pytest.raises(PortError) as raised:
         ports.read("{k}", port(type_name, "speed"), script_made(k=stored), ENUMS)
@@ -170,8 +165,7 @@ def test_a_missing_entry_is_named():
     ("NodeStatus", SUCCESS, 2),
     ("vec_double", [1, 2.5], [1.0, 2.5]),
     ("vec_bool", [True], [True]),
-    ("enum", 3, 3),
-])
+    ("enum", 3, 3)])
 def test_writing(type_name, value, stored):
     board = Blackboard()
     ports.write("{k}", port(type_name), board, value)
@@ -191,8 +185,7 @@ def test_writing(type_name, value, stored):
     ("uint", "{k}", -1),
     ("vec_int", "{k}", ["x"]),
     ("vec_int", "{k}", 1),
-    ("int", "{k}", None),
-])
+    ("int", "{k}", None)])
 def test_what_cannot_be_written(type_name, text, value):
     board = Blackboard()
     with pytest.raises(PortError):
@@ -235,8 +228,7 @@ def test_an_entry_is_emptied_through_a_port_if_there_is_one():
         ("string", "int", False),  # what is declared as a text first takes any type
         ("any", "int", False),
         ("int", "any", False),
-        ("Any", "string", False),
-    ])
+        ("Any", "string", False)])
 def test_types_of_ports_at_one_entry(first, then, clash):
     board = Blackboard()
     ports.declare("{k}", port(first), board)
@@ -296,8 +288,7 @@ def test_an_entry_of_the_root_is_made_there_and_at_once_means_only_that():
     ("5\n", "string", "5\n"),
     ("\u0665", "string", "\u0665"),
     ("1e999", "string", "1e999"),
-    ("=", "string", "="),
-])
+    ("=", "string", "=")])
 def test_a_literal_of_a_subtree_has_the_type_that_it_looks_like(text, type_name, value):
     found_type, found = ports.subtree_literal(text)
     assert (found_type, type(found), found) == (type_name, type(value), value)
@@ -314,8 +305,7 @@ def test_a_literal_of_thousands_of_digits_is_no_integer():
     ("", "int", []),
     ("1.5;2", "double", [1.5, 2.0]),
     ("true;0;FALSE", "bool", [True, False, False]),
-    (";", "string", [""]),
-])
+    (";", "string", [""])])
 def test_the_items_of_a_loop(text, item_type, items):
     assert ports.loop_items(text, item_type) == items
 
@@ -345,8 +335,7 @@ def test_items_that_a_loop_cannot_take(text):
     ("", "0", False),
     ("0" * 5000 + "2", "2", True),
     ("\u0662", "2", False),
-    ("2147483648", "2147483648.0", True),
-])
+    ("2147483648", "2147483648.0", True)])
 def test_what_switch_holds_for_equal(left, right, same):
     assert ports.same_text_or_number(left, right, ENUMS) is same
     assert ports.same_text_or_number(right, left, ENUMS) is same

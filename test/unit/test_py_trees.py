@@ -148,8 +148,7 @@ def test_visitors_see_what_was_ticked_with_its_result_and_children_first():
     # what was ticked still shows it after the tick; the engine has reset all of it
     assert watched.statuses() == {
         "Sequence": Status.SUCCESS, "a": Status.INVALID, "f": Status.SUCCESS, "b": Status.INVALID,
-        "c": Status.SUCCESS, "d": Status.INVALID, "e": Status.SUCCESS, "g": Status.FAILURE
-    }
+        "c": Status.SUCCESS, "d": Status.INVALID, "e": Status.SUCCESS, "g": Status.FAILURE}
     assert watched.manager.tip().name == "g"
     assert {watched.tree.nodes[n].id for n in (0, 2, 4, 6, 7)} == set(watched.snapshot.visited)
 
@@ -164,8 +163,7 @@ def test_ascii_tree_shows_the_statuses_of_the_last_tick():
             py_trees.console.check_mark, py_trees.console.multiplication_x)
         assert [line.strip().split(" ", 1)[1] for line in lines] == [
             "Fallback [{}]".format(ok), "AlwaysFailure [{}]".format(wrong),
-            "AlwaysSuccess [{}]".format(ok)
-        ]
+            "AlwaysSuccess [{}]".format(ok)]
 
 
 def test_what_is_skipped_or_was_halted_is_invalid_to_py_trees():

@@ -49,8 +49,7 @@ def test_events_are_written_as_they_happen(tmp_path):
         "policy": ["/r.ini", "budget 1 1\n"], "interface": "R", "knowledge": []}
     assert second["failure"] == {
         "_type": "Failure", "cause": "refused", "message": "no",
-        "resource": "/robotNavigation/set_goal", "unheard": None
-    }
+        "resource": "/robotNavigation/set_goal", "unheard": None}
     assert (second["node"], second["path"], second["status"],
             second["seconds"]) == ("Navigate", "go/a", "FAILURE", 0.5)
 

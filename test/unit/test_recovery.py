@@ -95,8 +95,7 @@ def test_an_answer_without_content_counts_as_a_failed_attempt():
     ("Navigate", Cause.NO_ANSWER, 2, FAILURE),
     ("Navigate", Cause.TYPE_MISMATCH, 1, FAILURE),
     ("LookUpHome", Cause.REFUSED, 3, FAILURE),
-    ("PressYesNoDialogue", Cause.REFUSED, 1, FAILURE),
-])
+    ("PressYesNoDialogue", Cause.REFUSED, 1, FAILURE)])
 def test_the_delivered_policy(node, cause, asked, result):
     rig = fallback("<{}/>".format(node), failing(99, cause))
     write(rig, **{TARGET_LOCATION.name: Location(1.0, 2.0, 3.0)})
@@ -201,8 +200,7 @@ DRIVE = "<Navigate target='1;2;3'/>"
      "</Inverter></KeepRunningUntilFailure></Inverter></Timeout>", "IsVisitorDiscovered",
      Cause.CONDITION_FALSE, UNSEEN, "given up"),
     (f"<Sequence><Fallback>{UNTIL_SEEN.format(200)}<HandleFallBack/></Fallback></Sequence>",
-     "IsVisitorDiscovered", Cause.CONDITION_FALSE, UNSEEN, "given up"),
-])
+     "IsVisitorDiscovered", Cause.CONDITION_FALSE, UNSEEN, "given up")])
 def test_the_failure_that_led_to_a_recovery_is_its_cause(steps, node, cause, words, outcome):
     """The visitor is seen after 1.5 s; a drive and speech have no answer, and after 4 s a door is
     closed."""
@@ -260,8 +258,7 @@ def test_nothing_failed_before_is_a_failure():
                       "AlwaysFailure::2 failed, and no mission node failed before")
     assert rig.of(Recovered) == [
         Recovered("HandleFallBack", "HandleFallBack::3", nothing, "give up", 0, False, "given up",
-                  "", 3)
-    ]
+                  "", 3)]
     assert [event.failure for event in rig.of(LeafFinished)] == [None]  # the event above tells it
     assert rig.requests == []
 
@@ -437,8 +434,7 @@ def goals_of(rig, seconds):
         rig.tick()
         when += [
             rig.clock.now() - 1000.0 for request in rig.requests[before:]
-            if isinstance(request, GoTo)
-        ]
+            if isinstance(request, GoTo)]
         rig.clock.advance(0.25)
     return when
 
@@ -660,8 +656,7 @@ def test_the_delivered_pauses_are_those_of_a_policy_that_names_none():
     ("pause 10 3601", PAUSES),
     ("pause soon 5", PAUSES),
     ("pause 1 2 3", PAUSES),
-    ("pause 1 2\npause 1 2", PAUSES.replace("2:1", "3:1")),
-])
+    ("pause 1 2\npause 1 2", PAUSES.replace("2:1", "3:1"))])
 def test_a_wrong_line_is_named(tmp_path, line, expected):
     with pytest.raises(ConfigurationError) as raised:
         read(tmp_path, "budget 5 10\n" + line + "\n")
@@ -706,8 +701,7 @@ def test_a_rule_that_can_never_decide_is_a_mistake(tmp_path, first, second):
         read(tmp_path, "budget 5 10\n{} 0 0 giveUp\n{} 1 0 giveUp\n".format(first, second))
     assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [
         "3:1: {} is never looked at: line 2 decides before it (the first line that fits decides)".
-        format(second)
-    ]
+        format(second)]
 
 
 def test_a_narrow_rule_may_stand_before_a_wide_one(tmp_path):

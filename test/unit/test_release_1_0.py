@@ -47,8 +47,7 @@ STOPS = [
     Location(6.0, 4.0, 0.0),
     Location(3.5, 6.0, 180.0),
     Location(1.5, 4.5, 270.0),
-    Location(0.5, 2.0, 180.0)
-]
+    Location(0.5, 2.0, 180.0)]
 
 
 def file(body, more=""):
@@ -74,8 +73,7 @@ def test_the_words_of_the_release_are_there_and_those_with_an_argument_say_which
         "SayText": tuple("12345678"), "SetOvertAttentionMode":
             ("disabled", "social", "scanning", "seeking", "location"), "SetAnimateBehavior":
                 ("enabled", "disabled"), "SetSpeechEvent": ("true", "false", "enabled", "disabled"),
-        "PerformIconicGesture": ("welcome", "goodbye")
-    }
+        "PerformIconicGesture": ("welcome", "goodbye")}
     assert {spec.id: spec.farewells for spec in SPECS if spec.farewells} == {
         # "Here is the door." and "Goodbye!"
         "SayText": ("6", "7"), "PerformIconicGesture": ("goodbye",)}
@@ -94,8 +92,7 @@ def test_the_words_of_the_release_are_there_and_those_with_an_argument_say_which
     ("PerformIconicGesture name='goodbye'", PerformGesture("iconic", 3, 3000)),
     ("PerformIconicGesture name=' Goodbye '", PerformGesture("iconic", 3, 3000)),
     ("SetOvertAttentionMode name='SOCIAL'", SetAttention("social")),
-    ("Action ID='SetAnimateBehavior' name='Enabled'", SetAnimation("enabled")),
-])
+    ("Action ID='SetAnimateBehavior' name='Enabled'", SetAnimation("enabled"))])
 @pytest.mark.parametrize("robot", [RELEASE, d543.INTERFACE.name])
 def test_what_both_robots_are_asked_for(element, request_, robot):
     rig, result = ran("<{}/>".format(element), robot)
@@ -109,8 +106,7 @@ def test_what_both_robots_are_asked_for(element, request_, robot):
     ("SetSpeechEvent name='disabled'", SetRecognition(False)),
     ("SetRobotPose", SetPose(EXHIBITS[0].location)),
     ("ResetRobotPose", SetPose(EXHIBITS[0].location)),
-    ("StartOfTree", SetRecognitionLanguage("English")),
-])
+    ("StartOfTree", SetRecognitionLanguage("English"))])
 def test_what_only_the_release_has_is_done_without_elsewhere_and_told_at_load(element, request_):
     rig, result = ran("<{}/>".format(element))
     assert (result, rig.requests) == (SUCCESS, [request_])
@@ -130,8 +126,7 @@ def test_the_phrases_are_those_of_the_culture_file_or_of_the_language(number):
     rig, result = ran("<SayText name='{}'/>".format(number), d543.INTERFACE.name)
     speech = [
         "PressYesNo", "FollowMe", "MaybeAnotherTime", "Welcome", "QueryTour", "HereIsTheDoor",
-        "SayGoodBye"
-    ]
+        "SayGoodBye"]
     expected = rig.mission.phrases.speeches[speech[number - 1] + "Speech"]
     assert (result, rig.requests) == (SUCCESS, [Say(expected)])
 
@@ -219,8 +214,7 @@ def test_the_page_has_each_word_with_its_arguments():
             encoding="utf-8") as page:
         rows = [
             line.strip("| ").split(" | ") for line in page
-            if line.startswith("| ") and line.count("|") == 4
-        ]
+            if line.startswith("| ") and line.count("|") == 4]
     arguments = {word: row[1] for row in rows for word in row[0].split(", ")}
     for spec in SPECS:
         assert {
@@ -240,8 +234,7 @@ def test_the_page_has_each_word_with_its_arguments():
     ("SetAnimateBehavior name='on'", 21, "enabled, disabled"),
     ("SetOvertAttentionMode name='sociable'", 24, "disabled, social, scanning, seeking, location"),
     ("SetSpeechEvent name='yes'", 17, "true, false, enabled, disabled"),
-    ("PerformIconicGesture name='wave'", 23, "welcome, goodbye"),
-])
+    ("PerformIconicGesture name='wave'", 23, "welcome, goodbye")])
 def test_a_wrong_argument_is_a_fault_with_its_place(element, column, allowed):
     with pytest.raises(MissionError) as raised:
         load_text(file("<Sequence>\n<{}/></Sequence>".format(element)), leaves.registry(), "m.xml")
@@ -277,8 +270,7 @@ def test_an_argument_in_a_port_is_told_where_it_belongs():
     ("IsVisitorThere", "IsVisitorPresent"),
     ("SetRobotPoseNode", "SetRobotPose"),
     ("PerformIconicGestures", "PerformIconicGesture"),
-    ("DisableAnimateBehaviour", "DisableAnimateBehavior"),
-])
+    ("DisableAnimateBehaviour", "DisableAnimateBehavior")])
 def test_a_misspelt_word_is_answered_with_the_nearest(typed, meant):
     with pytest.raises(MissionError) as raised:
         load_text(file("<{}/>".format(typed)), leaves.registry())
@@ -712,8 +704,7 @@ def test_a_visitor_who_says_yes_is_shown_each_stop_of_the_tour(text):
         SetRecognition(False),
         SetPose(START),
         SetAnimation("enabled"),
-        SetAttention("scanning")
-    ]
+        SetAttention("scanning")]
     assert said(rig)[:3] == [PHRASES[4], PHRASES[5], PHRASES[2]]
     assert said(rig)[3:5] == ["Our tour of the robotics lab begins here.",
                               "Please stay close to me, so that you hear me well."]
@@ -736,8 +727,7 @@ def test_a_visitor_who_does_not_say_yes_is_given_no_tour(answers):
     assert (code, driven(rig)) == (3, [])
     assert said(rig) == [PHRASES[4]] + [PHRASES[5]] * (1 if answers == ["no"] else 2) + [PHRASES[3]]
     recognition = [
-        request.is_enabled for request in rig.requests if isinstance(request, SetRecognition)
-    ]
+        request.is_enabled for request in rig.requests if isinstance(request, SetRecognition)]
     assert recognition[-1] is False
 
 
@@ -832,8 +822,7 @@ def test_the_warnings_of_the_tour_stand_at_their_places():
          "goes on to it after IsVisitorPresent failed"),
         ("<IsVisitorResponseYes/>",
          "with asrEnabled false IsVisitorResponseYes never succeeds, and the mission never comes "
-         "to its stops")
-    ]
+         "to its stops")]
     assert all(fault.is_warning for fault in found)
     assert [fault.hint for fault in found[1:]] == [
         "end the mission, or the branch, with FAILURE before it",
@@ -974,8 +963,7 @@ GONE = ("<Fallback><IsVisitorPresent/><ForceFailure><Navigate "
     ("<IfThenElse><AlwaysSuccess/><AlwaysSuccess/><ForceSuccess>{}</ForceSuccess></IfThenElse>\n"
      "<SayText name='7'/>", False),
     ("<IfThenElse><AlwaysFailure/><ForceSuccess>{}</ForceSuccess><AlwaysSuccess/></IfThenElse>\n"
-     "<SayText name='7'/>", False),
-])
+     "<SayText name='7'/>", False)])
 def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
     found = foreseen("<Sequence>{}{}</Sequence>".format(mode("social"), body.format(GONE)))
     assert [(line, text.split(":")[0].split(" ", 1)[1]) for line, text in found] == (
@@ -1059,8 +1047,7 @@ def test_what_one_use_of_a_subtree_knows_is_not_known_in_another():
 
 @pytest.mark.parametrize("body", [
     "<Sequence>" * 1900 + "<IsVisitorPresent/>" + "</Sequence>" * 1900,
-    "<Sequence>" + "<IsVisitorPresent/>" * 2001 + "</Sequence>"
-])
+    "<Sequence>" + "<IsVisitorPresent/>" * 2001 + "</Sequence>"])
 def test_a_mission_that_is_too_large_to_be_followed_still_loads(body):
     assert foreseen(body) == []
     assert Rig(file(body), robotInterface=RELEASE).tree.warnings == []

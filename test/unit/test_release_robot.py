@@ -109,8 +109,7 @@ def test_the_files_answer_at_once_and_the_robot_is_not_asked(files):
         GoTo(Location(2.5, -1.25, 90.0)),
         GoTo(Location(-3.5, 4.0, -90.0)),
         Say("Ukuboko", "Kinyarwanda"),
-        GoTo(Location(-3.5, 4.0, -90.0))
-    ]
+        GoTo(Location(-3.5, 4.0, -90.0))]
 
 
 def test_language_phrases_and_words_are_those_of_the_culture_file(files):
@@ -153,8 +152,7 @@ def test_the_warnings_of_the_files_are_the_mission_s(files):
     files("environment", ENVIRONMENT.replace("gestureTarget 1 0 0 0\n", ""))
     assert [
         "gestureTarget" in fault.text for fault in loaded("<Navigate/>").warnings
-        if "dat" in fault.file
-    ] == [True]
+        if "dat" in fault.file] == [True]
 
 
 def test_a_robot_of_the_document_needs_no_files():
@@ -348,8 +346,7 @@ def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch,
     whole = d543.INTERFACE
     evidence = {
         sense: whole.evidence(sense) for sense in Sense
-        if sense is not Sense.PRESENCE and whole.tells(sense)
-    }
+        if sense is not Sense.PRESENCE and whole.tells(sense)}
     monkeypatch.setitem(interfaces.INTERFACES, whole.name, Interface(
         whole.name, whole.services, whole.topics, whole.safe_state, evidence))
     fault, = faults_of(monkeypatch, "Other", leaf)

@@ -203,8 +203,7 @@ def started_with(lines, **sources):
 @pytest.mark.parametrize("part, old, new, expected", [
     ("phrases", "Hello, and welcome", "Welcome",
      "now it asks /textToSpeech/say_text for Say(text='Welcome"),
-    ("policy", "budget", "WelcomeGesture * 3 0 giveUp\nbudget", "now "),
-])
+    ("policy", "budget", "WelcomeGesture * 3 0 giveUp\nbudget", "now ")])
 def test_phrases_and_policy_are_those_of_the_record(tmp_path, part, old, new, expected):
     lines = read_record(recorded(tmp_path, visitor_who(says="yes"), failure_rate=1.0))
     source = getattr(
@@ -264,8 +263,7 @@ def test_settings_that_this_release_cannot_use_are_one_line(tmp_path, bad, first
     ("<WelcomeSpeech/>", "<AlwaysSuccess/>", "WelcomeSpeech"),
     ('<SubTree ID="VisitExhibits"/>\n        <SubTree ID="EndTour"/>',
      '<SubTree ID="EndTour"/>\n        <SubTree ID="VisitExhibits"/>', "GiveTour"),
-    ('num_attempts="3"', 'num_attempts="2"', None),
-])
+    ('num_attempts="3"', 'num_attempts="2"', None)])
 def test_an_edited_mission_says_where_it_parts(tmp_path, mission, old, new, where):
     path = recorded(tmp_path, visitor_who(says="yes"), mission=mission)
     edited(mission, old, new)
@@ -339,8 +337,7 @@ def changed(lines, kind, change, number):
      ", now it is no further change"),
     (Asked, 5, lambda event: replace(event, request=Say("x")),
      "Say(text='x', language='English'), now it asks /"),
-    (Asked, -3, lambda event: None, "recorded is no request, now it asks /"),
-])
+    (Asked, -3, lambda event: None, "recorded is no request, now it asks /")])
 def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, number, change,
                                                             expected):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))

@@ -75,8 +75,7 @@ def test_each_declared_service_and_topic_is_simulated(interface):
 def test_an_answer_is_read_on_one_of_the_robots(request_):
     declared = [
         service for interface in INTERFACES.values() for service in interface.services
-        if service.request is request_
-    ]
+        if service.request is request_]
     assert any(is_read(service, SERVICES[request_].nonsense)
                for service in declared), "its service needs an ``answer``"
 
@@ -125,8 +124,7 @@ def test_each_kind_of_request_has_a_robot_that_is_asked_so():
     (Say, {"message": "Hello", "language": "IsiZulu"}, Answer()),
     (SetPose, {"x": 1.0, "y": -2.0, "theta": 90.0}, Answer()),
     (SetRecognition, {"status": "true"}, Answer()),
-    (SetRecognitionLanguage, {"language": "Kinyarwanda"}, Answer()),
-))
+    (SetRecognitionLanguage, {"language": "Kinyarwanda"}, Answer())))
 def test_success_is_what_the_contract_says(kind, request_fields, answer):
     assert SERVICES[kind].object_to(request_fields) is None
     assert SERVICES[kind].answer(request_fields, world(ENGAGES, "scanning")) == answer
@@ -259,8 +257,7 @@ def test_what_tells_an_outcome_may_be_neither_yes_nor_no():
         SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say)}
     assert found == {
         SetAnimation: "perhaps", PerformGesture: 7, QueryKnowledge: None, SetAttention: 7, GoTo: 7,
-        Prompt: None, Say: None
-    }
+        Prompt: None, Say: None}
 
 
 @pytest.mark.parametrize("what, names", (
@@ -291,8 +288,7 @@ def test_exhibits_have_what_a_tour_needs():
     (QueryKnowledge, {"parameters": "toilets"}, "allowed: exhibits, entrance, home"),
     (Prompt, {"message": ""}, "no text"),
     (SetRecognition, {"status": "enabled"}, "allowed: true, false"),
-    (SetRecognitionLanguage, {"language": ""}, "allowed: English"),
-))
+    (SetRecognitionLanguage, {"language": ""}, "allowed: English")))
 def test_requests_that_make_no_sense_are_objected_to(kind, request_fields, objection):
     assert objection in SERVICES[kind].object_to(request_fields)
 
@@ -307,8 +303,7 @@ def test_a_tablet_that_does_not_tell_the_button_says_that_there_was_one_or_that_
     pressed = {
         behaviour for behaviour in (ENGAGES, DECLINES, SILENT)
         if SERVICES[Prompt].answer({"message":
-            "'Yes'|'No'"}, release(behaviour, "scanning", tabletSuccessIs=meaning)) is not None
-    }
+            "'Yes'|'No'"}, release(behaviour, "scanning", tabletSuccessIs=meaning)) is not None}
     assert pressed == says_yes
 
 

@@ -137,8 +137,7 @@ MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where
      "the mission unfolds to 536870909 nodes; at most 250000 are allowed (call fewer SubTrees)"),
     (chain(28),
      "the mission unfolds to a billion or more nodes; at most 250000 are allowed (call fewer "
-     "SubTrees)"
-     ),
+     "SubTrees)"),
     (main("<Attend/>"),
      "Attend takes an argument in its name, which is not given (allowed: name=\"…\" with social, "
      "seeking)"),
@@ -148,11 +147,9 @@ MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where
      "Attend has no port mode (its argument is its name: social, seeking)"),
     (root(tree('<SubTree ID="S" _post="1" where="1" when="2" wo="3"/>') + MODEL),
      "the model of S asks for the port who, which is not given; it has no port wo (did you mean "
-     "who?)"
-     ),
+     "who?)"),
     (root(tree('<SubTree ID="S" where="1" when="2"/>') + MODEL),
-     "the model of S asks for the port who, which is not given (write who=\"{who}\")"),
-])
+     "the model of S asks for the port who, which is not given (write who=\"{who}\")")])
 def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
     assert in_words(fault for fault in checked(text).faults
                     if not fault.is_warning) == [expected]
@@ -179,8 +176,7 @@ def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
     ('<Script code="a := 12,75"/>', "the script of code cannot be read: Invalid token ',' at "
      "position 7 (a number has a point: write 12.75)"),
     ('<Script code="a := min(b, 2)"/>', "the script of code cannot be read: Invalid token ',' at "
-     "position 10 (a script has no functions; condition ? value : other chooses a value)"),
-])
+     "position 10 (a script has no functions; condition ? value : other chooses a value)")])
 def test_advice_for_what_an_author_knows_from_elsewhere(body, expected):
     assert in_words(fault for fault in checked(main(body)).faults
                     if not fault.is_warning) == [expected]

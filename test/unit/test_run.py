@@ -27,11 +27,9 @@ BEGIN = [
     TreeShown("M", [
         TreeNode("all", "Sequence", "all", 0),
         TreeNode("all/go", "Navigate", "go", 1, next=(3,)),
-        TreeNode("all/help", "HandleFallBack", "help", 1)
-    ]),
+        TreeNode("all/help", "HandleFallBack", "help", 1)]),
     RunStarted("/m/tour.xml", [("all/go", "Navigate"), ("all/help", "HandleFallBack")], {},
-               Sources((), EMPTY, EMPTY, "D5.4.3"))
-]
+               Sources((), EMPTY, EMPTY, "D5.4.3"))]
 ARM, DESK = Location(1.0, 2.0, 90.0), Location(3.0, 4.0, 0.0)
 BUSY, LATE = Failure(Cause.REFUSED, "busy", "/nav"), Failure(Cause.NO_ANSWER, "late", "/nav")
 UNSEEN = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/gaze")
@@ -102,8 +100,7 @@ def test_the_exhibits_of_a_visit_have_their_state_and_their_cause():
 def test_only_the_newest_visits_are_in_a_state_and_all_of_them_in_a_run():
     events = [
         event for number in range(1, 61)
-        for event in (PassStarted(number, 0.0), PassFinished(number, "FAILURE", 1.0))
-    ]
+        for event in (PassStarted(number, 0.0), PassFinished(number, "FAILURE", 1.0))]
     run = after(*events)
     assert len(run.state.visits) == KEPT_VISITS
     assert len(run.visits) == 60 == run.state.visit_results["broken off"]
@@ -320,8 +317,7 @@ def test_a_service_is_well_when_nothing_is_wrong_in_any_respect():
     run = after(change(False, GONE), change(False, SLOW), change(True, GONE), change(True, SLOW))
     assert [
         sorted(respect for _, respect in run.at(time).robot.troubles)
-        for time in (102, 103, 104, 105)
-    ] == [[GONE], [GONE, SLOW], [SLOW], []]
+        for time in (102, 103, 104, 105)] == [[GONE], [GONE, SLOW], [SLOW], []]
 
 
 @pytest.mark.parametrize("end, outcome, is_lost", [
@@ -361,8 +357,7 @@ def test_the_letters_of_the_nodes_and_how_each_ended():
     assert run.results == [
         NodeResult(2, 103, 105, "F", BUSY),
         NodeResult(3, 105, 105, "S"),
-        NodeResult(1, 103, 105, "S")
-    ]
+        NodeResult(1, 103, 105, "S")]
 
 
 def test_a_node_that_is_halted_has_ended_and_a_number_that_the_tree_has_not_changes_nothing():

@@ -133,8 +133,7 @@ UNTIL_WRITTEN = "<Script code='x := 1'/><Sleep msec='9000'/>"
     ("<WhileDoElse><AlwaysFailure _successIf='true'/><Sleep msec='9000'/><AlwaysSuccess/>"
      "</WhileDoElse>", 0),
     ("<ReactiveFallback><IfThenElse><AlwaysSuccess _failureIf='true'/><AlwaysSuccess/></IfThenElse>"
-     "<Sleep msec='9000'/></ReactiveFallback>", 0),
-])
+     "<Sleep msec='9000'/></ReactiveFallback>", 0)])
 def test_what_a_tick_can_go_on_with_is_ticked_again(mission, code):
     rig = one_leaf(mission)
     write(rig, x=0)
@@ -301,8 +300,7 @@ def test_a_run_that_ends_by_itself_leaves_the_robot_calm_once(mission, code):
     rig = one_leaf(mission)
     assert rig.run(advance, runs=2) == code
     assert rig.last_requests == SAFE and not [
-        request for request in rig.requests if request in SAFE
-    ]
+        request for request in rig.requests if request in SAFE]
     assert [type(event) for event in rig.events[-2:]] == [SafeStateReported, RunFinished]
     assert [part.failure for part in rig.events[-2].parts] == [None, None]
 
@@ -321,8 +319,7 @@ def test_an_error_in_a_node_ends_the_pass_with_one_line_and_the_next_one_runs():
     ("<Script code=\"x := 'a' * 2\"/>", 9),
     ("<WelcomeSpeech name=\"hi\" _skipIf=\"never == 1\"/>", 26),
     ("<AlwaysSuccess _onSuccess=\"x := never\"/>", 16),
-    ("<Sleep msec=\"{never}\"/>", 1),
-])
+    ("<Sleep msec=\"{never}\"/>", 1)])
 def test_a_fault_at_run_time_names_its_place(leaf, column):
     rig = one_leaf("\n" + leaf)
     rig.run(advance, runs=1)
@@ -607,8 +604,7 @@ def test_a_reloaded_mission_whose_leaves_cannot_be_set_up_is_refused(monkeypatch
     rig, second = one_leaf("<AlwaysSuccess/>"), one_leaf("\n<AlwaysFailure/>")
     monkeypatch.setattr(second.tree.nodes[0], "setup", lambda **kwargs: 1 / 0)
     begun, following = [], [
-        Running(second.tree, second.mission, "second.xml", 2, lambda: begun.append(True))
-    ]
+        Running(second.tree, second.mission, "second.xml", 2, lambda: begun.append(True))]
     assert rig.run(advance, runs=2, successor=lambda: following.pop() if following else None) == 0
     assert [event.outcome for event in rig.of(PassFinished)] == ["SUCCESS", "SUCCESS"] and not begun
     text, = [event.text for event in rig.of(Noticed)]
@@ -660,8 +656,7 @@ def test_no_visitor_is_greeted_while_a_node_is_gone_for_which_the_mission_failed
 
 @pytest.mark.parametrize("mission", [
     GREET_AND_DRIVE,
-    "<Sequence><ForceSuccess><WelcomeSpeech/></ForceSuccess><IsVisitorResponseYes/></Sequence>"
-])
+    "<Sequence><ForceSuccess><WelcomeSpeech/></ForceSuccess><IsVisitorResponseYes/></Sequence>"])
 def test_a_pass_that_failed_for_something_else_is_followed_by_the_next(mission):
     rig = one_leaf(
         mission, lambda request: NotImplemented if isinstance(request, QueryKnowledge) or

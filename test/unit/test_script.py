@@ -127,8 +127,7 @@ def check_run(name, script, case):
     ("(1", "Parse error at position 2: expected ')' (got '')"),
     ("(1 2)", "Parse error at position 3: expected ')' (got '2')"),
     ("1 ? 2", "Parse error at position 5: expected ':' in ternary expression (got '')"),
-    ("1 ? 2 ; 3", "Parse error at position 6: expected ':' in ternary expression (got ';')"),
-])
+    ("1 ? 2 ; 3", "Parse error at position 6: expected ':' in ternary expression (got ';')")])
 def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
     with pytest.raises(ScriptSyntaxError) as raised:
         compile_script(text)
@@ -158,8 +157,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
         ("name := 1 integer := 2 real := 3 text := 4", 4),
         ("operator := 5; end := operator; end", 5),
         ("5..'x'", "5x"),
-        ("5.5..'x'", "5.500000x"),
-    ])
+        ("5.5..'x'", "5.500000x")])
 def test_precedence(text, value):
     assert same(value, run(text)[0])
 
@@ -193,8 +191,7 @@ def test_which_statements_assign_is_known():
     ("a := 'b' + 'c'", "text", "", 5),
     ("a := b .. c", "text", "", 5),
     ("a := b - c", "number", "", 5),
-    ("a := b < c", "number", "", 5),
-])
+    ("a := b < c", "number", "", 5)])
 def test_what_the_text_of_a_script_tells_of_a_value(text, kind, word, position):
     assert compile_script(text).facts.assignments[-1] == Assignment("a", ":=",
                                                                     Operand(kind, word, position),
@@ -206,8 +203,7 @@ def test_what_the_text_of_a_script_tells_of_a_value(text, kind, word, position):
     ("1 + 2 .. a", [("+", ("number", "1"), ("number", "2")),
                     ("..", ("number", ""), ("name", "a"))]),
     ("1 * a + 2", [("*", ("number", "1"), ("name", "a")), ("+", ("number", ""), ("number", "2"))]),
-    ("a + (b + c)", [("+", ("name", "b"), ("name", "c")), ("+", ("name", "a"), ("", ""))]),
-])
+    ("a + (b + c)", [("+", ("name", "b"), ("name", "c")), ("+", ("name", "a"), ("", ""))])])
 def test_what_a_script_joins(text, operations):
     found = compile_script(text).facts.operations
     assert [(sign, left[:2], right[:2]) for sign, left, right in found] == operations
@@ -215,8 +211,7 @@ def test_what_a_script_joins(text, operations):
 
 def test_where_an_entry_is_read_first():
     assert compile_script("a := b + c; c := b; @d").facts.read == {
-        "b": 5, "c": 9, "@d": 20
-    }
+        "b": 5, "c": 9, "@d": 20}
 
 
 # ---------------------------------------------------------------------------------- running scripts
@@ -267,8 +262,7 @@ def test_where_an_entry_is_read_first():
     ("9223372036854775808", 0),
     ("0xFFFFFFFFFFFFFFFF", 0),
     ("0" * 50 + "7", 7),
-    ("0x" + "0" * 50 + "f", 15),
-])
+    ("0x" + "0" * 50 + "f", 15)])
 def test_values(text, value):
     found = run(text, ENUMS)[0]
     assert type(found) is type(value) and found == value
@@ -322,8 +316,7 @@ def test_values(text, value):
     ("s += 2", "Operation not permitted: [+=] on a text and a number"),
     ("s -= 'x'", "Operation not permitted: [-=] on a text and a text"),
     ("list := 'x'", "Error assigning a text"),
-    ("1e300 & 1", "Binary operators are not allowed"),
-])
+    ("1e300 & 1", "Binary operators are not allowed")])
 def test_failures_name_their_cause_and_the_script(text, reason):
     with pytest.raises(ScriptError) as raised:
         run(text, none=None, list=[1], n=3, s="text", minus=-2 ** 53)
@@ -355,8 +348,7 @@ def test_a_message_is_one_line_and_not_long():
     ("a := -1", -1.0),
     ("a := 1 + 1", 2.0),
     ("a := 'x'; a += 'y'", "xy"),
-    ("(a) := 3", 3),
-])
+    ("(a) := 3", 3)])
 def test_the_first_value_decides_the_kind(text, kept):
     value, blackboard = run(text)
     assert same(kept, blackboard.get("a")) and same(kept, value)
@@ -384,8 +376,7 @@ def test_every_write_counts_same_value_or_not():
     ("int", "v = 1.5", 1.5, "double"),
     ("bool", "v = 'true'", 1, "bool"),
     ("double", "v = '2'", 2.0, "double"),
-    ("string", "v = 'x'", "x", "string"),
-])
+    ("string", "v = 'x'", "x", "string")])
 def test_an_empty_entry_that_a_port_declared(declared, text, stored, origin):
     blackboard = Blackboard()
     entry = blackboard.create("v", declared)
@@ -401,8 +392,7 @@ def test_a_copy_keeps_the_type_that_the_value_had():
 
 
 @pytest.mark.parametrize("value, truth", [
-    (0, False), (1, True), (0.0, False), (-0.0, False), (2.5, True), (math.nan, True),
-])
+    (0, False), (1, True), (0.0, False), (-0.0, False), (2.5, True), (math.nan, True)])
 def test_truth(value, truth):
     assert to_bool(value) is truth
 
@@ -414,8 +404,7 @@ def test_truth(value, truth):
     ("true", "no known safe conversion"),
     ("", "no known safe conversion"),
     (None, "it is empty"),
-    ([1], "no known safe conversion"),
-])
+    ([1], "no known safe conversion")])
 def test_what_is_neither_true_nor_false(value, reason):
     with pytest.raises(ValueFault, match=reason):
         to_bool(value)
@@ -432,8 +421,7 @@ def test_what_is_neither_true_nor_false(value, reason):
     "a := ({})",
     "1 ? {} : 2",
     "0 ? 1 : ({})",
-    "1 ? a := {} : 2",
-])
+    "1 ? a := {} : 2"])
 def test_nesting_is_limited_long_before_the_stack_ends(shape):
     before, after = shape.split("{}")
     for depth in (1, 10, 100, 1000, 100000):
@@ -464,8 +452,7 @@ def test_ninety_nine_parentheses_are_fine_and_no_more():
     ("1" + " < 2 < 1" * 20000, 0.0),
     ("a := " + "9" * 1000000, 0),
     ("0." + "1" * 1000000 + " < 1", 1.0),
-    ("'" + "x" * 1000000 + "' == 'x'", 0.0),
-])
+    ("'" + "x" * 1000000 + "' == 'x'", 0.0)])
 def test_long_scripts_take_time_in_proportion(text, value):
     began = time.thread_time()
     assert run(text)[0] == value
@@ -482,15 +469,12 @@ def test_a_text_cannot_grow_without_end():
 
 OPERATORS = [
     ":=", "=", "+=", "-=", "*=", "/=", "==", "!=", "<", ">", "<=", ">=", "&&", "||", "&", "|", "^",
-    "+", "*", "/", "..", "-", "? b :", "? (", ";"
-]
+    "+", "*", "/", "..", "-", "? b :", "? (", ";"]
 OPERANDS = [
     "a", "b", "none", "list", "RED", "@a", "true", "1", "0", "2.5", "1e400", "9" * 25, "0xff",
-    "'x'", "- 2", "!a", "(a := 1)"
-]
+    "'x'", "- 2", "!a", "(a := 1)"]
 RUBBISH = [
-    "'", ".", "0x", "1.", "\u00e9", "\u0663", "\x00", "\n", "#", "{", "$", "(", ")", "?", ":", "~"
-]
+    "'", ".", "0x", "1.", "\u00e9", "\u0663", "\x00", "\n", "#", "{", "$", "(", ")", "?", ":", "~"]
 
 
 def random_script(source):

@@ -73,8 +73,7 @@ def test_it_needs_nothing_from_elsewhere_and_takes_no_orders(show):
 @pytest.mark.parametrize("path", ["", "page.js", "state", "events", "none"])
 @pytest.mark.parametrize("host", [
     "rebound.example", "rebound.example:8080", "localhost.rebound.example", "93.184.216.34",
-    "127.0.0.1.rebound.example", "localhost@rebound.example", "127.0.0.1, rebound.example", ""
-])
+    "127.0.0.1.rebound.example", "localhost@rebound.example", "127.0.0.1, rebound.example", ""])
 def test_a_foreign_name_is_refused(show, path, host):
     """A site whose name points at this computer could else read the page in the operator's browser.
     """
@@ -382,8 +381,7 @@ def test_a_port_that_is_taken_is_one_line(show):
     page.close()
     assert warnings == [
         "no page in the browser: 127.0.0.1:{} cannot be opened (Address already in use); "
-        "set monitorPort to another port, or to 0".format(shown.port)
-    ]
+        "set monitorPort to another port, or to 0".format(shown.port)]
 
 
 def test_a_browser_too_many_is_told_so_and_one_that_takes_nothing_is_disconnected(

@@ -61,8 +61,7 @@ def test_a_mistake_in_one_key_leaves_the_values_of_the_others(tmp_path):
     ("startupTimeout 2.5", "startup_timeout", 2.5),
     ("language Kinyarwanda", "language", "Kinyarwanda"),
     ("recordDirectory /tmp/a b", "record_directory", "/tmp/a b"),
-    ("recordDirectory", "record_directory", ""),
-])
+    ("recordDirectory", "record_directory", "")])
 def test_ways_to_write_a_line(tmp_path, line, name, value):
     assert getattr(load(tmp_path, GOOD + line + "\n"), name) == value
 
@@ -102,8 +101,7 @@ def test_one_fault_each(tmp_path, line, expected):
 @pytest.mark.parametrize("key", ["groot2Address", "monitorAddress"])
 @pytest.mark.parametrize("value", [
     "", "*", "a b", "0", "0x0", "0x7f.1", "127.0.0", "1.2.3.256", "-a", "a..b", "a/b", "a:80",
-    "http://a", "[::1]", "::1::", "a" * 64, ("b" * 63 + ".") * 3 + "b" * 62, "\u0661", "."
-])
+    "http://a", "[::1]", "::1::", "a" * 64, ("b" * 63 + ".") * 3 + "b" * 62, "\u0661", "."])
 def test_what_is_no_address_is_a_fault(tmp_path, key, value):
     found = faults(tmp_path, GOOD + "{} {}\n".format(key, value))
     assert len(found) == 1 and "{} cannot be {}".format(
@@ -124,8 +122,7 @@ def test_what_is_no_address_is_a_fault(tmp_path, key, value):
         "robot_2",
         "3com.com",
         # 253 characters, the longest name
-        ("b" * 63 + ".") * 3 + "b" * 61
-    ])
+        ("b" * 63 + ".") * 3 + "b" * 61])
 def test_addresses_and_host_names(tmp_path, value):
     assert load(tmp_path, GOOD + "monitorAddress {}\n".format(value)).monitor_address == value
 
@@ -143,8 +140,7 @@ def test_a_mission_is_no_path(tmp_path, value):
 
 @pytest.mark.parametrize("line", [
     "startupTimeout 1_0", "startupTimeout 1e999", "startupTimeout \u0661", "startupTimeout 0x10",
-    "missionRuns 1_0", "missionRuns \u0661", "missionRuns 1.0"
-])
+    "missionRuns 1_0", "missionRuns \u0661", "missionRuns 1.0"])
 def test_numbers_are_written_plainly(tmp_path, line):
     name, text = line.split()
     assert faults(tmp_path,
@@ -277,8 +273,7 @@ def test_a_parameter_of_an_odd_type_is_one_fault(tmp_path, value):
         "parameter ~{}: {} cannot be of type {} (allowed: {})".format(name, name,
                                                                       type(value).__name__, allowed)
         for name, allowed in (("language", "the name of a language, such as English"),
-                              ("recordDirectory", "a folder, nothing, or none"))
-    ]
+                              ("recordDirectory", "a folder, nothing, or none"))]
 
 
 def test_the_settings_of_a_record_are_checked():
@@ -289,8 +284,7 @@ def test_the_settings_of_a_record_are_checked():
             dict(settings.defaults().values, topicMaxAge="x", asrEnabled=None, oldKey=1), "r")
     assert sorted(str(fault).split(" (")[0] for fault in raised.value.faults) == [
         "r: asrEnabled cannot be of type NoneType", "r: topicMaxAge cannot be \"x\"",
-        "r: unknown key oldKey"
-    ]
+        "r: unknown key oldKey"]
 
 
 def test_arguments_override_parameters_and_the_file(tmp_path):
@@ -304,15 +298,13 @@ def test_no_argument_is_ignored(tmp_path):
         "argument asrEnabled: asrEnabled cannot be empty (allowed: true or false)",
         "argument misionRuns: unknown key misionRuns (did you mean missionRuns?)",
         "argument colour: unknown key colour (the keys: {})".format(", ".join(
-            key.name for key in settings.KEYS))
-    ]
+            key.name for key in settings.KEYS))]
 
 
 def test_arguments_are_kept_from_rospy():
     given = [
         "node", "_asrEnabled:=false", "__name:=n", "/a:=/b", "_recordDirectory:=/tmp/a:=b",
-        "_language:=", "--help"
-    ]
+        "_language:=", "--help"]
     assert settings.split_arguments(given) == (["node", "__name:=n", "/a:=/b", "--help"], {
         "asrEnabled": "false", "recordDirectory": "/tmp/a:=b", "language": ""})
 
@@ -320,8 +312,7 @@ def test_arguments_are_kept_from_rospy():
 def test_a_robot_of_release_1_0_has_a_gaze_value_of_its_own():
     robots = [
         settings.defaults(mutualGazeValue=1, robotInterface=robot)
-        for robot in ("D5.4.3", "release-1.0")
-    ]
+        for robot in ("D5.4.3", "release-1.0")]
     assert [robot.gaze_value for robot in robots] == [1, 2]
 
 

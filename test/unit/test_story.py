@@ -59,8 +59,7 @@ def test_each_kind_of_visit_is_told_with_its_causes_and_the_record_tells_the_sam
 def test_visits_that_end_otherwise_have_another_reason():
     whys = {
         kind: how_it_ended(Teller(rig_of(kind)).run(RUNS[kind][0]).story.state.visit)
-        for kind in ("tour", "silent", "declined", "no gaze", "unclear", "tablet")
-    }
+        for kind in ("tour", "silent", "declined", "no gaze", "unclear", "tablet")}
     assert whys.pop("tablet") == whys["declined"] and len(set(whys.values())) == 5
 
 
@@ -246,8 +245,7 @@ POLLED = {  # a mission that asks again and again, and attempts × pause
                     (within("KeepRunningUntilFailure", UNSEEN), 0.0
                      ), "an endless mission that begins with a visitor":
                          (within("KeepRunningUntilFailure", "Fallback",
-                                 within("Sequence", SEEN + "<WelcomeSpeech/>") + SECOND), 0.0)
-}
+                                 within("Sequence", SEEN + "<WelcomeSpeech/>") + SECOND), 0.0)}
 
 
 @pytest.mark.parametrize("kind", POLLED)
@@ -446,8 +444,7 @@ THREE_TIMES = why_failed("Navigate", BUSY, 3, is_short=True)
          exhibit("omitted"),
          recovered("given up"),
          exhibit("omitted"),
-         recovered("skipped")
-     ], "FAILURE", "it failed; without Navigate")])
+         recovered("skipped")], "FAILURE", "it failed; without Navigate")])
 def test_why_a_visit_ended_so(events, outcome, why):
     story = story_of(START, *events, PassFinished(1, outcome, 9.0))
     assert (how_it_ended(story.state.visit), story.state.visit.outcome) == (why, outcome)
@@ -503,14 +500,12 @@ def test_a_visit_with_a_robot_that_cannot_ask_is_not_complete(says, ending):
          exhibit("omitted"),
          recovered("given up"),
          exhibit("omitted"),
-         recovered("skipped", "budget")
-     ], LEFT_OUT, "budget; " + THREE_TIMES),
+         recovered("skipped", "budget")], LEFT_OUT, "budget; " + THREE_TIMES),
      ([
          exhibit("omitted"),
          recovered("given up"),
          exhibit("omitted"),
-         recovered("given up", "budget")
-     ], BROKEN_OFF, THREE_TIMES),
+         recovered("given up", "budget")], BROKEN_OFF, THREE_TIMES),
      ([RunFinished("stopped", 0)], BROKEN_OFF, "the robot was stopped")])
 def test_how_an_exhibit_ends(events, state, why):
     story = story_of(START, exhibit("begun"), *events)
@@ -743,8 +738,7 @@ FAILURE = Failure(Cause.REFUSED, "\x1b[2J\n", "/x\x1b")
     Recovered("x\x1b", "x", FAILURE, "-", 2, False, "given up"),
     Recovered("x", "x", FAILURE, "-", 2, True, "substituted"),
     StopChanged(1, "x", "x", 3, 2, "\x1b", "begun"),
-    StopChanged(1, "x", "x", 3, 2, "x", "omitted")
-])
+    StopChanged(1, "x", "x", 3, 2, "x", "omitted")])
 def test_whatever_comes_in_whatever_order_is_one_line_each(event):
     story = Story()
     for known in (story.take(1.0, event), story.take(2.0, event)):
@@ -765,12 +759,10 @@ def texts(value):
 @pytest.mark.parametrize(
     "ends", [[
         LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0, ODD_FAILURE),
-        StopChanged(1, ODD, ODD, 1, 2, ODD, "over")
-    ],
+        StopChanged(1, ODD, ODD, 1, 2, ODD, "over")],
              [
                  Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, False, "given up", ODD),
-                 PassFinished(1, "FAILURE", 1.0)
-             ],
+                 PassFinished(1, "FAILURE", 1.0)],
              [
                  StopChanged(1, ODD, ODD, 1, 2, ODD, "omitted"),
                  Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, True, "skipped", ODD)
@@ -778,8 +770,7 @@ def texts(value):
              [
                  LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0,
                               replace(ODD_FAILURE, cause=Cause.CONDITION_FALSE)),
-                 PassFinished(1, "FAILURE", 1.0)
-             ]])
+                 PassFinished(1, "FAILURE", 1.0)]])
 def test_no_text_of_a_story_s_records_does_anything_to_what_shows_it(ends):
     story = Story()
     records = [
@@ -789,9 +780,7 @@ def test_no_text_of_a_story_s_records_does_anything_to_what_shows_it(ends):
             LeafFinished(2, ODD, ODD, "SUCCESS", ODD, 1.0, None, LeafSummary(ODD, ODD, ODD, 1.0))
         ] + ends + [
             StepStarted(3, ODD, ODD, ODD, ODD, 1.0, False),
-            Recovering(4, ODD, ODD, ODD_FAILURE, 0, 1, ODD)
-        ]
-    ]
+            Recovering(4, ODD, ODD, ODD_FAILURE, 0, 1, ODD)]]
     visit = story.state.visit
     records += [how_it_ended(visit), tuple(each.name for each in visit.stops),
                 now_of(story.state, 3.0), tuple(story.state.visit_results)]
@@ -846,8 +835,7 @@ LOST_AGAIN = why_failed("Navigate", REFUSED, 3, is_short=True)
     (toured(within("Parallel success_count='1' failure_count='2'", DRIVES + TELLS)), COMPLETED, ""),
     (within(
         "Sequence", "<RetrieveListOfExhibits/><SelectExhibit/>" +
-        within("ForceSuccess", "Sequence", DRIVES + TELLS)), BROKEN_OFF, LOST)
-])
+        within("ForceSuccess", "Sequence", DRIVES + TELLS)), BROKEN_OFF, LOST)])
 def test_an_exhibit_is_broken_off_where_a_step_failed_and_none_came_after_it(mission, state, why):
     refused = iter([True] * 3)
     rig = one_leaf(mission, lambda request: refusal(request) if (

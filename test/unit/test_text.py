@@ -21,8 +21,7 @@ from behavior_controller.text import (
     ("\u202egnp.exe\u2066\u200f", "\\u202egnp.exe\\u2066\\u200f"),
     ("\u200b\ufeff\x00\x7f", "\\u200b\\ufeff\\x00\\x7f"),
     ("\ud800 \udcff", "\\ud800 \\udcff"),
-    ("\U000e0041", "\\U000e0041"),
-])
+    ("\U000e0041", "\\U000e0041")])
 def test_what_is_shown_of_outside_text(text, shown):
     assert clean(text) == shown
     assert clean(text).splitlines() == ([shown] if shown else [])
@@ -127,8 +126,7 @@ def test_a_wrong_byte_has_its_place():
 @pytest.mark.parametrize("word, expected", [
     ("WelcomSpeech", "did you mean WelcomeSpeech?"),
     ("welcomespeech", "did you mean WelcomeSpeech?"),
-    ("Frobnicate", ""),
-])
+    ("Frobnicate", "")])
 def test_suggestions(word, expected):
     assert did_you_mean(word, ["WelcomeSpeech", "Navigate"]) == expected
 

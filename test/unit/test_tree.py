@@ -30,8 +30,7 @@ def load(body, rest="", clock=None, registry=REGISTRY):
 
 @pytest.mark.parametrize("leaf, remaining", [
     ("<SetBlackboard output_key='{counter}' value='x'/>", {"counter": 5, "5": "x"}),
-    ("<UnsetBlackboard key='{counter}'/>", {"counter": 5}),
-])
+    ("<UnsetBlackboard key='{counter}'/>", {"counter": 5})])
 def test_a_number_in_place_of_a_name_is_the_name_of_its_text(leaf, remaining):
     tree = load("<Sequence><Script code='counter := 5'/>{}</Sequence>".format(leaf))
     assert tree.tick_once() is SUCCESS
@@ -52,8 +51,7 @@ def test_the_second_text_that_is_set_on_an_entry_of_a_script_is_an_error(between
     ("<Delay delay_msec='250'><AlwaysFailure/></Delay>", 250, FAILURE),
     ("<Timeout msec='700'><Sleep msec='9000'/></Timeout>", 700, FAILURE),
     ("<Timeout msec='9000'><Sleep msec='700'/></Timeout>", 700, SUCCESS),
-    ("<Sequence><Sleep msec='300'/><Sleep msec='400'/></Sequence>", 700, SUCCESS),
-])
+    ("<Sequence><Sleep msec='300'/><Sleep msec='400'/></Sequence>", 700, SUCCESS)])
 def test_time_is_exact(body, milliseconds, result):
     tree = load(body)
     assert tree.tick_once() is RUNNING
@@ -113,8 +111,7 @@ def test_py_trees_draws_our_trees():
     text = py_trees.display.ascii_tree(tree.root, show_status=True)
     assert [line.strip().split(" ")[1] for line in text.splitlines() if line.strip()] == [
         "steps", "choice", "Inverter", "AlwaysSuccess", "nap", "both", "AlwaysSuccess", "T",
-        "inside"
-    ]
+        "inside"]
     dot = py_trees.display.dot_tree(
         tree.root, visibility_level=py_trees.common.VisibilityLevel.ALL).to_string()
     shapes = {"steps": "box", "choice": "octagon", "both": "parallelogram"}
@@ -262,9 +259,7 @@ def test_a_substitute_that_does_not_exist_is_a_fault_of_the_node():
          "too-large", "250000"),
         ("<SubTree ID='A'/>",
          "<BehaviorTree ID='A'><Inverter><SubTree ID='B'/></Inverter></BehaviorTree>"
-         "<BehaviorTree ID='B'><SubTree ID='A'/></BehaviorTree>", "tree-circle", "A > B > A"),
-    ]
-])
+         "<BehaviorTree ID='B'><SubTree ID='A'/></BehaviorTree>", "tree-circle", "A > B > A")]])
 def test_what_would_never_end_is_a_fault(body, rest, code, words):
     with pytest.raises(MissionError) as raised:
         load(body, rest)
@@ -439,8 +434,7 @@ class Tries(SyncActionLeaf):
     ("<KeepRunningUntilFailure><Sequence><AlwaysSuccess _skipIf='true'/></Sequence>"
      "</KeepRunningUntilFailure>", False),
     ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", False),
-    ("<KeepRunningUntilFailure><Tries/></KeepRunningUntilFailure>", True),
-])
+    ("<KeepRunningUntilFailure><Tries/></KeepRunningUntilFailure>", True)])
 def test_a_tree_wants_a_tick_while_the_next_one_differs(body, wanted):
     registry = Registry([*builtin_specs(), NodeSpec("Tries", Kind.ACTION, Tries)])
     tree = load(body, registry=registry)

@@ -83,8 +83,7 @@ def test_without_the_palette_its_nodes_are_unknown(tmp_path):
     ('<SpinInPlace angle="1.57" error="{spin_error}"/>',
      '<SpinInPlace angle="1.57"><GoalUpdated/></SpinInPlace>', "leaf-children"),
     ('<AtRate hertz="1.0">', '<AtRate hertz="1.0"><GoalUpdated/>', "decorator-children"),
-    ('planner="{selected_planner}"', 'planner="{selected_planner"', "braces-odd"),
-])
+    ('planner="{selected_planner}"', 'planner="{selected_planner"', "braces-odd")])
 def test_mistakes_with_stubs_are_told(tmp_path, old, new, code):
     palette, _ = navigator.write(tmp_path)
     path = tmp_path / "to_pose.xml"
@@ -99,13 +98,11 @@ def test_what_the_robot_provides_is_not_asked_for(file):
     path = file(
         "m.xml", TREE.format("Main", '<FixtureDrive goal="{goal}"/>'),
         '<TreeNodesModel><Action ID="FixtureDrive"><input_port '
-        'name="goal"/></Action></TreeNodesModel>'
-    )
+        'name="goal"/></Action></TreeNodesModel>')
     assert told(path) == []
     assert said(path) == [
         "m.xml: checked, 1 node, 0 warnings; not a mission of this robot, which lacks 1 node type "
-        "(taken as stubs): FixtureDrive"
-    ]
+        "(taken as stubs): FixtureDrive"]
 
 
 # the node types of another robot that has some of our names: a workshop's, and a football team's
@@ -181,8 +178,7 @@ def test_of_many_stubs_the_first_are_named(count, rest):
     ('<input_port name="speed" optional="true"/>', False),
     ('<input_port name="speed" optional="false"/>', True),
     ('<input_port name="goal" optional="true"/><input_port name="speed"/>', True),
-    ('<input_port name="goal" optional="true"/><input_port name="speed" default="1"/>', False),
-])
+    ('<input_port name="goal" optional="true"/><input_port name="speed" default="1"/>', False)])
 def test_ports_of_a_palette_may_be_optional(file, port, is_told):
     path = file(
         "m.xml", TREE.format("Main", "<FixtureDrive/>"),
@@ -230,8 +226,7 @@ def test_what_is_a_misspelling(word, other, is_so):
 def test_a_misspelling_is_one_edit():
     words = {
         "".join(letters) for length in range(5)
-        for letters in itertools.product("abc", repeat=length)
-    }
+        for letters in itertools.product("abc", repeat=length)}
     for word in words:
         edits = set()
         for at in range(len(word) + 1):
@@ -251,8 +246,7 @@ def test_a_misspelling_is_one_edit():
         ('<Out out="{abcd}"/><FixtureDrive goal="{wxyz}"/>', []),
         ('<Out out="{abcd}"/><FixtureDrive goal="abcd"/>', []),
         ('<Script code="count = 1"/><FixtureDrive/>', []),
-        ('<Script code="1 == 1"/><FixtureDrive/>', ["script-no-effect"])
-    ])
+        ('<Script code="1 == 1"/><FixtureDrive/>', ["script-no-effect"])])
 def test_what_is_said_of_entries_in_a_mission_for_another_robot(file, inside, codes):
     models = ('<Action ID="Out"><output_port name="out"/></Action>'
               '<Action ID="FixtureDrive"><input_port name="goal"/></Action>')
@@ -271,8 +265,7 @@ def test_an_included_file_is_judged_as_a_part(file):
                  TREE.format("Main", '<SubTree ID="A"/>'))
     assert told(part) == [("part.xml", 1, "main-tree-missing")]
     assert said(part, whole) == [
-        "part.xml: a part of whole.xml", "whole.xml: can be run, 2 nodes, 0 warnings"
-    ]
+        "part.xml: a part of whole.xml", "whole.xml: can be run, 2 nodes, 0 warnings"]
     validation = Validation()
     assert len(list(validation.judge([whole]))) == 1
     assert validation.files == {part, whole}
@@ -360,8 +353,7 @@ def test_trees_are_found_in_the_files_beside_only_when_asked(file):
          '<TreeNodesModel><Action ID="FixtureDrive"/></TreeNodesModel>')
     assert said(path, in_folder=True) == [
         "m.xml: checked, 4 nodes, 0 warnings; not a mission of this robot, which lacks 1 "
-        "node type (taken as stubs): FixtureDrive"
-    ]
+        "node type (taken as stubs): FixtureDrive"]
 
 
 def test_a_file_of_a_ros_package_is_included(file, tmp_path, monkeypatch):

@@ -47,8 +47,7 @@ ENUMS = {"RED": 1}
     ("vec_int", "json: []", []),
     ("vec_double", "json:[1, 2.5]", [1.0, 2.5]),
     ("vec_bool", "json:[true]", [True]),
-    ("vec_string", 'json:["a;b"]', ["a;b"]),
-])
+    ("vec_string", 'json:["a;b"]', ["a;b"])])
 def test_from_text(type_name, text, value):
     found = TYPES[type_name].from_text(text, ENUMS)
     assert type(found) is type(value) and found == value
@@ -97,8 +96,7 @@ def test_from_text(type_name, text, value):
     ("vec_int", "json:[2147483648]", "outside"),
     ("vec_double", "json:[null]", "got `null`"),
     ("vec_int", "json:" + "[" * 100000, "JSON"),
-    ("vec_int", "json:[" + "9" * 5000 + "]", ""),
-])
+    ("vec_int", "json:[" + "9" * 5000 + "]", "")])
 def test_text_that_cannot_be_converted(type_name, text, reason):
     with pytest.raises(ValueFault) as raised:
         TYPES[type_name].from_text(text, ENUMS)
@@ -109,8 +107,7 @@ def test_text_that_cannot_be_converted(type_name, text, reason):
 # of the C++ types, on which the library's converters and casts depend
 LIMITS = {
     "int": (-2**31, 2**31 - 1), "uint": (0, 2**32 - 1), "int8": (-128, 127), "uint8": (0, 255),
-    "int64": (-2**63, 2**63 - 1), "uint64": (0, 2**64 - 1), "enum": (-2**31, 2**31 - 1)
-}
+    "int64": (-2**63, 2**63 - 1), "uint64": (0, 2**64 - 1), "enum": (-2**31, 2**31 - 1)}
 
 
 @pytest.mark.parametrize("type_name", sorted(LIMITS))
@@ -152,31 +149,27 @@ def test_an_integer_is_a_real_as_long_as_every_neighbour_is_one(whole):
 
 
 @pytest.mark.parametrize("value, text", [
-    (3, "3"), (-3, "-3"), (2.0, "2.000000"), (1e-9, "0.000000"), ("x", "x"), (math.inf, "inf"),
-])
+    (3, "3"), (-3, "-3"), (2.0, "2.000000"), (1e-9, "0.000000"), ("x", "x"), (math.inf, "inf")])
 def test_to_text(value, text):
     assert values.to_text(value) == text
 
 
 @pytest.mark.parametrize("value, stored, result", [
-    (2.0, 1, 2), (2, 1.5, 2.0), (5, 4, 5), ("b", "a", "b"), (2.5, None, 2.5), ([1], [2], [1]),
-])
+    (2.0, 1, 2), (2, 1.5, 2.0), (5, 4, 5), ("b", "a", "b"), (2.5, None, 2.5), ([1], [2], [1])])
 def test_a_value_takes_the_kind_that_is_stored(value, stored, result):
     found = values.same_kind(value, stored)
     assert type(found) is type(result) and found == result
 
 
 @pytest.mark.parametrize("value, stored", [
-    (2.5, 1), (math.nan, 1), (1e300, 1), (2 ** 53, 1.0), ("2", 1), (1, "2"), ([1], 1), (None, 1),
-])
+    (2.5, 1), (math.nan, 1), (1e300, 1), (2 ** 53, 1.0), ("2", 1), (1, "2"), ([1], 1), (None, 1)])
 def test_a_value_that_cannot_take_the_kind_that_is_stored(value, stored):
     with pytest.raises(ValueFault):
         values.same_kind(value, stored)
 
 
 @pytest.mark.parametrize("value, held", [
-    (True, 1), (False, 0), (RUNNING, 1), (SKIPPED, 4), (IDLE, 0), (2.5, 2.5), ("x", "x"),
-])
+    (True, 1), (False, 0), (RUNNING, 1), (SKIPPED, 4), (IDLE, 0), (2.5, 2.5), ("x", "x")])
 def test_how_an_entry_holds_a_value(value, held):
     assert type(values.stored(value)) is type(held) and values.stored(value) == held
 
@@ -190,8 +183,7 @@ def test_how_an_entry_holds_a_value(value, held):
     (" 2", " 2"),
     ("\x0c", "\\x0c"),
     ("a\x00b", "a\\x00b"),
-    ("caf\u00e9", "caf\u00e9"),
-])
+    ("caf\u00e9", "caf\u00e9")])
 def test_how_a_message_quotes_a_text(text, line):
     assert values.shown(text) == line
 
@@ -205,8 +197,7 @@ def test_how_a_message_quotes_a_text(text, line):
     ("vec_int", "1;2.5;3 x", ".5"),
     ("vec_double", "1.5;2", ""),
     ("vec_int", "json:[1.5]", ""),
-    ("vec_bool", "1 x", ""),
-])
+    ("vec_bool", "1 x", "")])
 def test_what_is_passed_over_after_a_number(type_name, text, rest):
     assert values.unread(text, type_name) == rest
 

@@ -172,8 +172,7 @@ def test_who_is_unclear_gives_no_answer_in_two_ways_in_turn():
     [say("Hello")],
     [say("A tour?"), drive(1, 1)],
     [say("A tour?", "refused")],
-    [say("A tour?"), say("Thank you")],
-))
+    [say("A tour?"), say("Thank you")]))
 def test_without_an_open_question_there_is_small_talk(lines):
     assert after(ENGAGES, *lines).utterance() == SMALL_TALK
 

@@ -70,8 +70,7 @@ def test_each_condition_has_one_line_and_the_rate_that_is_enough_is_told():
         "arrivalRate 1: IsYesNoUttered needs 1 message within 5 s, which happens in about 8 % of "
         "waits",
         # 1 - e^-m >= 0.95 from m = ln 20 = 2.9957 on, in 5 s: 35.9 a minute
-        "from arrivalRate 36 on, all that this mission waits for comes in time in 95 % of waits"
-    ]
+        "from arrivalRate 36 on, all that this mission waits for comes in time in 95 % of waits"]
     assert arrival_waits.warnings([GAZE, SPEECH, worse], 36) == []
     assert arrival_waits.warnings([GAZE], math.inf) == [] and arrival_waits.warnings([], 1) == []
 
@@ -112,8 +111,7 @@ def test_what_a_visitor_never_gives_is_no_matter_of_the_rate(behaviour, nodes):
         ("<Sequence>{}</Sequence>", 2.0),
         ("<RetryUntilSuccessful num_attempts='6'><Delay delay_msec='1500'>{}</Delay></"
          "RetryUntilSuccessful>",
-         9.0),
-    ))
+         9.0)))
 def test_how_long_a_mission_waits(tmp_path, monkeypatch, mission, seconds):
     wait, = of(mission.format("<IsVisitorDiscovered/>"), tmp_path, monkeypatch)
     assert (wait.seconds, wait.messages) == (seconds, 1)
@@ -129,8 +127,7 @@ def test_how_long_a_mission_waits(tmp_path, monkeypatch, mission, seconds):
         "msec='{ms}'/></ReactiveFallback>"
         "</Sequence>",
         # words before the question are old, and nothing waits for words after it
-        "<Sequence><IsYesNoUttered/></Sequence>",
-    ))
+        "<Sequence><IsYesNoUttered/></Sequence>"))
 def test_a_wait_without_a_known_bound_is_left_out(tmp_path, monkeypatch, mission):
     assert of(mission, tmp_path, monkeypatch) == []
 

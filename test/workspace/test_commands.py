@@ -19,8 +19,7 @@ SERVES = {  # what goes on until it is stopped, and what it prints when it is up
     "roslaunch unit_tests simulatedRobot.launch speed:=10": "faceDetection: randomSeed",
     "rosrun cssr_system behaviorController": " starts, ",
     "rosrun cssr_system missionStatus --watch": "lab_tour",
-    "rosrun cssr_system validateMission --watch data/lab_tour.xml": "can be run"
-}
+    "rosrun cssr_system validateMission --watch data/lab_tour.xml": "can be run"}
 PROGRAMS = ("make", "source", "rosrun", "roslaunch", "py-trees-render", "python3")
 LIMIT = 900.0  # s, for each command: a tour in a robot's time takes four minutes and more
 

@@ -49,13 +49,11 @@ class Shell:
         self.environment = {
             "HOME": str(home), "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
             "ROS_HOSTNAME": "localhost", "ROS_HOME": str(home / "ros"), "PYTHONUNBUFFERED": "1",
-            "ROS_MASTER_URI": "http://localhost:{}".format(free_port())
-        }
+            "ROS_MASTER_URI": "http://localhost:{}".format(free_port())}
         # where packages come from is the machine's
         self.environment.update({
             key: value for key, value in os.environ.items()
-            if key.startswith("PIP_") or key.lower().endswith("_proxy") or "_CERT_" in key
-        })
+            if key.startswith("PIP_") or key.lower().endswith("_proxy") or "_CERT_" in key})
         ros = (ROS,) if os.path.exists(ROS) else ()
         self._sourced = "".join(". {} && ".format(path) for path in ros + sourced)
 
@@ -200,8 +198,7 @@ def test_beside_a_robot_whose_package_has_the_same_name(home, workspace):
     started = [
         ours.start(
             "roslaunch unit_tests simulatedRobot.launch use_real_textToSpeech:=true failureRate:=0 "
-            "visitorBehaviour:=declines arrivalRate:=6000")
-    ]
+            "visitorBehaviour:=declines arrivalRate:=6000")]
     try:
         ours.do("until rostopic list >/dev/null 2>&1; do sleep 0.2; done")
         started.append(theirs.start("rosrun cssr_system textToSpeech"))

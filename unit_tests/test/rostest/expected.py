@@ -61,15 +61,13 @@ def visit(exhibit):
         describe(exhibit.description1),
         point(exhibit),
         attend("social"),
-        describe(exhibit.description2)
-    ])
+        describe(exhibit.description2)])
 
 
 VISITS = [request for exhibit in KNOWLEDGE.exhibits for request in visit(exhibit)]
 END = ([say("EndTourSpeech"), ask("entrance")] + drive(KNOWLEDGE.entrance) + AWAIT_MUTUAL_GAZE + [
     say("HereIsTheDoorSpeech"),
     point(KNOWLEDGE.entrance),
-    frozenset((iconic(3), say("SayGoodByeSpeech")))
-])
+    frozenset((iconic(3), say("SayGoodByeSpeech")))])
 HOME = [ask("home")] + drive(KNOWLEDGE.home)
 TOUR = [ask("exhibits")] + VISITS + END + HOME

@@ -71,5 +71,4 @@ class MissionRun(unittest.TestCase):
         lines = [line for line in self.journal if line.node == node and line.call == 0]
         return [
             line for before, line in zip([None] + lines, lines)
-            if before is None or before.content != line.content
-        ]
+            if before is None or before.content != line.content]

@@ -25,8 +25,7 @@ WELCOME = [
     iconic(1),
     say(4),
     attend("seeking"),
-    attend("social")
-]
+    attend("social")]
 QUESTION = [say(5), recognition("true"), recognition("false")]
 
 

@@ -23,8 +23,7 @@ PLANS = {
     "RETRIES_ONCE_TOO_OFTEN": ("gestureExecution:1,gestureExecution:2", "WelcomeGesture"),
     "SKIPS_WHAT_MAY_NOT_BE_SKIPPED": (DRIVES, "Navigate"),
     "RAISES_IN_EACH_SPEECH": ("", "WelcomeSpeech"),
-    "ENDS_A_PASS_AFTER_FIVE_CALLS": ("", "pass 1"),
-}
+    "ENDS_A_PASS_AFTER_FIVE_CALLS": ("", "pass 1")}
 """Which calls have to fail for a mistake to show, and the mission node that the verdict has to
 name, or the pass if no node is at fault."""
 

@@ -50,8 +50,7 @@ class TestLivingMaster(Launched):
         """
         return {
             name for name in set(self.master.getParamNames()) - self.before
-            if not name.startswith(("/roslaunch/uris/", "/rosdistro", "/rosversion", "/run_id"))
-        }
+            if not name.startswith(("/roslaunch/uris/", "/rosdistro", "/rosversion", "/run_id"))}
 
     def assert_runs_as_configured(self):
         """Expect a plain rosrun, which finds no robot here, to have read the configuration file

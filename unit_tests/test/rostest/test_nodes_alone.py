@@ -39,8 +39,7 @@ TABLE = (
     ("tabletEvent", "/tabletEvent/prompt_and_get_response", "cssr_system/textService", None, None),
     ("textToSpeech", "/textToSpeech/say_text", "cssr_system/textService", None, None),
     ("faceDetection", None, None, "/faceDetection/data", "cssr_system/faceDetectionMessage"),
-    ("speechEvent", None, None, "/speechEvent/text", "std_msgs/String"),
-)
+    ("speechEvent", None, None, "/speechEvent/text", "std_msgs/String"))
 LIMIT = 60.0  # seconds for a node to start or end, on a computer that is busy
 
 

@@ -21,8 +21,7 @@ RUNS = {  # name -> arguments in addition to RELEASE, and the end of the pass
     "faults": ((ACTION, "speechEventDeadline:=1", "absentServices:=/speechEvent/set_language",
                 "plannedFaults:=robotLocalization:1:exception,speechEvent:1:unanswered,"
                 "overtAttention:2:wrong,"
-                "gestureExecution:2:refused,robotNavigation:2:crash"), "SUCCESS"),
-}
+                "gestureExecution:2:refused,robotNavigation:2:crash"), "SUCCESS")}
 
 
 class TestRelease10Scenarios(unittest.TestCase):
@@ -76,8 +75,7 @@ class TestRelease10Scenarios(unittest.TestCase):
         lines = [
             line for line in self.results["faults"].printed.splitlines()
             if "/speechEvent/set_language" in line and "behaviorController:" in line and
-            "parameters" not in line
-        ]
+            "parameters" not in line]
         self.assertEqual(len(lines), 1, lines)
 
 

@@ -19,8 +19,7 @@ class TestScenarios(WholeTest):
         self.assertIn("4 of ", result.report[-1])
         causes = {
             failed.node: failed.failure.cause.value for failed in result.run.failures
-            if not failed.attempt
-        }
+            if not failed.attempt}
         self.assertEqual([causes[node] for node in ("Navigate", "LookUpEntrance")],
                          ["connection-lost", "unusable-answer"])
 

@@ -18,8 +18,7 @@ NINE = ("/animateBehavior /overtAttention /gestureExecution /textToSpeech /robot
         "/knowledgeBase /tabletEvent /speechEvent /faceDetection").split()
 NODES_OF_RELEASE = {
     "/animateBehavior", "/overtAttention", "/gestureExecution", "/textToSpeech", "/robotNavigation",
-    "/robotLocalization", "/tabletEvent", "/speechEvent"
-}
+    "/robotLocalization", "/tabletEvent", "/speechEvent"}
 
 
 class TestLabTourByVoice(MissionRun):
@@ -150,8 +149,7 @@ class TestRelease10ByVoice(MissionRun):
     def test_nothing_is_heard_while_recognition_is_off(self):
         switched = [
             line for line in self.requests
-            if line.node == "speechEvent" and "status" in line.content
-        ]
+            if line.node == "speechEvent" and "status" in line.content]
         on, off = (next(line.time for line in switched[1:] if line.content["status"] == status)
                    for status in ("true", "false"))
         heard = [line for line in self.published("speechEvent") if line.time > switched[0].time]

@@ -108,8 +108,7 @@ def story(run):
     """
     found = {}
     for event in [
-            line.event for line in run.lines if isinstance(line.event, (LeafFinished, Recovered))
-    ]:
+            line.event for line in run.lines if isinstance(line.event, (LeafFinished, Recovered))]:
         if event.failure is None or event.failure.cause is not Cause.CONDITION_FALSE:
             how = event.status if isinstance(event, LeafFinished) else event.outcome
             found.setdefault(event.path, []).append((type(event), how, event.failure and

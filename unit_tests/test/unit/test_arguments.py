@@ -105,15 +105,13 @@ def read_by(key, text):
 def test_short_names_are_those_of_keys():
     assert parse(["mission:=museum", "scenario:=silent", "seed:=3", "verbose:=true"]) == {
         "scenarioSpecification": "museum", "visitorBehaviour": "silent", "randomSeed": "3",
-        "verboseMode": "true"
-    }
+        "verboseMode": "true"}
 
 
 def test_every_word_that_is_not_understood_is_named():
     assert faults(parse, [
         "failurRate:=0.9", "mision:=museum", "_failureRate:=1", "failureRate=1", "randomSeed:=",
-        "colour:=red", "seed:=1"
-    ]) == [
+        "colour:=red", "seed:=1"]) == [
         "argument failurRate:=0.9: unknown (did you mean failureRate?)",
         "argument mision:=museum: unknown (did you mean mission?)",
         "argument _failureRate:=1: unknown (did you mean failureRate?)",
@@ -121,8 +119,7 @@ def test_every_word_that_is_not_understood_is_named():
         "runTest --help lists all)",
         "argument randomSeed:=: it has no value (leave it out, and the configuration decides)",
         "argument colour:=red: unknown (rosrun unit_tests runTest --help lists all)",
-        "argument seed:=1: randomSeed is given twice (leave out all but one)"
-    ]
+        "argument seed:=1: randomSeed is given twice (leave out all but one)"]
 
 
 def test_a_simulated_node_names_each_word_that_it_does_not_read():
@@ -130,20 +127,17 @@ def test_a_simulated_node_names_each_word_that_it_does_not_read():
     told = faults(options.check_words,
                   Arguments(["textToSpeech", "failureRate:=0", "/say:=/tell", "--verbose"], {}))
     assert [fault.partition(": ")[0] for fault in told] == [
-        "argument failureRate:=0", "argument --verbose"
-    ]
+        "argument failureRate:=0", "argument --verbose"]
 
 
 def test_every_value_that_is_not_allowed_is_named():
     told = faults(
         check, {
             "failureRate": "2", "monitorPort": "99999", "verboseMode": "yes",
-            "use_real_speechEvent": "x", "recordDirectory": "none"
-        })
+            "use_real_speechEvent": "x", "recordDirectory": "none"})
     assert [fault.partition(":")[0] for fault in told] == [
         "argument failureRate", "argument verboseMode", "argument monitorPort",
-        "argument use_real_speechEvent", "argument recordDirectory"
-    ]
+        "argument use_real_speechEvent", "argument recordDirectory"]
     assert all(value in fault
                for value, fault in zip(('"2"', '"yes"', '"99999"', '"x"'), told))
 

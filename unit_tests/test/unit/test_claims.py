@@ -84,8 +84,7 @@ def test_what_is_not_simulated_is_not_asked_for(master):
 
 @pytest.mark.parametrize("state", [
     "x", 5, None, [], [1, "", 5], [1, "", []], [1, "", [[], [], [5]]], [-1, "no", 0],
-    [1, "", [[["/a"]], [], []]], [1, "", [[["/a", 5]], [], []]], [1, "", {"a": 1}]
-])
+    [1, "", [[["/a"]], [], []]], [1, "", [[["/a", 5]], [], []]], [1, "", {"a": 1}]])
 def test_a_system_state_of_another_shape_is_one_line(master, state):
     master(state)
     with pytest.raises(NodesMissing) as refusal:

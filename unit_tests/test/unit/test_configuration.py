@@ -20,8 +20,7 @@ def test_the_file_that_comes_with_the_package_shows_the_defaults():
     assert (found.visitor_behaviour, found.mission_runs, found.random_seed) == ("engages", 1, None)
     assert {
         name: value for name, value in values_of(found).items()
-        if defaults[name] not in (REQUIRED, value)
-    } == {}
+        if defaults[name] not in (REQUIRED, value)} == {}
 
 
 @pytest.mark.parametrize("given, field, value", (
@@ -44,8 +43,7 @@ def test_the_file_that_comes_with_the_package_shows_the_defaults():
                                                                   "unanswered"))),
     ({"recogniseBy": "action"}, "recognise_by", "action"),
     ({"absentServices": "/speechEvent/set_enabled, /robotLocalization/set_pose"}, "absent_services",
-     ("/speechEvent/set_enabled", "/robotLocalization/set_pose")),
-))
+     ("/speechEvent/set_enabled", "/robotLocalization/set_pose"))))
 def test_arguments_override_the_file(given, field, value):
     assert getattr(options.load_test(given), field) == value
 
@@ -70,8 +68,7 @@ def test_arguments_override_the_file(given, field, value):
       }, "some of /gestureExecution/perform_gesture, /robotNavigation/set_goal"),
     ({"absentActions": "/speechEvent/set_enabled"
       }, "some of /gestureExecution/perform_gesture, /robotNavigation/set_goal"),
-    ({"failureRat": "1"}, "failureRate"),
-))
+    ({"failureRat": "1"}, "failureRate")))
 def test_what_is_not_allowed_is_said_with_what_is(given, message):
     with pytest.raises(ConfigurationError, match=message):
         options.load_test(given)

@@ -30,8 +30,7 @@ def test_a_value_that_a_configuration_gives_stays_and_what_is_new_is_added(deriv
     now = "topicMaxAge  3   # seconds\nlanguage\nforgotten 1\n"
     lines = {
         line.split()[0]: line.split("#")[0].split()[1:]
-        for line in derive.key_lines(derive.settings.KEYS)(now).split("\n")
-    }
+        for line in derive.key_lines(derive.settings.KEYS)(now).split("\n")}
     assert (lines["topicMaxAge"], lines["language"], lines["missionRuns"]) == (["3"], [], ["0"])
     assert set(lines) == {key.name for key in derive.settings.KEYS
                           } - {"scenarioSpecification", "verboseMode", "asrEnabled"}

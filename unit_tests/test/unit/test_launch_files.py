@@ -43,8 +43,7 @@ def load(path, *given):
 def given_to(path, *given):
     """Return the arguments of each node."""
     return {
-        node.name: split_arguments(shlex.split(node.args))[1] for node in load(path, *given).nodes
-    }
+        node.name: split_arguments(shlex.split(node.args))[1] for node in load(path, *given).nodes}
 
 
 @pytest.mark.parametrize("path, names, nodes", (
@@ -52,8 +51,7 @@ def given_to(path, *given):
      ("behaviorController", "behaviorControllerTest") + NODES),
     (ROBOT, TEST - {"missionRuns", "testTimeout"}
      | {"robotInterface", "tabletSuccessIs", "language", "mutualGazeValue"}, NODES),
-    (CONTROLLER_ALONE, CONTROLLER, ("behaviorController", )),
-))
+    (CONTROLLER_ALONE, CONTROLLER, ("behaviorController", ))))
 def test_each_key_reaches_each_process(path, names, nodes):
     values = {name: "the {}".format(name) for name in names}
     found = given_to(path, *("{}:={}".format(*pair) for pair in values.items()))
@@ -72,8 +70,7 @@ def test_what_is_not_given_is_left_to_the_configuration(path):
 def test_nothing_is_put_on_the_master(path):
     assert {
         name for name in load(path, "asrEnabled:=false", "failureRate:=0.5").params
-        if "/ros" not in name
-    } == set()
+        if "/ros" not in name} == set()
 
 
 @pytest.mark.parametrize("path", (WHOLE_TEST, ROBOT, CONTROLLER_ALONE))
@@ -119,8 +116,7 @@ def test_a_real_node_is_not_started_and_the_report_knows():
 def test_an_argument_that_the_simulated_robot_does_not_declare(given, monkeypatch, word, meant):
     given("drawn:=5")
     monkeypatch.setattr(options.ros_arguments, "parent_command", lambda: [
-        "roslaunch", "unit_tests", "simulatedRobot.launch", "failureRate:=0.1", word
-    ])
+        "roslaunch", "unit_tests", "simulatedRobot.launch", "failureRate:=0.1", word])
     with pytest.raises(ConfigurationError) as refusal:
         options.read(options.of_process())
     fault, = refusal.value.faults

@@ -65,8 +65,7 @@ def test_a_random_visitor_is_the_same_for_all_processes_of_a_seed(given):
     given("visitorBehaviour:=random", "randomSeed:=4")
     drawn = {read().test.visitor_behaviour for _ in range(5)}
     assert len(drawn) == 1 and drawn < {
-        "engages", "silent", "unclear", "declines", "leaves", "noGaze"
-    }
+        "engages", "silent", "unclear", "declines", "leaves", "noGaze"}
     given("visitorBehaviour:=leaves", "randomSeed:=4")
     assert read().test.visitor_behaviour == "leaves"
 
@@ -138,8 +137,7 @@ def test_a_robot_of_release_1_0_stands_in_the_building_of_its_knowledge_files(gi
 def test_a_robot_has_the_nodes_of_its_interface():
     all_nodes = {
         "animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention", "robotNavigation",
-        "tabletEvent", "textToSpeech", "faceDetection", "speechEvent", "robotLocalization"
-    }
+        "tabletEvent", "textToSpeech", "faceDetection", "speechEvent", "robotLocalization"}
     for robot, lacking in (("D5.4.3", {"robotLocalization"}),
                            ("release-1.0", {"knowledgeBase", "faceDetection"})):
         assert all_nodes - set(nodes(INTERFACES[robot])) == lacking

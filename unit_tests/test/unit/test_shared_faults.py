@@ -19,8 +19,7 @@ UNNOTICED = {
     "a ReactiveFallback does not halt": "the Sleep beside a condition is halted by the controls "
                                         "above it before it is asked again: the run is the same",
     "a Parallel ends at its first success": "all its requests have been made by then, and calls "
-                                            "take no time here"
-}
+                                            "take no time here"}
 """Faults that no visitor and no robot notices in these tests, and why."""
 
 QUICK = 8

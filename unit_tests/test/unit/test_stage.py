@@ -181,8 +181,7 @@ def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_s
     loop = '<KeepRunningUntilFailure><Script code="x := 1"/></KeepRunningUntilFailure>'
     ticks = [
         event.at for _, event in play(of_text(M.format(loop)), test_timeout=60.0).events
-        if isinstance(event, Tick)
-    ]
+        if isinstance(event, Tick)]
     assert ticks[-1] - ticks[-21] == pytest.approx(5.0)
 
 
@@ -217,8 +216,7 @@ def test_a_visitor_is_present_from_the_first_request_to_the_drive_home():
     requests = [line for line in played.journal if line.call and line.time < played.ended]
     left, = [
         line.time for line in requests
-        if line.content.get("goal_x") == home.x and line.content["goal_y"] == home.y
-    ]
+        if line.content.get("goal_x") == home.x and line.content["goal_y"] == home.y]
     assert played.presence == [(requests[0].time, True), (left, False)]
     assert [at for at, _ in played.asked] == sorted(at for at, _ in played.asked)
     assert [type(request)
@@ -237,11 +235,9 @@ def test_a_robot_of_release_1_0_hears_by_topic_and_by_action(recognise_by):
     played = play(release, recognise_by=recognise_by, arrival_rate=120.0)
     assert played.exit_code == 0
     said = {
-        line.resource for line in played.journal if line.node == "speechEvent" and not line.call
-    }
+        line.resource for line in played.journal if line.node == "speechEvent" and not line.call}
     assert said == {
-        "/speechEvent/text" if recognise_by == "topic" else "/speechEvent/recognise_speech_action"
-    }
+        "/speechEvent/text" if recognise_by == "topic" else "/speechEvent/recognise_speech_action"}
 
 
 def test_an_exception_in_a_leaf_ends_the_pass(monkeypatch):
@@ -252,8 +248,7 @@ def test_an_exception_in_a_leaf_ends_the_pass(monkeypatch):
     played = play(of_text(SAY))
     assert [event.exit_code for event in of(RunFinished, played)] == [played.exit_code] == [3]
     assert "ZeroDivisionError" in [
-        event.text for event in of(Noticed, played) if event.level == "error"
-    ][0]
+        event.text for event in of(Noticed, played) if event.level == "error"][0]
 
 
 def test_a_run_that_ends_by_itself_asks_for_the_safe_state_which_is_not_the_missions():

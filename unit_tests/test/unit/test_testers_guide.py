@@ -41,8 +41,7 @@ def text_of(name):
     ("a simulated drive", "{:g} s |".format(behaviour.DRIVE)),
     ("a rate of messages is too low for a condition",
      "if they come in time in less than {:.0%}".format(
-         arrival_waits.SUFFICIENT_SHARE).replace("%", " %")),
-], ids=lambda row: row[1])
+         arrival_waits.SUFFICIENT_SHARE).replace("%", " %"))], ids=lambda row: row[1])
 def test_the_reference_has_the_limits_of_a_test(row):
     assert "| {} | {}".format(*row) in text_of("reference.md")
 

@@ -116,8 +116,7 @@ def test_three_visitors_for_whom_the_time_is_too_short_are_no_failure():
 def test_a_controller_that_did_not_start():
     empty = facts()._replace(run=Run(), journal=[], exit_code=2)
     assert [
-        text for text in objections(empty) if "exit code 2" in text and "before it started" in text
-    ]
+        text for text in objections(empty) if "exit code 2" in text and "before it started" in text]
     why = ("missing: /x, offered by nobody", "nothing was started")
     assert objections(empty._replace(errors=why))[1:] == why
     late = "the controller did not start its mission within 60 s"
@@ -194,8 +193,7 @@ def test_a_sign_that_was_not_seen():
     lines = [
         line._replace(content={"state": "seeking", "value": 1})
         if line.node == "overtAttention" and not line.call and line.time > seeking + 2 else line
-        for line in of_test.journal
-    ]
+        for line in of_test.journal]
     assert_objects(of_test._replace(journal=lines), "IsMutualGazeDiscovered did not see")
 
 

@@ -13,8 +13,7 @@ REST = {
                    "sources": {}}, "TreeShown": {"id": "T", "nodes": []},
     "HealthChanged": {"consequence": "",
                       "kind": "service"}, "LeafFinished": {"uid": 1, "failure": None},
-    "PassStarted": {"at": 0.0}, "Tick": {"at": 0.0, "first": True}
-}
+    "PassStarted": {"at": 0.0}, "Tick": {"at": 0.0, "first": True}}
 SOURCES = {"documents": [], "phrases": ["", ""], "policy": ["", ""], "interface": "D5.4.3"}
 
 
