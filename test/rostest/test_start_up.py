@@ -65,12 +65,6 @@ class TestStartUp(NodeCase):
 
     # ---------------------------------------------------------------------------- the robot's nodes
 
-    def test_without_a_master_it_says_so_and_ends(self):
-        code, text = self.run_node(ROS_MASTER_URI="http://localhost:9")
-        self.assertEqual(code, 1)
-        self.assert_line(text, "no ROS master at http://localhost:9", "ROS_MASTER_URI")
-        self.assertEqual(len(text.splitlines()), 1)
-
     def test_what_answers_no_question_at_the_masters_address_is_not_called_absent(self):
         with socket.socket() as mute:
             mute.bind(("127.0.0.1", 0))
@@ -214,15 +208,6 @@ class TestStartUp(NodeCase):
         self.assertLess(abs(time.monotonic() - began - 1.5), 1.0)
         self.assertIn("/tabletEvent/prompt_and_get_response", controller.lines.text())
 
-    def test_a_signal_ends_the_wait_for_nodes(self):
-        end_shared()
-        self.package.configure(startupTimeout="60")
-        controller = self.controller()
-        controller.lines.wait_for(lambda line: "waiting up to" in line, 15)
-        code, seconds = controller.stop(signal.SIGTERM)
-        self.assertEqual(code, 1)
-        self.assertLess(seconds, 2.0)
-
     # -------------------------------------------------------------------- configuration and mission
 
     def assert_refused(self, *lines):
@@ -236,21 +221,9 @@ class TestStartUp(NodeCase):
         self.assertEqual(robot.requests(), [])
 
     @on_one_python
-    def test_a_value_that_is_not_allowed(self):
-        self.package.configure(asrEnabled="maybe", verbosMode="true")
-        self.assert_refused(
-            ("behaviorControllerConfiguration.ini:3", "asrEnabled", "maybe"),
-            ("behaviorControllerConfiguration.ini:4", "verbosMode", " verboseMode?"))
-
-    @on_one_python
     def test_no_configuration(self):
         os.remove(self.package.path("config/behaviorControllerConfiguration.ini"))
         self.assert_refused(("behaviorControllerConfiguration.ini", "No such file"))
-
-    @on_one_python
-    def test_a_mission_that_is_not_there(self):
-        self.package.configure(scenarioSpecification="lab_tuor")
-        self.assert_refused(("lab_tuor.xml", " lab_tour?"))
 
     @on_one_python
     def test_all_mistakes_of_all_files_come_in_one_go(self):
@@ -261,12 +234,6 @@ class TestStartUp(NodeCase):
         self.assert_refused(("wrong.xml:4:", "WelcomSpeech", "WelcomeSpeech"),
                             ("wrong.xml:5:", "Slep", "Sleep"), ("Klingon", "English"),
                             ("recoveryPolicy.ini:2", "Navigate"))
-
-    @on_one_python
-    def test_broken_xml(self):
-        self.package.configure(scenarioSpecification="broken")
-        self.package.write("data/broken.xml", MISSION.format("<Sequence>"))
-        self.assert_refused(("broken.xml:",))
 
     def test_an_argument_overrides_the_file_and_leaves_nothing_on_the_master(self):
         self.robot()
@@ -289,15 +256,6 @@ class TestStartUp(NodeCase):
             self.assert_line(text, "ERROR", "parameter ~language: ", " " + kind)
             self.assertEqual(text.count("ERROR"), 2)  # the fault, and the summary
 
-    def test_an_argument_of_an_odd_value_is_one_line(self):
-        code, text = self.run_node("_topicMaxAge:=2026-01-01", "_conditionWait:=null",
-                                   "_missionRuns:=99999999999")
-        self.assertEqual(code, 2)
-        self.assert_line(text, 'argument topicMaxAge: topicMaxAge cannot be "2026-01-01"')
-        self.assert_line(text, 'argument conditionWait: conditionWait cannot be "null"')
-        self.assert_line(text, 'argument missionRuns: missionRuns cannot be "99999999999"')
-        self.assertNotIn("Traceback", text)
-
     # --------------------------------------------------------------------------------- command line
 
     @on_one_python
@@ -307,12 +265,6 @@ class TestStartUp(NodeCase):
         for word in ("usage", "exit codes", "behaviorControllerConfiguration.ini",
                      "seconds to wait for missing robot nodes"):
             self.assertIn(word, text)
-
-    @on_one_python
-    def test_an_argument_that_it_does_not_know(self):
-        code, text = self.run_node("--verbose")
-        self.assertEqual(code, 2)
-        self.assert_line(text, "unknown argument '--verbose'")
 
     @on_one_python
     def test_a_word_that_looks_like_a_key_is_no_remapping(self):

@@ -95,6 +95,7 @@ def test_without_a_master_nothing_is_started(rig):
     rig.master.close()
     code, text = rig.start().code()
     assert code == 1 and "no ROS master at " + rig.master.uri in text, text
+    assert "ROS_MASTER_URI" in text and text.count("\n") == 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
