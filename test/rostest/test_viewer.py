@@ -10,7 +10,6 @@ import random
 import select
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import termios
@@ -33,8 +32,6 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M
   </BehaviorTree></root>""".format(UNTIL.format("<IsVisitorDiscovered/>"),
                                    UNTIL.format("<Inverter><IsVisitorDiscovered/></Inverter>"))
 WELCOME = 6  # the uid of the step
-BREAKPOINT = {"enabled": True, "uid": WELCOME, "mode": 0, "once": False,
-              "desired_status": "SKIPPED", "position": 0}
 
 REACTION_LIMIT = 0.5  # s, which a loaded computer keeps
 GONE_LIMIT = 2.0  # s after the node
@@ -187,21 +184,6 @@ class TestViewer(NodeCase):
             client.connect("tcp://127.0.0.1:{}".format(self.groot2))
             yield client
 
-    def test_a_breakpoint_does_not_outlive_the_viewer(self):
-        node = self.running()
-        browser = self.assert_shows_the_mission()
-        with self.groot2_client() as client:
-            client.send_multipart([struct.pack("<BBI", 2, ord("I"), 1),
-                                   json.dumps(BREAKPOINT).encode()])
-            client.recv_multipart()
-            node.lines.wait_for(lambda line: "Groot2: breakpoint" in line and "is set" in line, 10)
-            self.robot.publish(FACES)
-            browser.wait_for_card("held")
-            self.assertEqual(self.robot.requests(SAY), [])
-            os.kill(node.viewer(), signal.SIGKILL)
-            self.robot.wait_for_request(SAY, 5)
-        node.lines.wait_for(lambda line: "removed: the viewer has ended" in line, 5)
-
     # ------------------------------------------------------------------------ start and end of both
 
     def test_ctrl_c_in_the_terminal_shows_the_end_first(self):
@@ -222,20 +204,6 @@ class TestViewer(NodeCase):
         self.assert_gone(viewer, time.monotonic())
         parts = browser.wait_for_card("ended", "stopped")
         self.assertIn("off", parts["now"]["robot"]["safe"])
-
-    def test_it_ends_with_a_node_that_is_killed(self):
-        self.start_robot()
-        for is_stopped in (False, True):
-            node = self.start()
-            number = node.viewer()
-            viewer = os.pidfd_open(number)
-            if is_stopped:
-                os.kill(number, signal.SIGSTOP)
-            node.process.kill()
-            node.process.wait()
-            if is_stopped:
-                os.kill(number, signal.SIGCONT)
-            self.assert_gone(viewer, time.monotonic())
 
     def test_it_ends_with_a_node_that_ends_while_it_is_stopped(self):
         self.start_robot()
