@@ -11,6 +11,7 @@ import math
 import os
 import sys
 import tempfile
+from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 from behavior_controller.bt.loader.tree_builder import build
@@ -194,8 +195,7 @@ def run(case: Dict[str, Any]) -> Dict[str, Any]:
         for name, text in case.get("files", {}).items():
             path = os.path.join(scratch, name)
             os.makedirs(os.path.dirname(path), exist_ok=True)
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text)
+            Path(path).write_text(text, "utf-8")
         try:
             os.chdir(scratch)
             tree = build_case(case, events)
@@ -331,8 +331,7 @@ def cases(path: str) -> Iterator[Dict[str, Any]]:
     if os.path.isdir(path):
         for name in sorted(os.listdir(path)):
             if name.endswith(".json"):
-                with open(os.path.join(path, name), encoding="utf-8") as file:
-                    found = json.load(file)
+                found = json.loads(Path(os.path.join(path, name)).read_text("utf-8"))
                 yield from found if isinstance(found, list) else [found]
     else:
         opened: Any = lzma.open(path, "rt", encoding="utf-8") if path.endswith(".xz") else open(
@@ -358,8 +357,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     options = parser.parse_args(argv)
     allowed = {}
     if options.may_differ:
-        with open(options.may_differ, encoding="utf-8") as file:
-            allowed = json.load(file)
+        allowed = json.loads(Path(options.may_differ).read_text("utf-8"))
     passed = failed = 0
     for case in cases(options.vectors):
         found = judge(case, options.level)

@@ -2,14 +2,14 @@
 blackboard value and halt."""
 import json
 import os
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import harness as conformance
 import pytest
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-with open(os.path.join(HERE, "may_differ.json"), encoding="utf-8") as file:
-    MAY_DIFFER = json.load(file)
+MAY_DIFFER = json.loads(Path(os.path.join(HERE, "may_differ.json")).read_text("utf-8"))
 
 
 @pytest.mark.parametrize("vectors, count", [("hand", 837), ("random.jsonl.xz", 2000)])
@@ -71,8 +71,7 @@ def _truth_of(expression, entries):
 
 
 def test_what_counts_as_true():
-    with open(os.path.join(HERE, "truth.json"), encoding="utf-8") as opened:
-        recorded = json.load(opened)
+    recorded = json.loads(Path(os.path.join(HERE, "truth.json")).read_text("utf-8"))
     assert len(recorded["expressions"]) == 204
     differing = {
         expression: truth for expression, truth in recorded["expressions"]

@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 from typing import List, NamedTuple, Optional, Set, Tuple
 
 from mutate import Mutation, Stale, broken, sample
@@ -300,13 +301,11 @@ def _failures(output: str) -> List[str]:
 
 
 def _read(path: str) -> str:
-    with open(path, encoding="utf-8") as file:
-        return file.read()
+    return Path(path).read_text("utf-8")
 
 
 def _write(path: str, text: str) -> None:
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(text)
+    Path(path).write_text(text, "utf-8")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import tempfile
 import threading
 import time
 import unittest
+from pathlib import Path
 
 import rosgraph
 
@@ -252,8 +253,7 @@ def end_shared():
 def places():
     """Return the places that the robot knows, as their file has them; the exhibits of a tour are
     the first two."""
-    with open(building_file(), encoding="utf-8") as file:
-        return json.load(file)
+    return json.loads(Path(building_file()).read_text("utf-8"))
 
 
 def start_master():
@@ -333,8 +333,7 @@ class Package:
         """Write a file, in place of a link."""
         with contextlib.suppress(FileNotFoundError):
             os.remove(self.path(name))
-        with open(self.path(name), "w", encoding="utf-8") as file:
-            file.write(text)
+        Path(self.path(name)).write_text(text, "utf-8")
 
     def configure(self, **values):
         """Write the configuration: the required keys with working values, and ``values``; no

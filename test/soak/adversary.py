@@ -14,6 +14,7 @@ import urllib.parse
 import urllib.request
 import xmlrpc.client
 from functools import partial
+from pathlib import Path
 
 import rosgraph
 
@@ -299,8 +300,7 @@ def clock_set_back(trial, starts):
     place = os.path.join(trial.logs, RECORDS)
     os.makedirs(os.path.join(place, "latest"))
     kept = os.path.join(place, "latest", "mission.jsonl")
-    with open(kept, "w") as file:
-        file.write("a user's")
+    Path(kept).write_text("a user's")
     surroundings(trial)
     trial.package.write("data/waiting.xml", WAITING)
     trial.package.configure(recordDirectory="", missionRuns=1, scenarioSpecification="short")
@@ -336,8 +336,7 @@ def killed_with_one_directory(trial, rounds):
     place = os.path.join(trial.logs, "records")
     os.makedirs(place)
     earlier = os.path.join(place, "mission.jsonl")
-    with open(earlier, "w") as file:
-        file.write("earlier")
+    Path(earlier).write_text("earlier")
     robot = surroundings(trial)[1]
     trial.package.configure(recordDirectory=place)
     robot.set_mode(DRIVE, "hang")
@@ -456,8 +455,7 @@ def page_data(port, path):
 def write(path, text):
     """Write a file, in a new folder if need be."""
     os.makedirs(os.path.dirname(path), exist_ok=True)
-    with open(path, "w") as file:
-        file.write(text)
+    Path(path).write_text(text)
 
 
 def files(folder):
@@ -468,8 +466,7 @@ def files(folder):
             if os.path.islink(path):
                 found[path] = os.readlink(path)
             else:
-                with open(path, "rb") as file:
-                    found[path] = file.read()
+                found[path] = Path(path).read_bytes()
     return found
 
 

@@ -76,6 +76,11 @@ class Rig(Trial):
             self._passed = None if isinstance(event, events.PassStarted) else len(
                 self.gateway.requests)
 
+    def report(self, respect, change):
+        """Have the monitoring find a change, and tell it."""
+        self.mission.health.report(respect, change)
+        self.mission.health.publish(self.mission.events)
+
     def of(self, kind):
         """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]
@@ -194,6 +199,16 @@ def service_of(request):
 def refusal(request):
     """Return the failure of a server that says no."""
     return Failure(Cause.REFUSED, "the server refused", service_of(request))
+
+
+def refusing(*kinds):
+    """Return a robot that says no to requests of these kinds."""
+    return lambda request: refusal(request) if isinstance(request, kinds) else NotImplemented
+
+
+def hanging(*kinds):
+    """Return a robot that never answers requests of these kinds."""
+    return lambda request: None if isinstance(request, kinds) else NotImplemented
 
 
 class LiveBoard(Board):

@@ -119,8 +119,7 @@ class Situation:
             self.rig.run(act, runs=runs, **options)
 
     def report(self, respect, change):
-        self.rig.mission.health.report(respect, change)
-        self.rig.mission.health.publish(self.rig.mission.events)
+        self.rig.report(respect, change)
 
     @property
     def asked(self):

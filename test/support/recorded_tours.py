@@ -86,12 +86,11 @@ class Day:
         is_dead = self.kind == "drive dies" and rig.clock.now() - self.began > 60
         if is_dead != self.is_dead:
             self.is_dead = is_dead
-            rig.mission.health.report(
+            rig.report(
                 GONE,
                 HealthChanged("service", service_of(GoTo), "robotNavigation", not is_dead,
                               "gone" if is_dead else "back",
                               "the robot cannot drive" if is_dead else "", GONE))
-            rig.mission.health.publish(rig.mission.events)
 
     def publish(self, rig):
         since = rig.clock.now() - self.began

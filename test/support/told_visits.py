@@ -8,13 +8,12 @@ from behavior_controller.robot.d543 import FACES
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import Answer, Faces, GoTo, PerformGesture, Prompt, Say
-from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.run.moment import card, card_line
 from behavior_controller.run.story import Story
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.missions.replay import replay
 
-from mission_rig import FileRecord, Rig, refusal, service_of, visitor_who
+from mission_rig import FileRecord, Rig, refusing, service_of, visitor_who
 
 
 def now_of(state, at):
@@ -64,10 +63,6 @@ class Teller:
 
 def drives(rig):
     return sum(isinstance(request, GoTo) for request in rig.requests)
-
-
-def refusing(*kinds):
-    return lambda request: refusal(request) if isinstance(request, kinds) else NotImplemented
 
 
 def unanswered_drive(request):

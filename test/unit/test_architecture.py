@@ -10,6 +10,7 @@ import pkgutil
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import folder_uses
 import pytest
@@ -81,8 +82,7 @@ def python_files(*folders):
 
 @functools.lru_cache(maxsize=None)
 def read(path):
-    with open(os.path.join(ROOT, path), encoding="utf-8") as file:
-        return file.read()
+    return Path(os.path.join(ROOT, path)).read_text("utf-8")
 
 
 @functools.lru_cache(maxsize=None)
@@ -513,8 +513,7 @@ def test_the_architecture_document_has_the_order_of_the_folders():
 
 
 def test_the_architecture_document_names_what_classes_and_modules_have():
-    with open(os.path.join(ROOT, "docs", "architecture.md"), encoding="utf-8") as file:
-        text = file.read()
+    text = Path(os.path.join(ROOT, "docs", "architecture.md")).read_text("utf-8")
     have = dict(members(),
                 ros={name.split(".")[-1] for name in OURS if name.startswith(PRODUCT + ".ros.")})
     named = {(head, name) for head, name in re.findall(r"`(\w+)\.(\w+)(?:\(\))?`", text)

@@ -37,7 +37,8 @@ from behavior_controller.viewer import report_moments as moments_module
 from behavior_controller.viewer.report_moments import Moments
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.viewer.timeline import Bar
-from mission_rig import RUN, LiveBoard, Rig, board_of, one_leaf, refusal, service_of, visitor_who
+from mission_rig import (
+    RUN, LiveBoard, Rig, board_of, one_leaf, refusal, refusing, service_of, visitor_who)
 from recorded_tours import recorded_day
 
 ENDED = "all passes are done; pass {} was a SUCCESS; attention and lifelike movement are off"
@@ -120,8 +121,7 @@ def test_the_letters_of_what_ended_before_the_first_look():
 
 
 def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
-    rig = Rig(answer=lambda request: refusal(request)
-              if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=refusing(PerformGesture))
     board = board_of(rig)
     before = dict(board.versions)
     rig.mission.health.report(GONE, GONE_AWAY)
@@ -261,8 +261,7 @@ def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
 
 
 def test_story_visits_health_trouble_and_blackboard():
-    rig = Rig(answer=lambda request: refusal(request)
-              if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=refusing(PerformGesture))
     board = board_of(rig)
     rig.mission.health.report(GONE, GONE_AWAY)
     rig.run(visitor_who(says="yes"))
@@ -341,8 +340,7 @@ def test_the_steps_of_a_visit_are_kept_for_its_timeline_until_the_next_visit():
 
 
 def test_what_there_is_to_know_of_a_node():
-    rig = Rig(
-        answer=lambda request: refusal(request) if isinstance(request, GoTo) else NotImplemented)
+    rig = Rig(answer=refusing(GoTo))
     board = board_of(rig)
     assert board.node(0) is None and board.node(len(rig.tree.nodes) + 1) is None
     node = next(node for node in rig.tree.nodes if node.name == "Navigate")
@@ -652,8 +650,7 @@ def test_a_change_of_health_is_shown_at_once(monkeypatch):
 
 def test_an_earlier_moment_is_shown_as_it_was_shown_then(monkeypatch):
     monkeypatch.setattr(run_module, "STRETCH_EVENTS", 40)
-    rig, then = Rig(answer=lambda request: refusal(request)
-                    if isinstance(request, PerformGesture) else NotImplemented), {}
+    rig, then = Rig(answer=refusing(PerformGesture)), {}
     numbers = itertools.count(1)  # every event has a time of its own
     monkeypatch.setattr(board_module, "STRETCHES", 99)
     monkeypatch.setattr(recorder.events, "unix_now", lambda: float(next(numbers)))

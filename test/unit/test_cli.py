@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import py_trees
 import pytest
@@ -256,12 +257,10 @@ def test_a_file_that_is_no_project_is_not_overwritten(file, tmp_path, capsys):
     for _ in range(2):  # a project may be written again
         assert cli.export_node_model(["--project", project]) == 0
     for path in (file(GOOD), file(GOOD, "m.btproj"), file("", "empty.btproj")):
-        with open(path, encoding="utf-8") as opened:
-            before = opened.read()
+        before = Path(path).read_text("utf-8")
         with pytest.raises((SystemExit, FaultsFound)):
             cli.export_node_model(["--project", path])
-        with open(path, encoding="utf-8") as opened:
-            assert opened.read() == before
+        assert Path(path).read_text("utf-8") == before
 
 
 @pytest.mark.parametrize("name", ["new.xml", "new", "p.btproj.xml"])

@@ -3,8 +3,8 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
-import pytest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
@@ -48,7 +48,5 @@ def test_py_trees_tools_show_a_mission_to_its_end():
 
 
 def test_the_guide_shows_the_example():
-    with open(os.path.join(EXAMPLES, "plain_python.py"), encoding="utf-8") as file:
-        example = file.read()
-    with open(os.path.join(ROOT, "docs", "engine.md"), encoding="utf-8") as file:
-        assert example in file.read()
+    example = Path(os.path.join(EXAMPLES, "plain_python.py")).read_text("utf-8")
+    assert example in Path(os.path.join(ROOT, "docs", "engine.md")).read_text("utf-8")

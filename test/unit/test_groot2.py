@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -82,8 +83,7 @@ def without_uuid(frames):
 
 
 def test_every_reply_equals_the_capture(served):
-    with open(os.path.join(FIXTURES, "golden.json")) as file:
-        captures = json.load(file)
+    captures = json.loads(Path(os.path.join(FIXTURES, "golden.json")).read_text())
     tree, client, ticks = mission(), served.client(), 0
     served.show(tree)
     for capture in captures:
@@ -139,8 +139,7 @@ def entries(text):
 
 def same_xml(ours):
     """The trees are equal; of the model the port descriptions are each library's own words."""
-    with open(os.path.join(FIXTURES, "fulltree.xml")) as file:
-        theirs = ElementTree.fromstring(file.read())
+    theirs = ElementTree.fromstring(Path(os.path.join(FIXTURES, "fulltree.xml")).read_text())
     ours = ElementTree.fromstring(ours)
 
     def plain(element):

@@ -1,6 +1,7 @@
 """The knowledge files of release 1.0: what is taken, and every mistake with its place."""
 import json
 import os
+from pathlib import Path
 
 import pytest
 
@@ -61,8 +62,7 @@ def faults_of(environment=ENVIRONMENT, culture=CULTURE):
     return str(raised.value).split("\n")
 
 
-with open(os.path.join(ROOT, "config", "recoveryPolicy.ini"), encoding="utf-8") as file:
-    POLICY = file.read()
+POLICY = Path(os.path.join(ROOT, "config", "recoveryPolicy.ini")).read_text("utf-8")
 
 
 @pytest.fixture
@@ -500,8 +500,7 @@ def test_the_delivered_files_can_be_used_without_a_warning():
 
 
 def test_the_delivered_tour_shows_the_exhibits_of_the_simulated_lab():
-    with open(folders.data("exhibits.json"), encoding="utf-8") as file:
-        lab = json.load(file)
+    lab = json.loads(Path(folders.data("exhibits.json")).read_text("utf-8"))
     start, *shown, end = knowledge_files.load().tour
     assert shown == [
         Exhibit(place["name"], place["description1"], place["description2"],

@@ -14,7 +14,8 @@ from behavior_controller.robot.requests import (
     Answer, AttentionStatus, Faces, GoTo, PerformGesture, Point, Prompt, QueryKnowledge, Say,
     SetAnimation, SetAttention)
 from behavior_controller.leaves.recovery import HandleFallBack
-from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, one_leaf, refusal, service_of, visitor_who
+from mission_rig import (
+    ENTRANCE, EXHIBITS, HOME, Rig, one_leaf, refusal, refusing, service_of, visitor_who)
 
 SAYS = {
     "Welcome": "welcome",
@@ -328,8 +329,7 @@ def test_every_leaf_of_the_mission_is_reached_by_one_visitor_or_another():
 
 
 def test_every_failure_is_recorded_with_cause_and_service():
-    rig = Rig(answer=lambda request: refusal(request)
-              if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=refusing(PerformGesture))
     rig.run(visitor_who(says="yes"))
     failures = [
         event.failure for event in rig.of(LeafFinished)

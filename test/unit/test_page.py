@@ -25,7 +25,7 @@ from behavior_controller.viewer.view import PARTS, SENTENCES
 from behavior_controller.run.story import condition, counted, how_it_ended, why
 from behavior_controller.viewer.web_page import Page
 from browser import SCREENS, axe, findings
-from mission_rig import RUN, Rig, board_of, one_leaf, refusal, visitor_who
+from mission_rig import RUN, Rig, board_of, hanging, one_leaf, refusal, refusing, visitor_who
 from page_rig import Stop, is_second_text, open_page, text, until, wait_until
 from told_visits import RUNS, Teller, rig_of, walks_off
 
@@ -35,9 +35,15 @@ return row.height > 0 && row.top >= box.top && row.bottom <= box.bottom && row.l
 NO_SIDEWAYS = "return document.documentElement.scrollWidth <= innerWidth"
 
 
+def play_to_second_text(browser, shown):
+    """Open the page, and play the tour until the robot says the second text of an exhibit."""
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+
+
 def test_a_tour_is_followed_without_a_reload(show, browser):
-    rig = Rig(answer=lambda request: refusal(request)
-              if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=refusing(PerformGesture))
     shown = show(rig)
     open_page(browser, shown)
     assert text(browser, "#now") == "nothing runs"
@@ -231,9 +237,7 @@ def test_the_keyboard_folds_walks_and_opens(show, browser):
 def test_the_transcript_is_one_tab_stop_whose_sentences_are_walked(show, browser):
     from selenium.webdriver.common.keys import Keys
     shown = show(Rig())
-    open_page(browser, shown)
-    shown.run_until(is_second_text)
-    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    play_to_second_text(browser, shown)
     browser.execute_script("byId('transcript').focus()")
     press(browser, Keys.ARROW_UP, Keys.ARROW_UP)
     last = browser.execute_script("return [...byId('transcript').querySelectorAll('a')].slice(-2)")
@@ -292,8 +296,7 @@ return [...document.querySelectorAll("#lanes .bar." + arguments[0])].reduce(
 
 
 def test_the_timeline_has_an_axis_waits_and_recoveries(show, browser):
-    rig = Rig(answer=lambda request: refusal(request)
-              if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=refusing(PerformGesture))
     shown = show(rig)
     open_page(browser, shown)
     shown.run_until(is_second_text)
@@ -439,9 +442,7 @@ def test_the_whole_tour_can_be_read_as_a_graph_which_is_zoomed_folded_and_search
     from selenium.webdriver.common.keys import Keys
     shown = show(Rig())
     screen(1280, 800)
-    open_page(browser, shown)
-    shown.run_until(is_second_text)
-    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    play_to_second_text(browser, shown)
     browser.find_element("id", "show-graph").click()
     graph = browser.execute_script(GRAPH, True)
     count = sum(not node["bare"] for node in shown.page.board.part("mission")["nodes"])
@@ -513,13 +514,10 @@ items.forEach((one, n) => one && n > 30 && !one.querySelector(".tip") && !one.ma
 
 
 def test_axe_finds_nothing_and_each_width_has_all(show, browser, screen):
-    rig = Rig(answer=lambda request: refusal(request)
-              if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=refusing(PerformGesture))
     rig.mission.health.report(GONE, DEAD)
     shown = show(rig)
-    open_page(browser, shown)
-    shown.run_until(is_second_text)
-    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    play_to_second_text(browser, shown)
     browser.execute_script("location.hash = '#node-107'")
     wait_until(lambda: "{@targetLocation}" in text(browser, "#ports"))
     for width, height in SCREENS:
@@ -554,7 +552,7 @@ def test_axe_finds_nothing_when_the_connection_is_lost(show, browser, screen):
 
 
 def test_what_the_robot_says_in_another_language_is_marked_for_screen_readers(show, browser):
-    rig = Rig(answer=lambda request: None if isinstance(request, Say) else NotImplemented,
+    rig = Rig(answer=hanging(Say),
               language="Kinyarwanda")
     shown = show(rig)
     open_page(browser, shown)
@@ -573,9 +571,7 @@ return [...document.querySelectorAll(arguments[0])].map(one => getComputedStyle(
 
 def test_what_is_drawn_by_its_colour_is_seen_in_forced_colours(show, browser):
     shown = show(Rig())
-    open_page(browser, shown)
-    shown.run_until(is_second_text)
-    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    play_to_second_text(browser, shown)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": FORCED})
     try:
         for chosen in ("#lanes .bar.R", "[aria-pressed=true]", "#stops .under-way", ".tip > .row"):
@@ -652,14 +648,11 @@ return [...document.querySelectorAll(arguments[0])].map(one => one.scrollWidth >
 
 
 def test_what_is_wrong_and_what_came_of_it_are_not_cut(show, browser, screen):
-    rig = Rig(answer=lambda request: refusal(request)
-              if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=refusing(PerformGesture))
     shown = show(rig)
     rig.mission.health.report(GONE, replace(
         DEAD, consequence="until it is back, the robot cannot drive"))
-    open_page(browser, shown)
-    shown.run_until(is_second_text)
-    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    play_to_second_text(browser, shown)
     for width in (400, 1280):
         screen(width, 800)
         assert browser.execute_script(IS_CUT, "#alarms li") == [False]
@@ -668,8 +661,7 @@ def test_what_is_wrong_and_what_came_of_it_are_not_cut(show, browser, screen):
 
 
 def test_a_stop_that_is_broken_off_begins_with_its_name_on_a_phone(show, browser, screen):
-    shown = show(Rig(answer=lambda request: refusal(request)
-                     if isinstance(request, GoTo) else NotImplemented))
+    shown = show(Rig(answer=refusing(GoTo)))
     screen(400, 800)
     open_page(browser, shown)
     shown.rig.run(visitor_who("yes"))
@@ -906,9 +898,8 @@ def test_health_is_told_when_it_changes(show, browser):
     shown = show(rig)
     open_page(browser, shown)
     for is_well in (False, True):
-        rig.mission.health.report(GONE, HealthChanged(
+        rig.report(GONE, HealthChanged(
             "service", "/robotNavigation/set_goal", "", is_well, "gone", "no drive"))
-        rig.mission.health.publish(rig.mission.events)
         wait_until(lambda: ("gone; no drive" in text(browser, "#health")) is not is_well)
 
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -194,8 +195,7 @@ def test_a_run_in_several_files_is_read_as_one(tmp_path, small, file_bytes):
 def test_a_file_ends_between_two_visits_if_possible(tmp_path, small):
     path = small(tmp_path, 6, 200_000, 10 ** 9)
     for part in files.parts(path)[1:]:
-        with open(part) as file:
-            text = file.read()
+        text = Path(part).read_text()
         repeated = text[:text.index('"PassStarted"')]
         assert '"TreeShown"' in repeated and '"RunStarted"' in repeated
         assert '"first":' not in repeated.replace('"first":null', "")
@@ -298,11 +298,9 @@ def test_a_further_file_knows_where_the_visits_before_have_left_the_robot(tmp_pa
 def test_a_file_of_a_user_beside_a_record_is_no_part_of_it(tmp_path):
     path = recorded(tmp_path, visitor_who(says="no"))
     before = events_of(path)
-    with open(path, "rb") as file:
-        data = file.read()
+    data = Path(path).read_bytes()
     for name in ("mission.1.jsonl", "mission.jsonl.bak", "my_mission.2.jsonl"):
-        with open(os.path.join(os.path.dirname(path), name), "wb") as file:
-            file.write(data)
+        Path(os.path.join(os.path.dirname(path), name)).write_bytes(data)
     assert events_of(path) == before
 
 
@@ -320,10 +318,8 @@ def test_files_of_another_run_and_what_is_no_file_are_no_part_of_a_run(tmp_path,
 def test_a_further_file_that_begins_before_the_mission_is_read(tmp_path):
     path = recorded(tmp_path, visitor_who(says="no"))
     before = events_of(path)
-    with open(path) as file:
-        text = file.read()
-    with open(files.part(path, 1), "w") as file:
-        file.write(text)
+    text = Path(path).read_text()
+    Path(files.part(path, 1)).write_text(text)
     os.truncate(path, text.index("\n") + 1)  # the disk was gone after the first line
     assert events_of(path) == before
 

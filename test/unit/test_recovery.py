@@ -442,11 +442,9 @@ def goals_of(rig, seconds):
 def test_a_retry_waits_for_a_service_that_is_gone_to_come_back():
     rig = fallback("<Navigate/>", failing(1, Cause.CONNECTION_LOST))
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
-    rig.mission.health.report(GONE, gone(service_of(GoTo)))
-    rig.mission.health.publish(rig.mission.events)
+    rig.report(GONE, gone(service_of(GoTo)))
     assert goals_of(rig, 5.0) == [0.0]
-    rig.mission.health.report(GONE, gone(service_of(GoTo), is_well=True))
-    rig.mission.health.publish(rig.mission.events)
+    rig.report(GONE, gone(service_of(GoTo), is_well=True))
     assert goals_of(rig, 0.25) == [5.0]
     assert [event.outcome for event in rig.of(Recovered)] == ["done"]
     assert rig.clock.next_due() is None
@@ -457,8 +455,7 @@ def test_the_answer_to_a_retry_counts_if_the_service_is_gone_when_it_comes():
                    if len(rig.requests) == 1 else None)
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
     assert goals_of(rig, 2.0) == [0.0, 1.0]
-    rig.mission.health.report(GONE, gone(service_of(GoTo)))
-    rig.mission.health.publish(rig.mission.events)
+    rig.report(GONE, gone(service_of(GoTo)))
     rig.gateway.calls[1].finish(Answer())
     assert rig.tick() is SUCCESS
 
@@ -466,8 +463,7 @@ def test_the_answer_to_a_retry_counts_if_the_service_is_gone_when_it_comes():
 def test_the_wait_for_a_service_has_an_end():
     rig = fallback("<Navigate/>", failing(9, Cause.NOT_REACHABLE))
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
-    rig.mission.health.report(GONE, gone(service_of(GoTo)))
-    rig.mission.health.publish(rig.mission.events)
+    rig.report(GONE, gone(service_of(GoTo)))
     # the back-off of 1 s, then at most RETURN_LIMIT; the second retry waits its own back-off of 2 s
     # only
     assert goals_of(rig, 30.0)[:3] == [0.0, 1.0 + 15.0, 1.0 + 15.0 + 2.0]
@@ -475,8 +471,7 @@ def test_the_wait_for_a_service_has_an_end():
 
 def test_nobody_waits_for_what_may_be_left_out():
     rig = fallback("<WelcomeGesture/>", failing(9, Cause.NOT_REACHABLE))
-    rig.mission.health.report(GONE, gone("/gestureExecution/perform_gesture"))
-    rig.mission.health.publish(rig.mission.events)
+    rig.report(GONE, gone("/gestureExecution/perform_gesture"))
     assert to_the_end(rig) is SUCCESS
     assert rig.clock.now() <= 1002.0
 

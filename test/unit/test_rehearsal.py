@@ -43,11 +43,14 @@ def nodes(paths):
     return paths and {path.split("/")[-1].split("::")[0] for path in paths}
 
 
+WITH_EACH_VISITOR = pytest.mark.parametrize("behaviour, outcome, tour, goodbye", [
+    ("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False),
+    ("silent", "SUCCESS", False, False), ("unclear", "SUCCESS", False, False),
+    ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
+
+
 @pytest.mark.parametrize("asr", (True, False))
-@pytest.mark.parametrize("behaviour, outcome, tour, goodbye",
-                         [("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False),
-                          ("silent", "SUCCESS", False, False), ("unclear", "SUCCESS", False, False),
-                          ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
+@WITH_EACH_VISITOR
 def test_how_the_lab_tour_goes_with_each_visitor(behaviour, outcome, tour, goodbye, asr):
     outcomes, reached = play(behaviour, asr)
     assert outcomes == [outcome]
@@ -62,10 +65,7 @@ TELLS, TELLS_YES = {"asrEnabled": True}, {"asrEnabled": False, "tabletSuccessIs"
 
 
 @pytest.mark.parametrize("chosen", (TELLS, TELLS_YES))
-@pytest.mark.parametrize("behaviour, outcome, tour, goodbye",
-                         [("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False),
-                          ("silent", "SUCCESS", False, False), ("unclear", "SUCCESS", False, False),
-                          ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
+@WITH_EACH_VISITOR
 def test_how_the_tour_of_release_1_0_goes_with_each_visitor(behaviour, outcome, tour, goodbye,
                                                             chosen):
     outcomes, reached = play_release(behaviour, **chosen)
@@ -86,11 +86,12 @@ def play_release(behaviour, **chosen):
                     manners, building_of(FILES))
 
 
-def test_a_mission_that_never_ends_is_not_rehearsed(tmp_path):
-    path = tmp_path / "m.xml"
-    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><AlwaysFailure/>'
-                    '<Sleep msec="99999999"/></ReactiveFallback></BehaviorTree></root>')
-    assert play("engages", mission=str(path)) == ([], None)
+def test_a_mission_that_never_ends_is_not_rehearsed(monkeypatch):
+    monkeypatch.setattr("behavior_controller.simulation.rehearsal.play.PASS_LIMIT", 300.0)
+    stage = LoadedMission(settings.defaults(), [parse(
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><AlwaysFailure/>'
+        '<Sleep msec="99999999"/></ReactiveFallback></BehaviorTree></root>')])
+    assert leaves_reached(stage, "engages") is None
 
 
 def situations(steps, seconds, call_times, node):

@@ -1,6 +1,7 @@
 """A mission on a robot of release 1.0, without ROS: files answer, the tablet tells no button,
 leaves say when they listen."""
 import json
+from pathlib import Path
 
 import pytest
 
@@ -414,8 +415,6 @@ def test_a_record_has_the_knowledge_and_is_replayed_without_the_files(tmp_path, 
 
 def test_a_record_with_other_knowledge_takes_another_path(tmp_path, files):
     path = recorded(tmp_path, files)
-    with open(path, encoding="utf-8") as file:
-        text = file.read().replace("1 2.5 -1.25 90", "1 2.5 -1.75 90")
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(text)
+    text = Path(path).read_text("utf-8").replace("1 2.5 -1.25 90", "1 2.5 -1.75 90")
+    Path(path).write_text(text, "utf-8")
     assert "-1.75" in replay(read_record(path)).divergence

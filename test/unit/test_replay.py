@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
@@ -161,11 +162,9 @@ def test_which_file_is_the_record(tmp_path, monkeypatch, files, name, expected):
 
 
 def edited(path, old, new):
-    with open(path) as file:
-        text = file.read()
+    text = Path(path).read_text()
     assert old in text
-    with open(path, "w") as file:
-        file.write(text.replace(old, new, 1))
+    Path(path).write_text(text.replace(old, new, 1))
 
 
 def test_answers_that_take_their_time_come_when_they_came(tmp_path, monkeypatch):
@@ -413,10 +412,8 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
 
 def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     path = recorded(tmp_path, visitor_who(says="yes"))
-    with open(path, "rb") as file:
-        data = file.read()
-    with open(path, "wb") as file:
-        file.write(data[:data.index(b"PassFinished")])
+    data = Path(path).read_bytes()
+    Path(path).write_bytes(data[:data.index(b"PassFinished")])
     outcome = replay(read_record(path))
     assert outcome.divergence == "" and outcome.passes == 0 and outcome.changes > 50
 
@@ -518,8 +515,7 @@ def test_the_report(tmp_path, capsys):
     path = recorded(tmp_path, visitor_who(says="yes"), failure_rate=0.2, seed=4)
     page = str(tmp_path / "report.html")
     assert main(["--report", page, path]) == 0 and page in capsys.readouterr().out
-    with open(page, encoding="utf-8") as file:
-        text = file.read()
+    text = Path(page).read_text("utf-8")
     assert text.count('<li id="n') == len(read_record(path)[0].event.nodes)
     assert "WelcomeSpeech" in text and "recovery" in text.lower()
     assert json.dumps("drawn")[1:-1] in text

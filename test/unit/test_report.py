@@ -636,9 +636,8 @@ ONE_OF_EACH = lines_of(
 
 
 @pytest.mark.parametrize("to", [
-    pytest.param(to, id=name) for name, to in {
-        "script": EVIL, "null": None, "list": [], "object": {}, "true": True, "-1": -1,
-        "huge": 10**400, "nan": float("nan"), "surrogate": "\ud800"}.items()])
+    pytest.param(EVIL, id="script"), pytest.param(10**400, id="huge"),
+    pytest.param("\ud800", id="surrogate")])
 def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
     assert "a chair is in the way" in page_of(ONE_OF_EACH)
     for number, line in enumerate(ONE_OF_EACH):

@@ -7,6 +7,7 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
+from pathlib import Path
 
 import pytest
 
@@ -150,11 +151,9 @@ def _copy(place, tmp_path):
 def marked(copy):
     """Put a mark into the index, by which one sees whether it is read."""
     path = os.path.join(copy, INDEX)
-    with open(path) as file:
-        text = file.read()
+    text = Path(path).read_text()
     assert text.count('"mission":"lab_tour"') == 3
-    with open(path, "w") as file:
-        file.write(text.replace('"mission":"lab_tour"', '"mission":"of the index"'))
+    Path(path).write_text(text.replace('"mission":"lab_tour"', '"mission":"of the index"'))
 
 
 def missions(copy):
@@ -175,8 +174,7 @@ def test_a_run_is_read_once_and_again_when_it_has_grown(copy):
 @pytest.mark.parametrize("text", ["", "{", '{"layout":"another","runs":[]}', '{"layout":7}', "[]"])
 def test_an_index_of_another_kind_is_made_anew(copy, text):
     before = listed_of(copy)
-    with open(os.path.join(copy, INDEX), "w") as file:
-        file.write(text)
+    Path(os.path.join(copy, INDEX)).write_text(text)
     assert listed_of(copy) == before
 
 

@@ -21,7 +21,7 @@ from behavior_controller.robot.d543 import ATTENTION, INTERFACE, SPEECH
 from behavior_controller.robot.requests import (
     Answer, AttentionStatus, GoTo, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.missions.runner import RetryGate, Runner, Running
-from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal, service_of, write
+from mission_rig import ASKS_WITHOUT_START_OF_TREE, hanging, one_leaf, refusal, service_of, write
 
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
@@ -175,7 +175,7 @@ def test_stopping_halts_the_mission_and_leaves_the_robot_calm_once():
     "_onHalted=\"x := 'a' * 2\"/></Timeout></Sequence>"])
 def test_a_script_that_fails_while_halting_leaves_nothing_running(mission):
     stopped = []
-    rig = one_leaf(mission, lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    rig = one_leaf(mission, hanging(GoTo))
     rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped))
     assert rig.gateway.dropped == rig.requests[1:2]
     assert {node.status for node in rig.tree.nodes} == {IDLE}
@@ -463,7 +463,7 @@ def test_what_was_read_anew_runs_from_the_next_pass_on():
 def test_a_stop_while_another_mission_waits_halts_the_one_that_runs():
     stopped = []
     rig = one_leaf("<Sequence><LookUpHome/><Navigate/></Sequence>",
-                   lambda request: None if isinstance(request, GoTo) else NotImplemented)
+                   hanging(GoTo))
     other = one_leaf("<FollowMeSpeech/>")
     other.mission.gateway = rig.gateway
     waiting = [Running(other.tree, other.mission, "other.xml", 0)]
@@ -880,7 +880,7 @@ def test_a_run_waits_for_its_start_before_its_first_pass():
 
 def test_a_pause_waits_for_what_the_robot_does_and_begins_nothing_new():
     rig = one_leaf("<Sequence><LookUpHome/><Navigate/><WelcomeSpeech/></Sequence>",
-                   lambda request: None if isinstance(request, GoTo) else NotImplemented)
+                   hanging(GoTo))
     operator, counts = Operator(), []
 
     def note(rig):

@@ -35,10 +35,9 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
     Answer, Faces, GoTo, Location, PerformGesture, Say, SetAnimation, SetAttention, SetPose)
 from browser import IS_WHOLE, SCREENS
-from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
-from page_rig import (
-    Situation, Stop, is_second_text, open_page, text, use_time_of, wait_until)
-from told_visits import refusing, walks_off
+from mission_rig import Rig, hanging, one_leaf, refusal, refusing, service_of, visitor_who
+from page_rig import Situation, is_second_text, open_page, text, use_time_of, wait_until
+from told_visits import walks_off
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission
 
 OFF = "attention and lifelike movement are off"
@@ -78,8 +77,7 @@ def leaves():
 
 
 def node_killed_in_a_drive():
-    played = Situation(Rig(answer=lambda request: None if (
-        isinstance(request, GoTo)) else NotImplemented))
+    played = Situation(Rig(answer=hanging(GoTo)))
     played.play(visitor_who("yes"), lambda: isinstance(played.asked, GoTo))
     assert played.robot.place == "driving to exhibit 1"
     played.rig.clock.advance(4.0)
@@ -157,8 +155,7 @@ def budget_spent():
 
 
 def stopped():
-    played = Situation(Rig(answer=lambda request: None if (
-        isinstance(request, GoTo)) else NotImplemented))
+    played = Situation(Rig(answer=hanging(GoTo)))
     played.rig.run(visitor_who("yes"), is_stopped=lambda: isinstance(played.asked, GoTo))
     assert played.card.kind == "ended" and "no pass is over" in played.card.trouble
     robot, visit = played.robot, played.run.visits[-1]

@@ -1,6 +1,5 @@
 """The start-up check, with servers and publishers in this process: what is missing, why, and
 whether the mission starts without it."""
-import dataclasses
 import types
 
 import pytest

@@ -37,7 +37,8 @@ from behavior_controller.text import Source
 from behavior_controller.viewer import status_tool
 from behavior_controller.viewer.backlog import Backlog
 from behavior_controller.viewer.view import PARTS
-from mission_rig import FileRecord, Rig, board_of, one_leaf, refusal, service_of, visitor_who
+from mission_rig import (
+    FileRecord, Rig, board_of, hanging, one_leaf, refusal, refusing, service_of, visitor_who)
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
@@ -80,9 +81,8 @@ def test_what_the_terminal_shows():
 def test_what_is_wrong_is_shown():
     rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
-    rig.mission.health.report(
+    rig.report(
         GONE, HealthChanged("service", "/a/b", "", False, "gone", "it cannot \x1b[2Jdrive"))
-    rig.mission.health.publish(rig.mission.events)
     state = state_of(board)
     todo, _, wrong = status_tool.lines(read(state), False)[1:4]
     assert todo == "to do: Restart /a/b"
@@ -126,13 +126,11 @@ def test_a_failure_is_shown_with_what_came_of_it():
 def test_a_node_that_is_gone_is_told_once_and_what_is_done_again_is_marked():
     rig = one_leaf("<Sequence><LookUpHome/><Fallback><Navigate/><HandleFallBack/></Fallback>"
                    "</Sequence>",
-                   lambda request: refusal(request) if isinstance(request, GoTo)
-                   else NotImplemented)
+                   refusing(GoTo))
     board = board_of(rig)
     rig.tick()
-    rig.mission.health.report(GONE, HealthChanged(
+    rig.report(GONE, HealthChanged(
         "service", service_of(GoTo), "nav", False, "gone: refused", "it cannot drive", GONE))
-    rig.mission.health.publish(rig.mission.events)
     rest = status_tool.lines(read(state_of(board)), False)[2:]
     rows = [line.strip() for line in rest]
     assert len([line for line in rows if "gone: refused" in line]) == 1
@@ -260,7 +258,7 @@ def test_a_standstill_is_in_the_head():
 
 
 def test_how_the_run_ended_is_in_the_first_line():
-    rig = Rig(answer=lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    rig = Rig(answer=hanging(GoTo))
     board = board_of(rig)
     rig.run(visitor_who("yes"), is_stopped=lambda: bool(rig.requests) and isinstance(
         rig.requests[-1], GoTo))
@@ -281,7 +279,7 @@ def test_how_long_it_takes_goes_on_while_no_message_comes():
 
 @pytest.mark.parametrize("width, height", [(20, 8), (40, 12), (80, 24), (100, 30), (200, 130)])
 def test_a_window_shows_what_runs_and_what_lies_about_it(width, height):
-    rig = Rig(answer=lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    rig = Rig(answer=hanging(GoTo))
     board, states = board_of(rig), []
 
     def visitor(rig):

@@ -30,10 +30,9 @@ from behavior_controller.run.story import (
     ordinal, run_end, safe_state, step_words, why as in_words, why_failed)
 from behavior_controller.text import Source
 
-from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
+from mission_rig import Rig, hanging, one_leaf, refusal, refusing, service_of, visitor_who
 from told_visits import (
-    DATA, RUNS, Teller, drives, gist, looks_away, now_of, refusing, rig_of, unanswered_drive,
-    walks_off)
+    DATA, RUNS, Teller, drives, gist, looks_away, now_of, rig_of, unanswered_drive, walks_off)
 
 
 HAS_GONE = Reason(LEFT)
@@ -110,7 +109,7 @@ def test_a_visit_under_way_counts():
 
 
 def test_the_step_under_way_with_its_time_and_its_limit():
-    rig = Rig(answer=lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    rig = Rig(answer=hanging(GoTo))
     teller = Teller(rig)
 
     def visitor(rig):

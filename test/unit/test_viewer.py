@@ -69,7 +69,6 @@ def wait_for_page(viewer):
 
 @pytest.mark.parametrize("number, trouble", [
     (signal.SIGKILL, "it was ended by signal 9"),
-    (signal.SIGTERM, "it was ended by signal 15"),
     (signal.SIGSTOP, "it gave no sign of life for 3 s")])
 def test_a_viewer_that_ends_or_hangs_is_started_again_and_shows_the_run(
         view, monkeypatch, number, trouble):
