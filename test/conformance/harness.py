@@ -107,9 +107,8 @@ class _Cond(_Leaf, leaf.ConditionLeaf):
         return self.act("tick")
 
 
-_KINDS = {
-    "stateful": (_Stateful, Kind.ACTION), "sync": (_Sync, Kind.ACTION),
-    "cond": (_Cond, Kind.CONDITION)}
+_KINDS = {"stateful": (_Stateful, Kind.ACTION), "sync": (_Sync, Kind.ACTION),
+          "cond": (_Cond, Kind.CONDITION)}
 
 
 def _nth(items: List[Any], number: int) -> Any:
@@ -150,10 +149,9 @@ def _leaf_spec(node_id: str, described: Any, case: Dict[str, Any], events: List[
                       if detail.get("dir", "in") != "in"}
         return node
 
-    node_ports = tuple(
-        Port(name, _TYPES.get(detail.get("type", "any"), detail.get("type", "any")),
-             _DIRECTIONS[detail.get("dir", "in")], detail.get("default"))
-        for name, detail in given.items())
+    node_ports = tuple(Port(name, _TYPES.get(detail.get("type", "any"), detail.get("type", "any")),
+                            _DIRECTIONS[detail.get("dir", "in")], detail.get("default"))
+                       for name, detail in given.items())
     return NodeSpec(node_id, kind, factory, node_ports)
 
 
@@ -225,11 +223,10 @@ def _run_tree(case: Dict[str, Any], tree: Tree, events: List[Any]) -> Dict[str, 
         "nodes": [[node.uid, node.registration_id, node.name, node.full_path]
                   for node in tree.nodes],
         "ticks": records,
-        "blackboard": {
-            path: {key: _plain(entry.value) for key, entry in board.local.items()}
-            for path, board in tree.blackboards.items()},
-        "final_status": {
-            str(node.uid): NAMES[node.status] for node in tree.nodes if node.status is not IDLE}}
+        "blackboard": {path: {key: _plain(entry.value) for key, entry in board.local.items()}
+                       for path, board in tree.blackboards.items()},
+        "final_status": {str(node.uid): NAMES[node.status] for node in tree.nodes
+                         if node.status is not IDLE}}
 
 
 def _before_tick(case: Dict[str, Any], tree: Tree, events: List[Any], records: List[Any],

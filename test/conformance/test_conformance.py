@@ -16,9 +16,8 @@ MAY_DIFFER = json.loads(Path(os.path.join(HERE, "may_differ.json")).read_text("u
 def test_every_recorded_case(vectors, count):
     cases = list(conformance.cases(os.path.join(HERE, vectors)))
     assert len(cases) == count
-    differing = {
-        case["name"]: found[0] for case in cases for found in [conformance.judge(case, "full")]
-        if found}
+    differing = {case["name"]: found[0] for case in cases
+                 for found in [conformance.judge(case, "full")] if found}
     assert {name: text for name, text in differing.items() if name not in MAY_DIFFER} == {}
     if vectors == "hand":
         # an exception that is no longer one must go
@@ -26,15 +25,14 @@ def test_every_recorded_case(vectors, count):
 
 
 ON_PURPOSE = {
-    "{@foo} given to a SubTree": [
-        ('<SubTree ID="Sub" a="{@foo}"/>', {"foo": 3})],
+    "{@foo} given to a SubTree": [('<SubTree ID="Sub" a="{@foo}"/>', {"foo": 3})],
     "{=} of SetBlackboard, SkipUnlessUpdated, WaitValueUpdate and WasEntryUpdated": [
         ('<Sequence><Script code="value := 3"/><SetBlackboard value="{=}" output_key="x"/>'
-         '</Sequence>', {"value": 3, "x": 3}),
-    ] + [('<Sequence><Script code="entry := 3"/>{}</Sequence>'.format(node), {"entry": 3, "y": 1})
-         for node in ('<SkipUnlessUpdated entry="{=}"><Script code="y := 1"/></SkipUnlessUpdated>',
-                      '<WaitValueUpdate entry="{=}"><Script code="y := 1"/></WaitValueUpdate>',
-                      '<WasEntryUpdated entry="{=}" _onSuccess="y := 1"/>')]}
+         '</Sequence>', {"value": 3, "x": 3}),]
+    + [('<Sequence><Script code="entry := 3"/>{}</Sequence>'.format(node), {"entry": 3, "y": 1})
+       for node in ('<SkipUnlessUpdated entry="{=}"><Script code="y := 1"/></SkipUnlessUpdated>',
+                    '<WaitValueUpdate entry="{=}"><Script code="y := 1"/></WaitValueUpdate>',
+                    '<WasEntryUpdated entry="{=}" _onSuccess="y := 1"/>')]}
 
 
 @pytest.mark.parametrize("body, entries", [case for cases in ON_PURPOSE.values() for case in cases])
@@ -73,9 +71,8 @@ def _truth_of(expression, entries):
 def test_what_counts_as_true():
     recorded = json.loads(Path(os.path.join(HERE, "truth.json")).read_text("utf-8"))
     assert len(recorded["expressions"]) == 204
-    differing = {
-        expression: truth for expression, truth in recorded["expressions"]
-        if _truth_of(expression, recorded["entries"]) != truth}
+    differing = {expression: truth for expression, truth in recorded["expressions"]
+                 if _truth_of(expression, recorded["entries"]) != truth}
     assert differing == {}
 
 

@@ -113,11 +113,9 @@ def _traces_notice(root: str) -> str:
     environment = dict(os.environ, PYTHONPATH=os.path.join(root, "src"),
                        PYTHONDONTWRITEBYTECODE="1")
     for vectors in ("hand", "random.jsonl.xz"):
-        command = [
-            sys.executable,
-            os.path.join(VECTORS, "harness.py"),
-            os.path.join(VECTORS, vectors), "--may-differ",
-            os.path.join(VECTORS, "may_differ.json")]
+        command = [sys.executable, os.path.join(VECTORS, "harness.py"),
+                   os.path.join(VECTORS, vectors), "--may-differ",
+                   os.path.join(VECTORS, "may_differ.json")]
         try:
             done = subprocess.run(command, env=environment, stdout=subprocess.PIPE,
                                   stderr=subprocess.STDOUT, timeout=120, check=False)
@@ -239,10 +237,9 @@ def _notices(place: str, mutation: Mutation, tests: List[str]) -> str:
 
 def _show(result: Judged) -> None:
     mutation, noticed = result
-    print(
-        "{} {}:{} {}: {}  {}".format("noticed" if noticed else "MISSED ",
-                                     mutation.file, mutation.line, mutation.scope,
-                                     mutation.difference(), noticed), flush=True)
+    print("{} {}:{} {}: {}  {}".format("noticed" if noticed else "MISSED ", mutation.file,
+                                       mutation.line, mutation.scope, mutation.difference(),
+                                       noticed), flush=True)
 
 
 def _sum(judged: List[Judged]) -> int:
@@ -266,12 +263,10 @@ def _pytest(place: str, arguments: List[str], limit: float = RUN_LIMIT,
     printed."""
     environment = dict(os.environ, PYTHONDONTWRITEBYTECODE="1", MISSION_MUTANTS="30", **more)
     environment["PYTHONPATH"] = os.pathsep.join([
-        os.path.join(place, "src"),
-        os.path.join(place, "unit_tests", "src"), HERE,
+        os.path.join(place, "src"), os.path.join(place, "unit_tests", "src"), HERE,
         environment.get("PYTHONPATH", "")])
-    command = [
-        sys.executable, "-m", "pytest", "-q", "-rfE", "-p", "no:cacheprovider", "-p", "reached"
-    ] + arguments
+    command = [sys.executable, "-m", "pytest", "-q", "-rfE", "-p", "no:cacheprovider", "-p",
+               "reached"] + arguments
     with tempfile.TemporaryFile("w+", errors="replace") as output:
         tests = subprocess.Popen(command, cwd=place, env=environment, stdout=output,
                                  stderr=subprocess.STDOUT, start_new_session=True)

@@ -7,17 +7,13 @@ import pytest
 
 from rostest_items import BUILD, OTHER_PYTHON, REPOSITORY
 
-ENGINE_AND_LEAVES = [
-    "test/unit/test_{}.py".format(module)
-    for module in ("blackboard", "codec", "conditions", "document", "leaves", "outcomes",
-                   "own_types", "ports", "py_trees", "recovery", "registry", "runner", "script",
-                   "tree", "values", "wakeup")]
-OF_ONE_PYTHON = [
-    "test/unit/test_{}.py".format(name)
-    for name in ("add_to_workspace", "architecture", "documents", "examples", "flawed_missions",
-                 "flawed_tours", "fuzz_missions", "no_false_alarm", "operators_guide", "page",
-                 "planted_mistakes", "receptionist", "report", "run_list", "situations", "tampered",
-                 "tasks")]
+ENGINE_AND_LEAVES = ["test/unit/test_{}.py".format(module) for module in (
+    "blackboard", "codec", "conditions", "document", "leaves", "outcomes", "own_types", "ports",
+    "py_trees", "recovery", "registry", "runner", "script", "tree", "values", "wakeup")]
+OF_ONE_PYTHON = ["test/unit/test_{}.py".format(name) for name in (
+    "add_to_workspace", "architecture", "documents", "examples", "flawed_missions", "flawed_tours",
+    "fuzz_missions", "no_false_alarm", "operators_guide", "page", "planted_mistakes",
+    "receptionist", "report", "run_list", "situations", "tampered", "tasks")]
 """What reads files, looks at pages or draws many inputs for code that other files run as well."""
 LIMIT = 900.0  # seconds
 

@@ -193,9 +193,8 @@ class CommandedAction:
             server.set_aborted(text="the microphone is away")
             return
         deadline = time.monotonic() + seconds
-        while not server.is_preempt_requested() and (
-                self._mode == "hang" or
-                self.said is None and (self._mode == "late" or time.monotonic() < deadline)):
+        while not server.is_preempt_requested() and (self._mode == "hang" or self.said is None and (
+            self._mode == "late" or time.monotonic() < deadline)):
             time.sleep(0.02)
         if server.is_preempt_requested():
             report(cancelled=True)
@@ -269,9 +268,8 @@ def main():
             services[name] = CommandedGoals(action, modes.get(name, "done"))
     topics = {topic.name: CommandedTopic(topic, modes.get(topic.name), world)
               for topic in behaviour.topics(interface) if modes.get(topic.name) != "absent"}
-    actions = [
-        CommandedAction(topic.action, modes[topic.action.name]) for topic in interface.topics
-        if topic.action is not None and topic.action.name in modes]
+    actions = [CommandedAction(topic.action, modes[topic.action.name]) for topic in interface.topics
+               if topic.action is not None and topic.action.name in modes]
     report(ready=True)
     for line in sys.stdin:
         order = json.loads(line)

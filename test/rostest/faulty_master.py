@@ -84,9 +84,8 @@ class FaultyMaster:
             if self._draw.random() < 0.3:
                 return RAW[next(self._bad)]
             value = self._draw.choice(GARBAGE)
-            return http_answer(
-                xmlrpc.client.dumps((self._draw.choice([[1, "ok", value], value]), ),
-                                    methodresponse=True).encode())
+            return http_answer(xmlrpc.client.dumps((self._draw.choice([[1, "ok", value], value]),),
+                                                   methodresponse=True).encode())
         real = http.client.HTTPConnection(self._real.hostname, self._real.port)
         real.request("POST", "/RPC2", request, {"Content-Type": "text/xml"})
         body = real.getresponse().read()

@@ -233,10 +233,9 @@ class TestActions(unittest.TestCase):
     def test_a_message_is_sent_to_its_subscriber_and_without_one_it_is_a_failure(self):
         came, news = [], threading.Event()
         rospy.Subscriber("/mark", Header, lambda message: (came.append(message), news.set()))
-        self.use(
-            marking("/mark"),
-            Publication(Count, "/count", "counter", "std_msgs/Int32",
-                        lambda count: (count.number,), None, LONG, "nothing is counted"))
+        self.use(marking("/mark"),
+                 Publication(Count, "/count", "counter", "std_msgs/Int32",
+                             lambda count: (count.number,), None, LONG, "nothing is counted"))
         self.assertEqual(self.ask(Mark("map")), Answer())
         self.assertTrue(news.wait(LONG))
         self.assertEqual(came[0].frame_id, "map")

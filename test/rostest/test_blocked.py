@@ -79,10 +79,9 @@ class TestBlocked(NodeCase):
 
     def start_process(self, *arguments, **options):
         """Start the node with the output that ``options`` of Popen say."""
-        process = subprocess.Popen(
-            self.package.command("behaviorController") + list(arguments),
-            stdin=options.pop("stdin", subprocess.DEVNULL),
-            env=self.package.environment(**self.environment), **options)
+        process = subprocess.Popen(self.package.command("behaviorController") + list(arguments),
+                                   stdin=options.pop("stdin", subprocess.DEVNULL),
+                                   env=self.package.environment(**self.environment), **options)
         self.addCleanup(process.wait, 10)
         self.addCleanup(process.kill)
         return process

@@ -283,8 +283,7 @@ class TestForeign(NodeCase):
         os.makedirs(os.path.join(self.folder, "package/src/odd"))
         self.package.write("src/odd/declared.py", DECLARATIONS)
         robot, controller = self.start(RINGS, "<Fallback><FixtureHeard/><FixtureRing/></Fallback>",
-                                       'interface="odd.declared" leaves',
-                                       None,
+                                       'interface="odd.declared" leaves', None,
                                        ("/bell/ring:=" + SAY, "/bell/heard:=/speechEvent/text"))
         robot.publish("/speechEvent/text", "ding", hertz=20)
         for words in (r"FixtureRing failed: .*SystemExit: 7 \(odd/declared\.py:\d+\)",
@@ -313,8 +312,7 @@ class TestForeign(NodeCase):
 
     def test_an_import_that_does_not_end_is_told_within_its_limit(self):
         began = time.monotonic()
-        controller = self.start("import threading; threading.Event().wait()",
-                                "<WelcomeSpeech/>")[1]
+        controller = self.start("import threading; threading.Event().wait()", "<WelcomeSpeech/>")[1]
         self.assertEqual(controller.wait(40), 2, controller.lines.text())
         print("an import that does not end: {:.1f} s".format(time.monotonic() - began))
         self.assertIn('package odd: leaves="odd.leaves": its import has not ended',

@@ -90,12 +90,10 @@ class TestGateway(unittest.TestCase):
         self.assertEqual([type(result) for result in results], [Answer] * 7)
         robot.wait_for_request(SAY, 10.0)  # what the robot was asked is read by a thread
         self.assertEqual(results[5].response, "Yes")
-        self.assertEqual(
-            results[2].exhibits,
-            tuple(
-                Exhibit(place["name"], place["description1"], place["description2"],
-                        Location(*place["location"]), Point(*place["gesture"]))
-                for place in places()["exhibits"][:2]))
+        self.assertEqual(results[2].exhibits,
+                         tuple(Exhibit(place["name"], place["description1"], place["description2"],
+                                       Location(*place["location"]), Point(*place["gesture"]))
+                               for place in places()["exhibits"][:2]))
         self.assertEqual(
             [request["fields"] for request in robot.requests()], [{"state": "enabled"}, {
                 "gesture_type": "deictic", "gesture_id": 2, "gesture_duration": 1500,

@@ -154,10 +154,8 @@ class TestMission(NodeCase):
             if hertz:
                 robot.publish("/overtAttention/mode", "scanning", 0, hertz=hertz)
             delays = self.reactions(robot, 40)
-            print(
-                "message to request with attention at {} Hz: median {:.2f} ms, slowest of 40 "
-                "{:.2f} ms"
-                .format(hertz, 1000 * statistics.median(delays), 1000 * max(delays)))
+            print("message to request with attention at {} Hz: median {:.2f} ms, slowest of 40 "
+                  "{:.2f} ms".format(hertz, 1000 * statistics.median(delays), 1000 * max(delays)))
             self.assertLess(statistics.median(delays), 0.02)
             # a message that was lost would wait until the one before expires, 2 s
             self.assertLess(max(delays), 1.5)
@@ -298,8 +296,7 @@ class TestMission(NodeCase):
                 lambda line: "[WARN]" in line and words in line and topic in line, 20)
         robot.wait_for_request(SAY, 10, start=len(robot.lines.all))
         controller.stop()
-        told = [line for _, line in controller.lines.all
-                if topic in line and "robot: " not in line]
+        told = [line for _, line in controller.lines.all if topic in line and "robot: " not in line]
         self.assertEqual(len(told), 2, controller.lines.text())
 
     # ---------------------------------------------------------------------------- persistent causes

@@ -230,9 +230,8 @@ class TestMonitor(NodeCase):
         controller = self.start(WAITING + "<QueryTourSpeech/><IsYesNoUttered/>")
         robot.wait_for_listener(SPEECH, "yes")
         controller.lines.wait_for(lambda line: SPEECH in line and "nothing was asked" in line, 5)
-        operator = subprocess.Popen(
-            ["rostopic", "pub", "-1", SPEECH, "std_msgs/String", "data: 'yes'"],
-            stdout=subprocess.DEVNULL)
+        operator = subprocess.Popen(["rostopic", "pub", "-1", SPEECH, "std_msgs/String",
+                                     "data: 'yes'"], stdout=subprocess.DEVNULL)
         self.addCleanup(operator.wait)
         controller.lines.wait_for(lambda line: SPEECH in line and "latched" in line, 15)
         robot.publish(FACES, hertz=20)

@@ -89,9 +89,8 @@ class TestGateway(unittest.TestCase):
             self.assertEqual(self.ask(request).cause, Cause.NOT_ADVERTISED)
 
     def test_a_refusal_of_what_a_robot_may_lack_is_a_failure(self):
-        self.robot(
-            dict(RELEASE,
-                 **{"/robotLocalization/set_pose": "refuse", "/speechEvent/set_enabled": "odd"}))
+        self.robot(dict(RELEASE, **{
+            "/robotLocalization/set_pose": "refuse", "/speechEvent/set_enabled": "odd"}))
         results = [self.ask(SetPose(Location(0, 0, 0))), self.ask(SetRecognition(True))]
         self.assertEqual([result.cause for result in results],
                          [Cause.REFUSED, Cause.UNUSABLE_ANSWER])
@@ -367,11 +366,9 @@ class TestStart(ReleaseCase):
         self.assertIn("robot interface release-1.0; knowledge: ", text)
 
     def test_what_the_robot_lacks_is_said_once_and_the_mission_runs(self):
-        self.robot(
-            dict(
-                RELEASE, **{
-                    "/robotLocalization/set_pose": "absent", "/speechEvent/set_enabled": "absent",
-                    "/tabletEvent/prompt_and_get_response": "absent"}))
+        self.robot(dict(RELEASE, **{
+            "/robotLocalization/set_pose": "absent", "/speechEvent/set_enabled": "absent",
+            "/tabletEvent/prompt_and_get_response": "absent"}))
         code, text = self.run_node()
         self.assertEqual(code, 0, text)
         for name in ("/robotLocalization/set_pose", "/speechEvent/set_enabled",

@@ -236,9 +236,8 @@ class TestStart(ReleaseCase):
 
     def run_node(self, modes, **values):
         robot = Robot(modes)
-        self.package.configure(**dict(
-            dict(robotInterface="release-1.1", scenarioSpecification="small", missionRuns=1),
-            **values))
+        self.package.configure(**dict(dict(robotInterface="release-1.1",
+                                           scenarioSpecification="small", missionRuns=1), **values))
         controller = Controller(self.package)
         try:
             code = controller.wait(40)

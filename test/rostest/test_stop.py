@@ -25,9 +25,8 @@ class TestStop(NodeCase):
     def assert_safe_state_once(self, robot):
         """Expect that the last two requests, and no others, switched attention and animation off.
         """
-        off = [
-            request["service"] for request in robot.requests()
-            if request["fields"].get("state") == "disabled"]
+        off = [request["service"] for request in robot.requests() if request["fields"].get("state")
+               == "disabled"]
         self.assertEqual(sorted(off), sorted([ATTENTION, ANIMATION]))
         self.assertEqual(sorted(request["service"] for request in robot.requests()[-2:]),
                          sorted(off))
@@ -84,9 +83,8 @@ class TestStop(NodeCase):
         robot.kill()
         code, seconds = controller.stop()
         self.assertLess(seconds, LIMIT)
-        self.assertTrue(
-            [line for _, line in controller.lines.all if ATTENTION in line and ANIMATION in line],
-            controller.lines.text())
+        self.assertTrue([line for _, line in controller.lines.all if ATTENTION in line
+                         and ANIMATION in line], controller.lines.text())
         self.assertNotIn("Traceback", controller.lines.text())
 
     def test_at_any_moment_of_its_start(self):

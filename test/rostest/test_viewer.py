@@ -46,8 +46,7 @@ class Browser:
 
     def __init__(self, port):
         self.parts, self._news = {}, threading.Condition()
-        self._stream = urllib.request.urlopen(
-            "http://127.0.0.1:{}/events".format(port), timeout=60)
+        self._stream = urllib.request.urlopen("http://127.0.0.1:{}/events".format(port), timeout=60)
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):

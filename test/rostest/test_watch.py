@@ -146,9 +146,8 @@ class TestWatch(NodeCase):
     def test_the_operator_reads_what_groot2_does(self):
         self.start_with_page()
         client = self.groot2_client()
-        hook = {
-            "enabled": True, "uid": 5, "mode": 1, "once": False, "desired_status": "FAILURE",
-            "position": 1}
+        hook = {"enabled": True, "uid": 5, "mode": 1, "once": False, "desired_status": "FAILURE",
+                "position": 1}
         client.send_multipart([struct.pack("<BBI", 2, ord("I"), 1), json.dumps(hook).encode()])
         self.assertNotEqual(client.recv_multipart()[0], b"error")
         self.node.lines.wait_for(

@@ -229,9 +229,8 @@ def second_starts(trial, rounds):
             node.lines.wait_for(re.compile(" starts, |another node").search, A_START)
         time.sleep(STOP_LIMIT)
         staying = [node for node in nodes if node.process.poll() is None]
-        trial.require(
-            len(staying) == 1, "round {}: {} of {} nodes stay".format(number + 1, len(staying),
-                                                                      len(nodes)))
+        trial.require(len(staying) == 1,
+                      "round {}: {} of {} nodes stay".format(number + 1, len(staying), len(nodes)))
         codes = {node.process.poll() for node in nodes if node not in staying}
         trial.require(codes == {0}, "round {}: exit codes {}".format(number + 1, codes))
         if not staying:

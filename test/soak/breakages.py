@@ -176,13 +176,12 @@ class Catalogue:
         leaf.request = noted  # type: ignore[method-assign]
 
     def _note_neighbours(self, tree: Tree) -> None:
-        self.neighbours = [
-            (node.full_path, index, tuple(types(node.children[index:index + 2])) + tuple(
-                child.name for child in node.children[index:index + 2]
-                if child.name != child.registration_id))
-            for node in tree.nodes if isinstance(node, Control)
-            for index in range(len(node.children) - 1)
-            if all(types([child]) for child in node.children[index:index + 2])]
+        self.neighbours = [(node.full_path, index,
+                            tuple(types(node.children[index:index + 2])) + tuple(
+                                child.name for child in node.children[index:index + 2]
+                                if child.name != child.registration_id)) for node in tree.nodes
+                           if isinstance(node, Control) for index in range(len(node.children) - 1)
+                           if all(types([child]) for child in node.children[index:index + 2])]
         self.controls = [(node.full_path, type(node), [types([child]) for child in node.children])
                          for node in tree.nodes if isinstance(node, Control)]
         self.numbers = [
@@ -478,9 +477,8 @@ def other(value: Any) -> Any:
 
 def readers(entry: str) -> Tuple[str, ...]:
     """Return the node types that read an entry by default."""
-    return tuple(spec.id for spec in leaves.mission_specs()
-                 if any(port.default == entry and port.direction is not Direction.OUT
-                        for port in spec.ports))
+    return tuple(spec.id for spec in leaves.mission_specs() if any(
+        port.default == entry and port.direction is not Direction.OUT for port in spec.ports))
 
 
 def writes(port: str, change: Callable[[Callable[[str, Any], None], Any], None]
@@ -766,9 +764,8 @@ def in_mission(change: Callable[[Any], None]) -> Callable[[], Any]:
 def speaks_kinyarwanda(mission: Any) -> None:
     mission.phrases = phrases.load("Kinyarwanda")
     if mission.knowledge is not None:
-        mission.knowledge = dataclasses.replace(
-            mission.knowledge, phrases={number: text + " nyabuneka" for number, text
-                                        in mission.knowledge.phrases.items()})
+        mission.knowledge = dataclasses.replace(mission.knowledge, phrases={
+            number: text + " nyabuneka" for number, text in mission.knowledge.phrases.items()})
 
 
 def exchanges_phrases(mission: Any) -> None:
@@ -1285,9 +1282,8 @@ def wrong_missions(known: Catalogue) -> Iterator[Breakage]:
 
 FAMILIES: Tuple[Callable[[Catalogue], Iterator[Breakage]], ...] = (
     changed_requests, asked_otherwise, wrong_results, wrong_writes, wrong_order, wrong_controls,
-    wrong_exhibits, wrong_times,
-    wrong_rules, wrong_recoveries, wrong_safe_states, wrong_answers, wrong_numbers,
-    wrong_gateway, wrong_encodings, wrong_records, wrong_course, wrong_missions)
+    wrong_exhibits, wrong_times, wrong_rules, wrong_recoveries, wrong_safe_states, wrong_answers,
+    wrong_numbers, wrong_gateway, wrong_encodings, wrong_records, wrong_course, wrong_missions)
 
 
 def breakages(known: Catalogue) -> List[Breakage]:

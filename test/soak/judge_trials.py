@@ -29,10 +29,9 @@ from unittest import mock
 
 # the workspace links here
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.realpath(__file__))))
-sys.path[:0] = [
-    os.path.dirname(os.path.abspath(__file__)),
-    os.path.join(ROOT, "src"),
-    os.path.join(ROOT, "unit_tests", "src")]
+sys.path[:0] = [os.path.dirname(os.path.abspath(__file__)),
+                os.path.join(ROOT, "src"),
+                os.path.join(ROOT, "unit_tests", "src")]
 
 from breakages import ON_PURPOSE, Breakage, Catalogue, Needs, breakages  # noqa: E402
 from behavior_controller import exit_codes  # noqa: E402
@@ -232,8 +231,7 @@ def unseen(sound: RunResult, broken: RunResult) -> str:
         return "what was sent reached no node, and is not on record"
     end = sound.events[-1][0] - LATE_TOLERANCE
     if differing == ["record"] and not first_difference(*(
-            [(at, event) for at, event in recorded(played) if at < end]
-            for played in (sound, broken))):
+        [(at, event) for at, event in recorded(played) if at < end] for played in (sound, broken))):
         return "the record ends within {:g} s of the difference".format(LATE_TOLERANCE)
     is_fine = difference(sound, broken).startswith("times") and all(
         abs(at - then) < LATE_TOLERANCE for (at, _), (then, _) in zip(sound.asked, broken.asked))
@@ -449,8 +447,7 @@ def run_broken(seed: int, most: Optional[int] = None, only: str = "", names: Seq
     """Try the judge's sharpness, print the table, and return what passed."""
     outcomes = sharpness(chosen(seed, most, only, names), jobs)
     print("\n".join(report(outcomes, why)), flush=True)
-    return [outcome.what for outcome in outcomes
-            if outcome.is_visible and not outcome.objections]
+    return [outcome.what for outcome in outcomes if outcome.is_visible and not outcome.objections]
 
 
 def run_sound(seed: int, number: int, jobs: Optional[int] = None) -> List[str]:

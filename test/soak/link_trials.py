@@ -75,10 +75,9 @@ def lab_tour(trial, master):
     # where a failure is told the call may have been made again, or left out
     for service in SERVICES:
         told = len(re.findall(r"(?:FAILURE|failed), {}".format(service), node.lines.text()))
-        trial.require(
-            abs(made[service] - due[service]) <= told,
-            "{} calls of {}, expected {}, {} told".format(made[service], service, due[service],
-                                                          told))
+        trial.require(abs(made[service] - due[service]) <= told,
+                      "{} calls of {}, expected {}, {} told".format(
+                          made[service], service, due[service], told))
 
 
 def cut(trial, seconds, stops, master="robot", robot="robot", kind="tun"):

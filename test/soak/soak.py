@@ -55,9 +55,8 @@ class Soak:
 
     def controller(self, runs, by_voice):
         """Start the node."""
-        deadlines = {
-            service.split("/")[1].replace("Behaviour", "Behavior") + "Deadline": str(DEADLINE)
-            for service in SERVICES}
+        deadlines = {service.split("/")[1].replace("Behaviour", "Behavior")
+                     + "Deadline": str(DEADLINE) for service in SERVICES}
         self.package.configure(verboseMode="true", asrEnabled=str(by_voice).lower(),
                                missionRuns=str(runs), **deadlines)
         return Controller(self.package)
@@ -197,10 +196,9 @@ def run(names, short, seed):
         for name in names:
             began = time.monotonic()
             for title, count, found in PLANS[name](soak, short, seed):
-                print(
-                    "{}: {} tours, {} in {:.0f} s".format(
-                        title, count, "as predicted" if not found else "NOT as predicted",
-                        time.monotonic() - began), flush=True)
+                print("{}: {} tours, {} in {:.0f} s".format(
+                          title, count, "as predicted" if not found else "NOT as predicted",
+                          time.monotonic() - began), flush=True)
                 print("".join("  {}\n".format(problem) for problem in found), end="", flush=True)
                 problems += found
     finally:

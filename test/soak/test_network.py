@@ -45,10 +45,9 @@ def test_the_wire_delays_loses_and_cuts_as_it_is_told():
             sender = socket.socket(type=socket.SOCK_DGRAM)
         receiver.bind((MACHINES["robot"], PORT))
         sender.connect((MACHINES["robot"], PORT))
-        for settings, least, most, delay in (({}, 100, 100, 0.0), ({"delay": 0.3,
-                                                                    "loss": 0.5}, 25, 75, 0.3),
-                                             ({"cut": True}, 0, 0, math.inf),
-                                             ({"cut": False, "loss": 0.0}, 100, 100, 0.3)):
+        for settings, least, most, delay in (
+            ({}, 100, 100, 0.0), ({"delay": 0.3, "loss": 0.5}, 25, 75, 0.3),
+            ({"cut": True}, 0, 0, math.inf), ({"cut": False, "loss": 0.0}, 100, 100, 0.3)):
             network.set(**settings)
             sent = time.monotonic()
             for _ in range(100):

@@ -104,10 +104,9 @@ class Trial:
             told = "\n".join(line for came, line in node.lines.all
                              if came >= sent and not GONE.search(line))
             done = {service for service in SAFE_STATE if service in told}
-        self.require(
-            done == SAFE_STATE,
-            "SIGTERM {}: {} for {}".format(moment, "not asked" if is_reachable else "not a word",
-                                           " and ".join(sorted(SAFE_STATE - done))))
+        self.require(done == SAFE_STATE, "SIGTERM {}: {} for {}".format(
+            moment, "not asked" if is_reachable else "not a word",
+            " and ".join(sorted(SAFE_STATE - done))))
 
     def look_for_our_mistakes(self):
         """Note the kinds of lines that no operator should ever see."""
@@ -123,18 +122,16 @@ def when(node, pattern, since, seconds):
     came in ``seconds``."""
     start = sum(came < since for came, _ in list(node.lines.all))
     try:
-        return node.lines.wait_for(
-            re.compile(pattern).search, max(0.0, since + seconds - time.monotonic()),
-            start)[0] - since
+        return node.lines.wait_for(re.compile(pattern).search,
+                                   max(0.0, since + seconds - time.monotonic()), start)[0] - since
     except AssertionError:
         return math.inf
 
 
 def longest_gap(node, pattern, since, until):
     """Return the longest time without a line with ``pattern`` between two moments (monotonic)."""
-    times = [
-        came for came, line in list(node.lines.all)
-        if since < came < until and re.search(pattern, line)]
+    times = [came for came, line in list(node.lines.all) if since < came < until
+             and re.search(pattern, line)]
     return max(later - sooner for sooner, later in zip([since] + times, times + [until]))
 
 
@@ -176,11 +173,10 @@ def _run(name, limit, function, seed):
         text = str(error).splitlines() or ["a wait of the trial failed"]
         trial.problems.append("\n    ".join(text if len(text) < LINES_SHOWN else text[:1] +
                                             text[-LINES_SHOWN:]))
-    print(
-        "{}: {} in {:.0f} s: {}".format(name,
-                                        "NOT as it should" if trial.problems else "as it should",
-                                        time.monotonic() - began, ", ".join(trial.times)),
-        flush=True)
+    print("{}: {} in {:.0f} s: {}".format(name,
+                                          "NOT as it should" if trial.problems else "as it should",
+                                          time.monotonic() - began, ", ".join(trial.times)),
+          flush=True)
     print("".join("  {}\n".format(problem) for problem in trial.problems), end="", flush=True)
     return ["{}: {}".format(name, problem) for problem in trial.problems]
 

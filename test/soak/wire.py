@@ -104,9 +104,8 @@ def tell(**event):
 def main():
     """Make the devices, say so, and carry."""
     try:
-        ends = [
-            make_device(namespace, TAP if sys.argv[1] == "tap" else TUN)
-            for namespace in sys.argv[2:]]
+        ends = [make_device(namespace, TAP if sys.argv[1] == "tap" else TUN)
+                for namespace in sys.argv[2:]]
     except OSError as error:
         tell(error=str(error))
         return 1

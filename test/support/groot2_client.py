@@ -43,6 +43,5 @@ class Client:
 
 
 def hook(uid, position=0, mode=1, once=False, enabled=True, status="SUCCESS"):
-    return json.dumps({
-        "enabled": enabled, "uid": uid, "mode": mode, "once": once, "desired_status": status,
-        "position": position})
+    return json.dumps({"enabled": enabled, "uid": uid, "mode": mode, "once": once,
+                       "desired_status": status, "position": position})

@@ -37,9 +37,8 @@ class Cond(Script, ConditionLeaf):
 
 
 SCRIPTS = {}
-SPECS = builtin_specs() + [
-    NodeSpec("Act", Kind.ACTION, Act),
-    NodeSpec("Cond", Kind.CONDITION, Cond)]
+SPECS = builtin_specs() + [NodeSpec("Act", Kind.ACTION, Act),
+                           NodeSpec("Cond", Kind.CONDITION, Cond)]
 
 
 class Served(Groot2Publisher):

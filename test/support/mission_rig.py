@@ -24,15 +24,13 @@ EXHIBITS = tuple(
             Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n in (1, 2))
 ENTRANCE = Exhibit("entrance", "", "", Location(7.0, 8.0, 180.0), Point(7.5, 8.5, 1.5))
 HOME = Exhibit("home", "", "", Location(0.5, 0.25, 0.0), Point(0.0, 0.0, 0.0))
-RUN = events.RunStarted(
-    "some/where/lab_tour.xml", [], {},
-    events.Sources((), Source("", ""), Source("", ""), ""),
-    {offer.name: offer.kind for offer in INTERFACE.offers})
+RUN = events.RunStarted("some/where/lab_tour.xml", [], {},
+                        events.Sources((), Source("", ""), Source("", ""), ""),
+                        {offer.name: offer.kind for offer in INTERFACE.offers})
 # of a runner without a wait for an event; without a limit such a test would not end
 MOST_ROUNDS = 2 * runner.ROUNDS_AT_ONCE
-CAUSES = [
-    Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
-    Cause.HANDLER_EXCEPTION, Cause.TYPE_MISMATCH]
+CAUSES = [Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
+          Cause.HANDLER_EXCEPTION, Cause.TYPE_MISMATCH]
 ASKS_WITHOUT_START_OF_TREE = """<Sequence><QueryTourSpeech/><ForceSuccess><ReactiveFallback>
 <IsYesNoUttered/><ForceFailure><Sleep msec='2000'/></ForceFailure></ReactiveFallback></ForceSuccess>
 <IsVisitorResponseYes/><LookUpEntrance/><Navigate/></Sequence>"""
@@ -55,9 +53,8 @@ class Rig(Trial):
         if answer is not NotImplemented:
             return answer
         if isinstance(request, QueryKnowledge):
-            return Answer(
-                exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE, ), "home": (HOME, )}[
-                    request.what])
+            return Answer(exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE,),
+                                    "home": (HOME,)}[request.what])
         return Answer(response="1")
 
     @property

@@ -101,8 +101,7 @@ SELECTORS = """<SelectController selected="{selected_controller}" default="Pursu
 
 def with_recovery(inside):
     return ('<RecoverAndRetry attempts="6" name="Navigate">\n    {}\n    {}\n  </'
-            'RecoverAndRetry>'.format(
-        inside, RECOVERIES))
+            'RecoverAndRetry>'.format(inside, RECOVERIES))
 
 
 def pipeline(*parts):

@@ -52,9 +52,8 @@ class Day:
 
     def answer(self, request):
         if isinstance(request, QueryKnowledge):
-            return Answer(
-                exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE, ), "home": (HOME, )}[
-                    request.what])
+            return Answer(exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE,),
+                                    "home": (HOME,)}[request.what])
         if self.kind == "robot refuses" and isinstance(request,
                                                        PerformGesture) and self.draw.random() < 0.4:
             return Failure(Cause.REFUSED, "a joint is too hot", service_of(request))
@@ -86,11 +85,9 @@ class Day:
         is_dead = self.kind == "drive dies" and rig.clock.now() - self.began > 60
         if is_dead != self.is_dead:
             self.is_dead = is_dead
-            rig.report(
-                GONE,
-                HealthChanged("service", service_of(GoTo), "robotNavigation", not is_dead,
-                              "gone" if is_dead else "back",
-                              "the robot cannot drive" if is_dead else "", GONE))
+            rig.report(GONE, HealthChanged(
+                "service", service_of(GoTo), "robotNavigation", not is_dead,
+                "gone" if is_dead else "back", "the robot cannot drive" if is_dead else "", GONE))
 
     def publish(self, rig):
         since = rig.clock.now() - self.began
@@ -111,8 +108,7 @@ def recorded_day(folder, monkeypatch, runs, kinds=KINDS):
     day = Day(kinds)
     rig = Rig("lab_tour", answer=lambda request: None)
     rig.mission_file = folders.mission("lab_tour")
-    monkeypatch.setattr(record_module.events, "unix_now",
-                        lambda: BEGAN + rig.clock.now() - 1000.0)
+    monkeypatch.setattr(record_module.events, "unix_now", lambda: BEGAN + rig.clock.now() - 1000.0)
     monkeypatch.setattr(record_module, "MOST_FOR_DISK", 10 ** 9)
     record = FileRecord(str(folder), pytest.fail).open()
     rig.mission.events.subscribe(record)

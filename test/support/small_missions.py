@@ -51,7 +51,6 @@ def chain(length):
 
 
 def circle(length):
-    return root(
-        "".join(
-            tree('<SubTree ID="T{}"/>'.format((number + 1) % length), "T{}".format(number))
-            for number in range(length)), 'BTCPP_format="4" main_tree_to_execute="T0"')
+    return root("".join(tree('<SubTree ID="T{}"/>'.format((number + 1) % length),
+                             "T{}".format(number)) for number in range(length)),
+                'BTCPP_format="4" main_tree_to_execute="T0"')

@@ -87,10 +87,9 @@ def walks_off(rig):
 def loses_the_voice(rig):
     """Lose the node that speaks while the visitor is met."""
     if not rig.of(HealthChanged):
-        rig.mission.health.report(
-            GONE,
-            HealthChanged("service", "/textToSpeech/say_text", "textToSpeech", False,
-                          "gone: no node offers it", "until it is back, the robot cannot speak"))
+        rig.mission.health.report(GONE, HealthChanged(
+            "service", "/textToSpeech/say_text", "textToSpeech", False, "gone: no node offers it",
+            "until it is back, the robot cannot speak"))
     visitor_who("no")(rig)
 
 

@@ -53,9 +53,8 @@ LAYERS = [
     ["errors", "exit_codes", "ros_arguments"],
     ["ros_packages"],
     ["text", "foreign_code", "folders", "thread_check"]]
-ROS = {
-    "actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch",
-    "roslib", "rosnode", "rospy", "rosservice", "rostopic", "std_msgs"}
+ROS = {"actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph",
+       "roslaunch", "roslib", "rosnode", "rospy", "rosservice", "rostopic", "std_msgs"}
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 LONGEST_FUNCTION = 60  # lines
 LONGEST_LINE = 100
@@ -260,9 +259,8 @@ def test_no_two_public_classes_have_one_name():
 
 
 def test_the_engine_knows_neither_ros_nor_this_robot():
-    below = tuple(PRODUCT + inner
-                  for inner in (".bt", ".errors", ".foreign_code", ".ros_packages", ".text",
-                                ".thread_check"))
+    below = tuple(PRODUCT + inner for inner in (
+        ".bt", ".errors", ".foreign_code", ".ros_packages", ".text", ".thread_check"))
     assert [(name, other) for name in OURS if name.startswith(PRODUCT + ".bt.")
             for other in imports(name)
             if outer(other) == PRODUCT and not other.startswith(below)] == []
@@ -280,9 +278,8 @@ def test_only_the_document_imports_lxml():
 
 def strings(tree):
     """Return each string constant of a module that is not a docstring, with its line."""
-    docstrings = {
-        id(node.body[0].value) for node in ast.walk(tree)
-        if isinstance(node, DOCUMENTED) and node.body and isinstance(node.body[0], ast.Expr)}
+    docstrings = {id(node.body[0].value) for node in ast.walk(tree) if isinstance(node, DOCUMENTED)
+                  and node.body and isinstance(node.body[0], ast.Expr)}
     return [(node.lineno, node.value) for node in ast.walk(tree) if isinstance(node, ast.Constant)
             and isinstance(node.value, str) and id(node) not in docstrings]
 
@@ -434,9 +431,8 @@ def test_no_line_is_longer_than_100_characters():
 def test_every_python_package_is_installed(package, folder):
     text = ast.dump(parse(os.path.join(folder, "setup.py")))
     start = os.path.join(ROOT, folder, "src")
-    packages = {
-        os.path.relpath(place, start).replace(os.sep, ".") for place, _, names in os.walk(start)
-        if "__init__.py" in names}
+    packages = {os.path.relpath(place, start).replace(os.sep, ".")
+                for place, _, names in os.walk(start) if "__init__.py" in names}
     assert packages
     assert {name for name in packages if "'{}'".format(name) not in text} == set()
 
@@ -465,9 +461,8 @@ def test_no_file_names_a_place_on_somebodys_machine():
         if os.path.isfile(os.path.join(ROOT, path)) and not path.endswith(
             ("test_architecture.py", ".xz")):
             with open(os.path.join(ROOT, path), encoding="utf-8", errors="replace") as file:
-                found += [
-                    "{}: {}".format(path, match.group())
-                    for match in MACHINE_PATH.finditer(file.read())]
+                found += ["{}: {}".format(path, match.group())
+                          for match in MACHINE_PATH.finditer(file.read())]
     assert found == []
 
 
@@ -477,9 +472,8 @@ def test_the_architecture_document_names_what_is_there():
     places = ("src/" + PRODUCT, "unit_tests/src/unit_tests", "unit_tests/src", "unit_tests", ".",
               "test/unit", "unit_tests/test/unit")
     assert len(named) > 20
-    assert {
-        name for name in named
-        if not any(os.path.exists(os.path.join(ROOT, place, name)) for place in places)} == set()
+    assert {name for name in named if not any(
+        os.path.exists(os.path.join(ROOT, place, name)) for place in places)} == set()
 
 
 def members():
@@ -490,9 +484,8 @@ def members():
         tree = parse(MODULES[name])
         for head, body in [(name.split(".")[-1], tree.body)] + [
             (node.name, node.body) for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]:
-            targets = [
-                target for node in body
-                for target in getattr(node, "targets", [getattr(node, "target", node)])]
+            targets = [target for node in body for target in getattr(node, "targets", [
+                getattr(node, "target", node)])]
             found.setdefault(head, set()).update(
                 getattr(target, "name", getattr(target, "id", "")) for target in targets)
     return found

@@ -25,9 +25,8 @@ def kolmogorov_smirnov(sample, cumulative):
     """Return the p-value of a sample under a distribution (Kolmogorov's series; good for large
     samples)."""
     ordered, size = sorted(sample), len(sample)
-    distance = max(
-        max((i + 1) / size - cumulative(x),
-            cumulative(x) - i / size) for i, x in enumerate(ordered))
+    distance = max(max((i + 1) / size - cumulative(x), cumulative(x) - i / size)
+                   for i, x in enumerate(ordered))
     scaled = distance * math.sqrt(size)
     if scaled < 0.2:
         return 1.0

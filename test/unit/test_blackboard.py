@@ -151,20 +151,10 @@ def test_what_an_empty_typed_entry_takes(declared, value, value_type, stored):
 
 
 @pytest.mark.parametrize("declared, value, value_type", [
-    ("int", 2.5, "double"),
-    ("int", 2**31, "int64"),
-    ("uint", -1, "int"),
-    ("uint8", 300, "int"),
-    ("int", "x", "string"),
-    ("int8", 200, "int"),
-    ("double", 2**53 + 1, "int64"),
-    ("bool", 1, "int"),
-    ("string", 1, "int"),
-    ("vec_int", [1.5], None),
-    ("vec_int", ["1"], None),
-    ("vec_int", [True], None),
-    ("int", [1], None),
-    ("list", "x", "string")])
+    ("int", 2.5, "double"), ("int", 2**31, "int64"), ("uint", -1, "int"), ("uint8", 300, "int"),
+    ("int", "x", "string"), ("int8", 200, "int"), ("double", 2**53 + 1, "int64"),
+    ("bool", 1, "int"), ("string", 1, "int"), ("vec_int", [1.5], None), ("vec_int", ["1"], None),
+    ("vec_int", [True], None), ("int", [1], None), ("list", "x", "string")])
 def test_what_a_typed_entry_refuses(declared, value, value_type):
     board = Blackboard()
     entry = board.create("k", declared)
@@ -203,13 +193,8 @@ def test_writing_through_a_remapping_respects_the_type():
 
 
 @pytest.mark.parametrize("value, value_type, origin", [
-    (4, "int", "int"),
-    (True, "bool", "bool"),
-    (3, None, "int"),
-    (1.5, None, "double"),
-    ("x", None, "string"),
-    (3000000000, "uint", "uint"),
-    ([3], "vec_int", "vec_int")])
+    (4, "int", "int"), (True, "bool", "bool"), (3, None, "int"), (1.5, None, "double"),
+    ("x", None, "string"), (3000000000, "uint", "uint"), ([3], "vec_int", "vec_int")])
 def test_a_value_remembers_what_it_was(value, value_type, origin):
     board = Blackboard()
     board.set("k", value, value_type)

@@ -67,10 +67,9 @@ def test_the_tree_has_the_nodes_of_the_mission_with_their_names_and_types():
     nodes = board_of(rig).part("mission")["nodes"]
     assert [(node["uid"], node["name"], node["path"]) for node in nodes] == [
         (node.uid, node.name, node.full_path) for node in rig.tree.nodes]
-    assert [[child.uid for child in node.children] for node in rig.tree.nodes
-            ] == [[node["uid"] for node in nodes if node["parent"] == uid]
-                  for uid in range(1,
-                                   len(nodes) + 1)]
+    assert [[child.uid for child in node.children] for node in rig.tree.nodes] == [
+        [node["uid"] for node in nodes if node["parent"] == uid]
+        for uid in range(1, len(nodes) + 1)]
     assert len([node for node in nodes if node["subtree"]]) == len(
         [node for node in rig.tree.nodes if node.registration_id == "SubTree"])
 
@@ -91,9 +90,8 @@ def test_nodes_are_called_what_py_trees_render_calls_them():
     board = board_of(rig)
     rig.mission.events.emit(RUN)
 
-    labels = [
-        " ".join(filter(None, (node["name"], node["kind"])))
-        for node in board.part("mission")["nodes"]]
+    labels = [" ".join(filter(None, (node["name"], node["kind"])))
+              for node in board.part("mission")["nodes"]]
     assert sorted(labels) == sorted(node.name for node in create_tree("lab_tour").iterate())
 
 
@@ -134,18 +132,17 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
     assert board.versions == before
 
 
-@pytest.mark.parametrize(
-    "before, event, changed",
-    [([], RUN, "health mission now ready story"), ([], PassStarted(1, 0.0), "now story timeline"),
-     ([PassStarted(1, 0.0)], PassFinished(1, "SUCCESS", 1.0), "now story visits"),
-     ([], PassFinished(1, "SUCCESS", 1.0), ""),
-     ([], StepStarted(1, "x", "x", "driving", "", 0.0, False), "now timeline"),
-     ([StepStarted(1, "x", "x", "driving", "", 0.0, False)
-       ], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), "now timeline"),
-     ([], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), ""),
-     ([], Noticed("info", "so"), "story"), ([], Noticed("warning", "so"), "story"),
-     ([], GONE_AWAY, "health now ready story"),
-     ([], RunFinished("stopped", 0), "now ready story visits")])
+@pytest.mark.parametrize("before, event, changed", [
+    ([], RUN, "health mission now ready story"), ([], PassStarted(1, 0.0), "now story timeline"),
+    ([PassStarted(1, 0.0)], PassFinished(1, "SUCCESS", 1.0), "now story visits"),
+    ([], PassFinished(1, "SUCCESS", 1.0), ""),
+    ([], StepStarted(1, "x", "x", "driving", "", 0.0, False), "now timeline"),
+    ([StepStarted(1, "x", "x", "driving", "", 0.0, False)],
+     LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), "now timeline"),
+    ([], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), ""),
+    ([], Noticed("info", "so"), "story"), ([], Noticed("warning", "so"), "story"),
+    ([], GONE_AWAY, "health now ready story"),
+    ([], RunFinished("stopped", 0), "now ready story visits")])
 def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before, event, changed):
     let_time_stand(monkeypatch, [50.0])
     rig = one_leaf("<WelcomeSpeech/>")
@@ -282,16 +279,14 @@ def test_story_visits_health_trouble_and_blackboard():
         (sentence.visit, sentence.text, sentence.uid) for sentence in told]
     assert [each["number"] for each in shown] == list(range(1, len(told) + 1))
     assert [each["trouble"].partition(" is ")[0] for each in ill] == ["/robotNavigation/set_goal"]
-    assert board.part("visits")["counted"] == (
-        "1 visit: 1 complete without steps")
+    assert board.part("visits")["counted"] == ("1 visit: 1 complete without steps")
     assert [(each["number"], each["outcome"], [
         (one["name"], one["state"]) for one in each["stops"]
     ]) for each in board.part("visits")["newest"]] == [(1, "SUCCESS", [("exhibit 1", "completed"),
                                                                        ("exhibit 2", "completed")])]
     assert board.part("visits")["newest"][0]["ending"] == how_it_ended(story.state.visit) != ""
     entries = board.part("blackboard")
-    assert (entries["currentExhibit"], entries["exhibits"]) == (
-        "exhibit 2", "exhibit 1, exhibit 2")
+    assert (entries["currentExhibit"], entries["exhibits"]) == ("exhibit 2", "exhibit 1, exhibit 2")
 
 
 def test_an_entry_of_a_subtree_is_shown_with_the_subtree_s_path():
@@ -404,12 +399,8 @@ def test_where_the_run_is_while_a_recovery_does_a_node_again(path, uid, tip):
 
 
 def test_results_that_differ_are_not_one_and_a_failure_is_that_of_its_tick():
-    answers = [
-        Answer(),
-        Failure(Cause.REFUSED, "a"),
-        Failure(Cause.REFUSED, "b"),
-        Failure(Cause.REFUSED, "b"),
-        Answer()]
+    answers = [Answer(), Failure(Cause.REFUSED, "a"), Failure(Cause.REFUSED, "b"),
+               Failure(Cause.REFUSED, "b"), Answer()]
     rig = one_leaf("<ForceSuccess><WelcomeSpeech/></ForceSuccess>", lambda request: answers.pop(0))
     board = board_of(rig)
     rig.mission.events.emit(
@@ -524,9 +515,8 @@ def test_statuses_of_a_visitor_end_with_the_pass():
 
     def visitor(rig):
         passes = len(rig.of(PassFinished))
-        greeted = sum(
-            isinstance(request, Say) and request.text.startswith("Hello")
-            for request in rig.requests)
+        greeted = sum(isinstance(request, Say) and request.text.startswith("Hello")
+                      for request in rig.requests)
         if greeted > passes and passes not in seen:
             seen[passes] = letters(board), board.part("now")
         visitor_who(says="no")(rig)
@@ -680,8 +670,7 @@ def test_a_time_of_the_mission_s_clock_is_shown_as_the_time_of_day(monkeypatch):
     rig.mission.events.emit(PassStarted(1, rig.clock.now()))
     asked = [(name, str(rig.clock.now() + 75.0)) for name in ("questionAskedAt", "other")]
     rig.mission.events.emit(EntriesWritten(asked))
-    assert board.part("blackboard") == {"questionAskedAt": time_of_day(125.0),
-                                        "other": asked[1][1]}
+    assert board.part("blackboard") == {"questionAskedAt": time_of_day(125.0), "other": asked[1][1]}
 
 
 @pytest.mark.parametrize("name, text, has_visit, expected", [

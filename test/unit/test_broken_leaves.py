@@ -194,10 +194,8 @@ def test_what_is_inside_a_faulty_node_has_its_faults_too():
         (2, 13, "unknown-node"), (2, 32, "node-broken")]
 
 
-@pytest.mark.parametrize(
-    "raised",
-    [SystemExit(3), KeyboardInterrupt(),
-     GeneratorExit(), KeyError("gripper")])
+@pytest.mark.parametrize("raised", [
+    SystemExit(3), KeyboardInterrupt(), GeneratorExit(), KeyError("gripper")])
 @pytest.mark.parametrize("at, where", [("start", ""), ("running", ""), ("timer", "a callback of "),
                                        ("lambda", "a callback of "), ("thread", "a callback of "),
                                        ("halt", "the halt of ")])
@@ -211,11 +209,9 @@ def test_whatever_a_leaf_raises_wherever_is_its_failure_with_both_places(
         assert tree.tick_once() is RUNNING
         tree.tick_once()
         tree.halt()
-    assert re.match(
-        r"Exception in {}node 'grip' \[Anything\]: m.xml:3:1: {}.* \(unit/"
-        r"test_broken_leaves.py:\d+\)$"
-        .format(where,
-                type(raised).__name__), str(failed.value))
+    assert re.match(r"Exception in {}node 'grip' \[Anything\]: m.xml:3:1: {}.* \(unit/"
+                    r"test_broken_leaves.py:\d+\)$".format(where, type(raised).__name__),
+                    str(failed.value))
     assert failed.value.__cause__ is raised
 
 

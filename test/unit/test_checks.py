@@ -245,43 +245,34 @@ def test_names_of_ports_in_models(name, words):
 
 WARNINGS = {
     "no format": (root(tree(LEAF), ""), (1, 1), "format-missing", 'lacks BTCPP_format="4"'),
-    "another format": (
-        root(tree(LEAF), 'BTCPP_format="3"'), (1, 7), "other-format", "BTCPP_format is 3"),
-    "ignored below root": (
-        root(tree(LEAF) + "\n<Includes/>"), (5, 1), "ignored-below-root",
-        "<Includes> below <root> is ignored", "did you mean include?"),
-    "a node below root": (
-        root(tree(LEAF) + "\n<Action/>"), (5, 1), "ignored-below-root",
-        "<Action> below <root> is ignored ()"),
-    "a node with an ID below root": (
-        root(tree(LEAF) + '<TreeNodesModel/>\n<Action ID="x"/>'), (5, 1), "ignored-below-root",
-        "<Action> below <root> is ignored"),
-    "blank in an ID": (
-        root(tree('<SubTree ID="a b"/>') + "\n" + tree(LEAF, "a b")), (5, 17), "id-blanks",
-        "the ID a b contains ' '", "4.10"),
-    "dot in an ID": (
-        root(tree('<SubTree ID="a.b"/>') + "\n" + tree(LEAF, "a.b")), (5, 17), "id-blanks",
-        "the ID a.b contains '.'"),
-    "tree defined twice": (
-        root(tree(LEAF) + "\n" + tree(LEAF)), (5, 17), "tree-twice", "Main is defined again",
-        "m.xml:2"),
-    "__shared_blackboard": (
-        root(tree('<SubTree ID="S" __shared_blackboard="true"/>') + tree(LEAF, "S")), (3, 21),
-        "subtree-old", "means nothing in version 4", '_autoremap="true"'),
-    "__autoremap": (
-        root(tree('<SubTree ID="S" __autoremap="true"/>') + tree(LEAF, "S")), (3, 21),
-        "subtree-old", "_autoremap"),
-    "warning of a node type": (
-        main("<Old/>"), (3, 5), "node-type-warning", "another spelling of Navigate"),
-    "unknown port in an unused tree": (
-        root(tree(LEAF) + "\n" + tree('<Typed nummber="1"/>', "B")), (6, 12), "unknown-port",
-        "did you mean number?"),
-    "circle of unused trees": (
-        root(tree(LEAF) + "\n" + tree('<SubTree ID="B"/>', "B")), (6, 14), "tree-circle",
-        "contains itself"),
-    "bad script in an unused tree": (
-        root(tree(LEAF) + "\n" + tree('<Script code="("/>', "B")), (6, 13), "script-syntax",
-        "script of code")}
+    "another format": (root(tree(LEAF), 'BTCPP_format="3"'), (1, 7), "other-format",
+                       "BTCPP_format is 3"),
+    "ignored below root": (root(tree(LEAF) + "\n<Includes/>"), (5, 1), "ignored-below-root",
+                           "<Includes> below <root> is ignored", "did you mean include?"),
+    "a node below root": (root(tree(LEAF) + "\n<Action/>"), (5, 1), "ignored-below-root",
+                          "<Action> below <root> is ignored ()"),
+    "a node with an ID below root": (root(tree(LEAF) + '<TreeNodesModel/>\n<Action ID="x"/>'),
+                                     (5, 1), "ignored-below-root",
+                                     "<Action> below <root> is ignored"),
+    "blank in an ID": (root(tree('<SubTree ID="a b"/>') + "\n" + tree(LEAF, "a b")), (5, 17),
+                       "id-blanks", "the ID a b contains ' '", "4.10"),
+    "dot in an ID": (root(tree('<SubTree ID="a.b"/>') + "\n" + tree(LEAF, "a.b")), (5, 17),
+                     "id-blanks", "the ID a.b contains '.'"),
+    "tree defined twice": (root(tree(LEAF) + "\n" + tree(LEAF)), (5, 17), "tree-twice",
+                           "Main is defined again", "m.xml:2"),
+    "__shared_blackboard": (root(tree('<SubTree ID="S" __shared_blackboard="true"/>')
+                                 + tree(LEAF, "S")), (3, 21), "subtree-old",
+                            "means nothing in version 4", '_autoremap="true"'),
+    "__autoremap": (root(tree('<SubTree ID="S" __autoremap="true"/>') + tree(LEAF, "S")), (3, 21),
+                    "subtree-old", "_autoremap"),
+    "warning of a node type": (main("<Old/>"), (3, 5), "node-type-warning",
+                               "another spelling of Navigate"),
+    "unknown port in an unused tree": (root(tree(LEAF) + "\n" + tree('<Typed nummber="1"/>', "B")),
+                                       (6, 12), "unknown-port", "did you mean number?"),
+    "circle of unused trees": (root(tree(LEAF) + "\n" + tree('<SubTree ID="B"/>', "B")), (6, 14),
+                               "tree-circle", "contains itself"),
+    "bad script in an unused tree": (root(tree(LEAF) + "\n" + tree('<Script code="("/>', "B")),
+                                     (6, 13), "script-syntax", "script of code")}
 
 
 @pytest.mark.parametrize("rule", sorted(WARNINGS))
@@ -309,12 +300,10 @@ def test_version_3_remapping_without_braces_is_a_warning_in_files_that_do_not_sa
     '<Typed list="json:[1, 2]" out="-1.5e3" number="007"/>',
     '<Typed number="{k}" flag="{=}" text=" = "/>',
     '<Typed xmlns:a="b" c.d="e" ü="f" _uid="7" _fullpath="x" _description="y" name="tab	and '
-    '{braces}"/>',
-    '<Control ID="Navigate"/>', '<Script code=""/>', '<Script code="{code}"/>',
+    '{braces}"/>', '<Control ID="Navigate"/>', '<Script code=""/>', '<Script code="{code}"/>',
     '<Script code="a:=1 b:=2"/>', '<Navigate _skipIf="1 < 2 && 3 > 2"/>',
     '<ReactiveSequence><SubTree ID="Other"/><AsyncSequence><Action ID="Navigate"/></AsyncSequence>'
-    '</ReactiveSequence>',
-    '<SubTree ID="Other" _autoremap="1" _x="{y}" a="{=}" b="=" c="2"/>',
+    '</ReactiveSequence>', '<SubTree ID="Other" _autoremap="1" _x="{y}" a="{=}" b="=" c="2"/>',
     '<IfThenElse><AlwaysSuccess/></IfThenElse>', '<Sleep/>'])
 def test_what_behaviortree_cpp_accepts_is_no_fault(body):
     assert told(root(tree(body) + tree(LEAF, "Other"))) == []
@@ -404,9 +393,8 @@ def test_what_is_wrong_inside_a_faulty_element_is_told_too():
             for fault in caught.value.faults] == [(3, 5), (4, 1), (4, 24), (4, 39), (5, 1)]
 
 
-@pytest.mark.parametrize(
-    "text", [root(tree('<SubTree ID="S"/>') + tree(LEAF + LEAF, "S")),
-             main(LEAF + LEAF)])
+@pytest.mark.parametrize("text", [
+    root(tree('<SubTree ID="S"/>') + tree(LEAF + LEAF, "S")), main(LEAF + LEAF)])
 def test_a_tree_of_two_nodes_is_one_fault(text):
     with pytest.raises(MissionError) as caught:
         load_text(text, REGISTRY)
@@ -472,10 +460,9 @@ def test_a_number_that_is_not_read_to_its_end_is_told_with_what_is_read(
     load_text(main(body), REGISTRY)
 
 
-UNITS = {
-    "ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000,
-    "seconds": 1000, "min": 60_000, "minute": 60_000, "minutes": 60_000,
-    "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000}
+UNITS = {"ms": 1, "msec": 1, "milliseconds": 1, "s": 1000, "sec": 1000, "Second": 1000,
+         "seconds": 1000, "min": 60_000, "minute": 60_000, "minutes": 60_000, "H": 3_600_000,
+         "hour": 3_600_000, "hours": 3_600_000}
 
 
 @pytest.mark.parametrize("body, hint", [
@@ -572,9 +559,8 @@ def test_a_thousand_faults_are_told(faults):
 
 @pytest.mark.parametrize("inside", ["<Old/>", "a text <Navigate/>"])
 def test_a_thousand_warnings_are_told(inside):
-    found = checked(
-        root(tree("<Sequence>{}</Sequence>".format(inside * 1001)),
-             'main_tree_to_execute="Main"')).faults
+    found = checked(root(tree("<Sequence>{}</Sequence>".format(inside * 1001)),
+                         'main_tree_to_execute="Main"')).faults
     assert [fault.is_warning for fault in found] == [True] * 1000
 
 

@@ -51,10 +51,9 @@ def file(tmp_path):
     return write
 
 
-MAINS = {
-    "validateMission": cli.validate, "exportNodeModel": cli.export_node_model,
-    "missionStatus": status_tool.main, "missionViewer": viewer.main, "replayMission": replay_cli.main
-}
+MAINS = {"validateMission": cli.validate, "exportNodeModel": cli.export_node_model,
+         "missionStatus": status_tool.main, "missionViewer": viewer.main,
+         "replayMission": replay_cli.main}
 
 
 @pytest.mark.parametrize("main", MAINS.values(), ids=MAINS)
@@ -160,9 +159,8 @@ def test_json_holds_all_that_an_editor_needs(file, capsys):
     ((3, 5), {"start": {"line": 3, "column": 5}, "end": {"line": 3, "column": 5}}), ((0, 0), None)])
 def test_json_of_a_fault_whose_end_or_place_is_not_known(place, expected):
     fault = Fault("places.dat", *place, "odd", "mend it", True)
-    assert as_json(fault) == {
-        "file": "places.dat", "range": expected, "severity": "warning", "code": "", "text": "odd",
-        "hint": "mend it"}
+    assert as_json(fault) == {"file": "places.dat", "range": expected, "severity": "warning",
+                              "code": "", "text": "odd", "hint": "mend it"}
 
 
 def test_arguments_that_ros_adds_are_passed_over(file):
@@ -199,10 +197,9 @@ def test_the_palette_holds_what_is_registered_beside_the_leaves(capsys, monkeypa
 
 
 def test_ports_have_type_default_and_description():
-    spec = NodeSpec(
-        "A&B", Kind.ACTION, None,
-        (Port("first", "uint", Direction.IN, "1 < 2", "how <long> & why"),
-         Port("second", "string", Direction.INOUT), Port("third", "double", Direction.OUT)))
+    spec = NodeSpec("A&B", Kind.ACTION, None, (
+        Port("first", "uint", Direction.IN, "1 < 2", "how <long> & why"),
+        Port("second", "string", Direction.INOUT), Port("third", "double", Direction.OUT)))
     model = etree.fromstring(tree_nodes_model([spec]))[0]
     assert (model.tag, model.get("ID"), len(model)) == ("Action", "A&B", 3)
     assert [(port.tag, dict(port.attrib), port.text) for port in model
@@ -346,8 +343,7 @@ def test_one_tree_of_a_file_can_be_drawn(file):
 
 
 @pytest.mark.parametrize("arguments, words", [
-    ({"mission": "lab_tur"}, "lab_tour?"),
-    ({"subtree": "GoHom"}, " GoHome?")])
+    ({"mission": "lab_tur"}, "lab_tour?"), ({"subtree": "GoHom"}, " GoHome?")])
 def test_what_cannot_be_drawn_is_said_in_a_line(arguments, words):
     with pytest.raises(SystemExit) as caught:
         cli.create_tree(**arguments)
@@ -387,10 +383,9 @@ def test_the_palette_executable():
 
 # --------------------------------------------------------------------------------- standard streams
 
-TOOLS = {
-    "validateMission": ([LAB_TOUR], 0), "exportNodeModel": ([], 0),
-    "replayMission": (["no such record"], 2), "missionStatus": (["--port", "1"], 1),
-    "missionViewer": (["--port", "0", "--groot2-port", "0"], 2)}
+TOOLS = {"validateMission": ([LAB_TOUR], 0), "exportNodeModel": ([], 0),
+         "replayMission": (["no such record"], 2), "missionStatus": (["--port", "1"], 1),
+         "missionViewer": (["--port", "0", "--groot2-port", "0"], 2)}
 """Tool -> arguments, and the exit code in an ordinary terminal."""
 
 
@@ -411,7 +406,8 @@ def in_shell(tool, redirection, *arguments):
 def test_a_closed_stream_changes_nothing_but_what_is_seen(tool, redirection):
     arguments, code = TOOLS[tool]
     found, out, err = in_shell(tool, redirection, *arguments)
-    assert found == code and bool(out) == (code == 0 and ">&-" not in redirection.replace("2>&-", ""))
+    assert found == code
+    assert bool(out) == (code == 0 and ">&-" not in redirection.replace("2>&-", ""))
     assert err.count("\n") == (code != 0 and "2>&-" not in redirection)
 
 

@@ -29,14 +29,11 @@ MESSAGES = [Message("/faceDetection/data", 1, Faces(("7", ""), (True, False)), 1
             Message("/speechEvent/text", 3, "yes", 1.0)]
 PLACE = Exhibit("cup", "a cup", "", Location(1.0, 2.0, 3.0), Point(4.0, 5.0, 6.0))
 RESULTS = [Answer(), Answer("1", (PLACE, PLACE)), Failure(Cause.NO_ANSWER, "late", "/x")]
-BEGIN = [
-    TreeShown(
-        "M", [TreeNode("a", "A", "a", 0), TreeNode("b::2", "B", "B", 1)]),
-    RunStarted(
-        "/m.xml", [("b::2", "B")],
-        {"asrEnabled": True, "missionRuns": 2, "topicMaxAge": 0.5, "language": "x"},
-        Sources((Source("/i.xml", "<i/>"), Source("/m.xml", "<m/>")), Source("p", "a"),
-                Source("r", ""), "R"))]
+BEGIN = [TreeShown("M", [TreeNode("a", "A", "a", 0), TreeNode("b::2", "B", "B", 1)]),
+         RunStarted("/m.xml", [("b::2", "B")],
+                    {"asrEnabled": True, "missionRuns": 2, "topicMaxAge": 0.5, "language": "x"},
+                    Sources((Source("/i.xml", "<i/>"), Source("/m.xml", "<m/>")), Source("p", "a"),
+                            Source("r", ""), "R"))]
 
 
 def written(events):
@@ -135,9 +132,8 @@ def test_letters_of_any_language_can_be_read_in_the_file():
 
 
 def test_all_that_the_interface_asks_and_tells_can_be_recorded():
-    assert [
-        service.request for service in INTERFACE.services
-        if not issubclass(service.request, Request)] == []
+    assert [service.request for service in INTERFACE.services if not issubclass(
+        service.request, Request)] == []
     assert {type(request)
             for request in REQUESTS} <= {service.request for service in INTERFACE.services}
     assert {message.topic for message in MESSAGES} <= {topic.name for topic in INTERFACE.topics}

@@ -208,8 +208,7 @@ def test_a_terminal_that_lacks_a_character_gets_its_escape(program):
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&-", "<&- >&- 2>&-", ""])
 def test_closed_streams_are_open_and_nothing_else(tmp_path, runs, closed):
     (tmp_path / "opened_tool.py").write_text(
-        "import os, sys\n"
-        "def main():\n"
+        "import os, sys\n" "def main():\n"
         "    is_open = None not in (sys.stdin, sys.stdout, sys.stderr)\n"
         "    return 10 * is_open + len(os.listdir('/proc/self/fd')) - 1\n")
     code = "from behavior_controller import command; command.{}('t', 'opened_tool', 'main')"

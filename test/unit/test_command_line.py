@@ -11,11 +11,10 @@ from behavior_controller import folders, ros_arguments
 from behavior_controller.config import config_file, settings
 
 
-@pytest.mark.parametrize("word, field",
-                         (("missionRuns:=1", "_missionRuns"), ("missionRun:=1", "_missionRuns"),
-                          ("asrenabled:=false", "_asrEnabled"), ("__nam:=x", "__name"),
-                          ("__nma:=x", "__name"), ("__qqqq:=x", "__hostname"),
-                          ("a:=b:=c", "name:=other_name")))
+@pytest.mark.parametrize("word, field", (
+    ("missionRuns:=1", "_missionRuns"), ("missionRun:=1", "_missionRuns"),
+    ("asrenabled:=false", "_asrEnabled"), ("__nam:=x", "__name"), ("__nma:=x", "__name"),
+    ("__qqqq:=x", "__hostname"), ("a:=b:=c", "name:=other_name")))
 def test_a_word_that_the_node_does_not_read(word, field):
     fault, = settings.unread([word])
     assert (fault.file, fault.line, fault.column) == ("argument " + word, 0, 0)
@@ -64,8 +63,7 @@ def outcome(capsys, parse):
 
 @pytest.mark.parametrize("word, hint", [
     ("--foldr", " (did you mean --folder?)"), ("--foldr=x", " (did you mean --folder?)"),
-    ("--versio", " (did you mean --version?)"), ("--fol", " (did you mean --folder?)"),
-    ("-q", "")])
+    ("--versio", " (did you mean --version?)"), ("--fol", " (did you mean --folder?)"), ("-q", "")])
 def test_the_nearest_option_is_suggested_for_an_unknown_one(capsys, word, hint):
     parser = ros_arguments.CommandParser("tool", "Does it.", "0 always")
     parser.add_argument("--folder", action="store_true")
@@ -151,10 +149,9 @@ def test_the_command_of_the_parent_is_read_word_by_word(monkeypatch):
     assert ros_arguments.parent_command() == []
 
 
-@pytest.mark.parametrize(
-    "command, expected",
-    ((["/usr/bin/python3", "/usr/bin/roslaunch", "unit_tests", "x.launch"], True),
-     (["roslaunch", "x.launch"], True), (["/usr/bin/python3", "/usr/bin/rostest", "x.test"], True),
-     (["bash"], False), (["vi", "notes", "roslaunch"], False), ([], False)))
+@pytest.mark.parametrize("command, expected", (
+    (["/usr/bin/python3", "/usr/bin/roslaunch", "unit_tests", "x.launch"], True),
+    (["roslaunch", "x.launch"], True), (["/usr/bin/python3", "/usr/bin/rostest", "x.test"], True),
+    (["bash"], False), (["vi", "notes", "roslaunch"], False), ([], False)))
 def test_only_roslaunch_is_asked_to_end(command, expected):
     assert ros_arguments.is_roslaunch(command) is expected

@@ -83,13 +83,12 @@ def test_the_tree_is_woken_when_the_message_has_just_grown_too_old():
     assert rig.tick() is FAILURE
 
 
-@pytest.mark.parametrize(
-    "condition, topic, value, summary",
-    [("IsVisitorDiscovered", FACES, FACE, LeafSummary("visit", "", "arrived", 1000.0)),
-     ("IsVisitorDiscovered", FACES, NO_FACE, LeafSummary("visit", "", "left", 1000.0)),
-     ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 1),
-      LeafSummary("visit", "", "engaged", 1000.0)),
-     ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 0), None)])
+@pytest.mark.parametrize("condition, topic, value, summary", [
+    ("IsVisitorDiscovered", FACES, FACE, LeafSummary("visit", "", "arrived", 1000.0)),
+    ("IsVisitorDiscovered", FACES, NO_FACE, LeafSummary("visit", "", "left", 1000.0)),
+    ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 1),
+     LeafSummary("visit", "", "engaged", 1000.0)),
+    ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 0), None)])
 def test_what_is_seen_of_the_visitor_is_told_with_its_time(condition, topic, value, summary):
     rig = one_leaf("<{}/>".format(condition))
     rig.topics.publish(topic, value)
@@ -106,15 +105,9 @@ def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
 
 
 @pytest.mark.parametrize("convention, state, value, result", [
-    (1, "seeking", 1, SUCCESS),
-    (1, "seeking", 2, FAILURE),
-    (1, "seeking", 3, FAILURE),
-    (1, "seeking", 0, FAILURE),
-    (2, "seeking", 1, FAILURE),
-    (2, "seeking", 2, SUCCESS),
-    (2, "seeking", 3, FAILURE),
-    (1, "social", 1, FAILURE),
-    (2, "social", 2, FAILURE),
+    (1, "seeking", 1, SUCCESS), (1, "seeking", 2, FAILURE), (1, "seeking", 3, FAILURE),
+    (1, "seeking", 0, FAILURE), (2, "seeking", 1, FAILURE), (2, "seeking", 2, SUCCESS),
+    (2, "seeking", 3, FAILURE), (1, "social", 1, FAILURE), (2, "social", 2, FAILURE),
     (1, "", 1, FAILURE)])
 def test_what_mutual_gaze_is(convention, state, value, result):
     rig = one_leaf("<IsMutualGazeDiscovered/>", mutualGazeValue=convention)
@@ -202,10 +195,9 @@ def test_what_comes_at_the_very_time_of_the_question_is_no_answer(condition, ent
 QUESTION = "<Sequence><QueryTourSpeech/><IsYesNoUttered/></Sequence>"
 
 
-@pytest.mark.parametrize("utterance, result, stored", [("yes please", SUCCESS, "yes"),
-                                                       ("no", SUCCESS, "no"),
-                                                       ("hello", FAILURE, None),
-                                                       ("Error: noise", FAILURE, None)])
+@pytest.mark.parametrize("utterance, result, stored", [
+    ("yes please", SUCCESS, "yes"), ("no", SUCCESS, "no"), ("hello", FAILURE, None),
+    ("Error: noise", FAILURE, None)])
 def test_an_answer_is_stored_and_what_was_heard_is_told(utterance, result, stored):
     rig = one_leaf("<IsYesNoUttered/>")
     rig.topics.publish(SPEECH, utterance)
@@ -244,8 +236,7 @@ def test_a_question_that_failed_ends_the_time_of_older_answers():
 
 def test_a_retry_of_the_question_that_failed_does_so_too():
     rig = one_leaf("<Sequence><Fallback><QueryTourSpeech/><HandleFallBack/></Fallback>"
-                   "<IsYesNoUttered/></Sequence>",
-                   lambda request: None)
+                   "<IsYesNoUttered/></Sequence>", lambda request: None)
     rig.tick()
     for text in ("yes", "no"):
         rig.clock.advance(1.0)
@@ -297,9 +288,8 @@ def test_a_halted_wait_begins_anew():
 
 
 def reported(rig, node):
-    return [
-        event.failure.message for event in rig.of(LeafFinished)
-        if event.node == node and event.failure]
+    return [event.failure.message for event in rig.of(LeafFinished) if event.node == node
+            and event.failure]
 
 
 def test_each_round_of_a_condition_is_reported():
@@ -353,11 +343,10 @@ def hear(rig, *utterances):
         rig.topics.publish(SPEECH, utterance)
 
 
-@pytest.mark.parametrize("utterances, result", [(("yes", "where is the toilet"), SUCCESS),
-                                                (("hm", "yes", "hm"), SUCCESS),
-                                                (("yes", "no"), SUCCESS), (("no", "yes"), FAILURE),
-                                                (("hm", "what") * 10, FAILURE),
-                                                (("yes", ) + ("hm", ) * 99, SUCCESS)])
+@pytest.mark.parametrize("utterances, result", [
+    (("yes", "where is the toilet"), SUCCESS), (("hm", "yes", "hm"), SUCCESS),
+    (("yes", "no"), SUCCESS), (("no", "yes"), FAILURE), (("hm", "what") * 10, FAILURE),
+    (("yes",) + ("hm",) * 99, SUCCESS)])
 def test_the_first_answer_among_the_utterances_since_the_question_counts(utterances, result):
     rig = one_leaf(ASKED, answer=lambda request: None)
     hear(rig, "no")

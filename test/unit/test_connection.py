@@ -18,13 +18,11 @@ from ros_peers import TcprosPeer, hang
 from shortages import no_files_left
 
 NODES = [["/a", ["/n", "/m"]], ["/b", []]]
-SANE = {
-    "getSystemState": [NODES, [],
-                       NODES], "lookupService": "rosrpc://h:1", "lookupNode": "http://h:1/",
-    "getParam": {"a": [1, "b"]}, "registerService": 1, "publisherUpdate": 0,
-    "registerPublisher": ["http://h:1/"], "registerSubscriber": [], "unregisterSubscriber": 1,
-    "deleteParam": 0, "getPid": 77, "requestTopic": ["TCPROS", "h", 1],
-    "setParam": 0, "servicesInUse": [True, ["/a/x"]]}
+SANE = {"getSystemState": [NODES, [], NODES], "lookupService": "rosrpc://h:1",
+        "lookupNode": "http://h:1/", "getParam": {"a": [1, "b"]}, "registerService": 1,
+        "publisherUpdate": 0, "registerPublisher": ["http://h:1/"], "registerSubscriber": [],
+        "unregisterSubscriber": 1, "deleteParam": 0, "getPid": 77,
+        "requestTopic": ["TCPROS", "h", 1], "setParam": 0, "servicesInUse": [True, ["/a/x"]]}
 
 
 @contextlib.contextmanager
@@ -60,14 +58,12 @@ def of_texts(value):
 
 
 FITS = {"getParam": lambda value: True,
-        **dict.fromkeys(
-            ("unregisterSubscriber", "deleteParam", "setParam", "getPid", "registerService",
-             "publisherUpdate"),
-            lambda value: type(value) is int),
+        **dict.fromkeys(("unregisterSubscriber", "deleteParam", "setParam", "getPid",
+                         "registerService", "publisherUpdate"), lambda value: type(value) is int),
         "lookupNode": lambda value: isinstance(value, str),
         "lookupService": lambda value: isinstance(value, str), "registerPublisher": of_texts,
-        "registerSubscriber": of_texts,
-        "getSystemState": lambda value: value == ([], [], []), "requestTopic": lambda value: False}
+        "registerSubscriber": of_texts, "getSystemState": lambda value: value == ([], [], []),
+        "requestTopic": lambda value: False}
 """Whether a value of ``GARBAGE`` happens to be one that the method may return."""
 
 

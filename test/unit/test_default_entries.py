@@ -84,8 +84,7 @@ def ran(body, more="", **host):
     """Return the tree of a mission after one tick; ``host`` are entries that were there before."""
     tree = load_text(
         '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>{}</'
-        'Sequence>'
-        '</BehaviorTree>{}</root>'.format(body, more), Registry(specs()))
+        'Sequence>' '</BehaviorTree>{}</root>'.format(body, more), Registry(specs()))
     for key, value in host.items():
         tree.blackboard.set(key, value)
     assert tree.tick_once() is SUCCESS
@@ -132,10 +131,9 @@ MODEL = ('<TreeNodesModel><SubTree ID="Sub"><input_port name="loc" default="7"/>
          'name="x"/></SubTree></TreeNodesModel>')
 
 
-@pytest.mark.parametrize("attributes, local", [('x="{x}"', 7), ('x="{x}" loc="3"', 3),
-                                               ('x="{x}" loc="{x}"', 5),
-                                               ('_autoremap="true"', NoValue),
-                                               ('_autoremap="true" loc="4"', 4)])
+@pytest.mark.parametrize("attributes, local", [
+    ('x="{x}"', 7), ('x="{x}" loc="3"', 3), ('x="{x}" loc="{x}"', 5),
+    ('_autoremap="true"', NoValue), ('_autoremap="true" loc="4"', 4)])
 def test_the_model_of_a_subtree_has_the_defaults_of_its_ports(attributes, local):
     element, tree = sub(attributes, "<In/>")
     reader, = of(ran(element, tree + MODEL, x=5), Reader)

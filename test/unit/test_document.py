@@ -132,15 +132,8 @@ def test_an_attribute_is_not_found_inside_the_value_of_another():
 
 
 @pytest.mark.parametrize("at, place", [
-    (0, (2, 9)),
-    (1, (2, 9)),
-    (2, (2, 9)),
-    (3, (3, 1)),
-    (5, (3, 6)),
-    (6, (3, 7)),
-    (7, (4, 1)),
-    (8, (4, 2)),
-    (99, (4, 3))])
+    (0, (2, 9)), (1, (2, 9)), (2, (2, 9)), (3, (3, 1)), (5, (3, 6)), (6, (3, 7)), (7, (4, 1)),
+    (8, (4, 2)), (99, (4, 3))])
 def test_a_fault_stands_at_the_line_of_its_character_in_a_value_of_several_lines(at, place):
     fault = node(mission('\n<Script code="a;\n&lt; b\r\n c"/>')).fault(
         rules.NO_TREE, "x", attribute="code", at=at)
@@ -502,16 +495,9 @@ def packages_below(folder, *names):
 
 
 @pytest.mark.parametrize("name, found", [
-    ("direct", "one/direct"),
-    ("below", "one/a/b"),
-    ("twice", "one/b/first"),
-    ("second", "two/c"),
-    ("in_a_package", None),
-    ("ignored", None),
-    ("hidden", None),
-    ("nameless", None),
-    ("misnamed", None),
-    ("", None)])
+    ("direct", "one/direct"), ("below", "one/a/b"), ("twice", "one/b/first"), ("second", "two/c"),
+    ("in_a_package", None), ("ignored", None), ("hidden", None), ("nameless", None),
+    ("misnamed", None), ("", None)])
 def test_where_a_ros_package_is(tmp_path, monkeypatch, name, found):
     packages_below(tmp_path, "one/direct=direct", "one/a/b=below", "one/b/second=twice",
                    "one/b/first=twice", "one/a/b/c=in_a_package", "one/d/e=ignored",
@@ -519,9 +505,8 @@ def test_where_a_ros_package_is(tmp_path, monkeypatch, name, found):
     (tmp_path / "one" / "d" / "CATKIN_IGNORE").write_text("")
     (tmp_path / "one" / "nameless").mkdir()
     (tmp_path / "one" / "nameless" / "package.xml").write_text("<package/>")
-    monkeypatch.setenv("ROS_PACKAGE_PATH",
-                       os.pathsep.join(["", str(tmp_path / "one"),
-                                        str(tmp_path / "two")]))
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([
+        "", str(tmp_path / "one"), str(tmp_path / "two")]))
     assert package_folder(name) == (found and str(tmp_path / found))
 
 
@@ -542,9 +527,8 @@ def test_the_number_of_folders_where_packages_are_looked_for_has_an_end(
         tmp_path, monkeypatch, most, found):
     packages_below(tmp_path / "one", "a=other")
     packages_below(tmp_path / "two", "b=wanted")
-    monkeypatch.setenv("ROS_PACKAGE_PATH",
-                       os.pathsep.join([str(tmp_path / "one"),
-                                        str(tmp_path / "two")]))
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([
+        str(tmp_path / "one"), str(tmp_path / "two")]))
     monkeypatch.setattr(ros_packages, "MOST_FOLDERS", most)
     assert package_folder("wanted") == (found and str(tmp_path / "two" / found))
 

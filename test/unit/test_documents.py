@@ -76,10 +76,9 @@ def picture_command():
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_link_leads_somewhere(document):
-    lost = [
-        (path, anchor) for path, anchor in links_of(document)
-        if not os.path.exists(os.path.join(ROOT, path)) or anchor and anchor not in anchors_of(path)
-    ]
+    lost = [(path, anchor) for path, anchor in links_of(document)
+            if not os.path.exists(os.path.join(ROOT, path)) or anchor
+            and anchor not in anchors_of(path)]
     assert not lost
 
 

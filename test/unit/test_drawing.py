@@ -22,9 +22,8 @@ def dot(root, level="ALL"):
 
 
 def test_every_node_of_the_lab_tour_is_drawn_once_with_a_label_of_its_own():
-    labels = [
-        node.get_label().strip('"') for node in dot(create_tree("lab_tour")).get_node_list()
-        if node.get_label()]
+    labels = [node.get_label().strip('"') for node in dot(create_tree("lab_tour")).get_node_list()
+              if node.get_label()]
     assert len(labels) == len(set(labels)) == 222
     assert {"lab_tour", "Navigate #107", "UntilMutualGaze (ReactiveFallback) #35",
             "GiveTour #79"} <= set(labels)
@@ -52,11 +51,10 @@ def test_the_command_draws_the_tour_and_its_entries_from_any_folder(tmp_path):
     command = os.path.join(os.path.dirname(sys.executable), "py-trees-render")
     environment = {key: value for key, value in os.environ.items() if not key.startswith("ROS")}
     environment["PYTHONPATH"] = os.path.realpath(SOURCES)
-    done = subprocess.run(
-        [command, "-b", "--kwargs", '{"mission": "lab_tour"}',
-         "behavior_controller.cli.create_tree"],
-        cwd=str(tmp_path), env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        timeout=120, check=False)
+    done = subprocess.run([command, "-b", "--kwargs", '{"mission": "lab_tour"}',
+                           "behavior_controller.cli.create_tree"], cwd=str(tmp_path),
+                          env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          timeout=120, check=False)
     assert done.returncode == 0, done.stdout
     assert sorted(os.listdir(str(tmp_path))) == ["lab_tour.dot", "lab_tour.png", "lab_tour.svg"]
     text = (tmp_path / "lab_tour.dot").read_text(encoding="utf-8")

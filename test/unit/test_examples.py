@@ -14,10 +14,9 @@ def ran(name, mission):
     """Run an example in another folder, without ROS."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("ROS")}
     environment["PYTHONPATH"] = os.path.join(ROOT, "src")
-    return subprocess.run(
-        [sys.executable, os.path.join(EXAMPLES, name),
-         str(mission)], env=environment, timeout=60, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        encoding="utf-8", cwd=os.sep)
+    return subprocess.run([sys.executable, os.path.join(EXAMPLES, name), str(mission)],
+                          env=environment, timeout=60, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, encoding="utf-8", cwd=os.sep)
 
 
 def test_own_leaves_run_a_file_of_groot2():
@@ -42,9 +41,8 @@ def test_py_trees_tools_show_a_mission_to_its_end():
     pictures = done.stdout.split("\n\n")
     assert pictures[-1] == "SUCCESS Sleep\n", done.stderr
     assert "to two [" in pictures[0] and "Sleep [" not in pictures[0]
-    assert all(
-        sign in pictures[-2]
-        for sign in ("Sequence [", "Timeout [", "Sleep [")) and "to two [" not in pictures[-2]
+    assert all(sign in pictures[-2] for sign in (
+        "Sequence [", "Timeout [", "Sleep [")) and "to two [" not in pictures[-2]
 
 
 def test_the_guide_shows_the_example():

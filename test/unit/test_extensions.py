@@ -62,18 +62,15 @@ def with_port(fields):
 
 def environment(packages, paths):
     """Return the environment of a shell in which these folders hold packages."""
-    return dict(
-        os.environ, ROS_PACKAGE_PATH=str(packages), ROS_ROOT="",
-        PYTHONPATH=os.pathsep.join([os.path.join(ROOT, "src")] + list(map(str, paths))))
+    return dict(os.environ, ROS_PACKAGE_PATH=str(packages), ROS_ROOT="",
+                PYTHONPATH=os.pathsep.join([os.path.join(ROOT, "src")] + list(map(str, paths))))
 
 
 def run(tool, *arguments, packages, paths=()):
     """Return the exit code of a tool and all that it prints, where these folders hold packages."""
     command = [tool] if tool == "-c" else [os.path.join(ROOT, "src", "behavior_controller", tool)]
-    done = subprocess.run(
-        [sys.executable, *command, *arguments],
-        env=environment(packages, paths), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        universal_newlines=True)
+    done = subprocess.run([sys.executable, *command, *arguments], env=environment(packages, paths),
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
     return done.returncode, done.stdout
 
 
@@ -96,9 +93,8 @@ def test_an_example_adds_its_leaves_its_decorator_and_its_phrase():
         os.path.join(EXAMPLES, "greeter", "data", "greet.xml") +
         ": can be run, 25 nodes, 0 warnings"])
     palette = run("exportNodeModel", **there)[1]
-    assert all('ID="{}"'.format(node) in palette
-               for node in ("SayTime", "Lights", "EveryOther", "CuriousSpeech", "DriveTo",
-                             "Display"))
+    assert all('ID="{}"'.format(node) in palette for node in (
+        "SayTime", "Lights", "EveryOther", "CuriousSpeech", "DriveTo", "Display"))
     assert '<Decorator ID="EveryOther">' in palette
 
 
@@ -147,9 +143,8 @@ def test_the_code_of_the_guide_is_a_package_with_its_test(tmp_path):
     assert code == 0 and '<Condition ID="DoorbellRang"' in text
     (tmp_path / "greeter" / "data").mkdir()
     (tmp_path / "greeter" / "data" / "colours.ini").write_text("Blue\nred\n")
-    subprocess.check_call(
-        [sys.executable, "-c", "from greeter.moving import SERVICES\n" + HEARING],
-        env=environment(tmp_path, sources))
+    subprocess.check_call([sys.executable, "-c", "from greeter.moving import SERVICES\n" + HEARING],
+                          env=environment(tmp_path, sources))
     done = run_tests(tmp_path / "greeter", tmp_path, sources)
     assert done.returncode == 0 and "Ran 4 tests" in done.stdout, done.stdout
 
@@ -573,10 +568,9 @@ def test_a_package_xml_that_cannot_be_read_stops_nothing_unless_it_exports_to_us
 
 
 def test_the_palette_is_xml_whatever_the_text_of_other_packages(tmp_path):
-    package(
-        tmp_path, 'leaves="a.leaves"',
-        LEAF + "SPECS = (NodeSpec('FixtureLamp', Kind.ACTION, str.title, (Port('colour', "
-        "'string', description='a \\x1b[31m \\ud800'),), description='odd\\x00\\x1b'),)")
+    package(tmp_path, 'leaves="a.leaves"',
+            LEAF + "SPECS = (NodeSpec('FixtureLamp', Kind.ACTION, str.title, (Port('colour', "
+            "'string', description='a \\x1b[31m \\ud800'),), description='odd\\x00\\x1b'),)")
     there = {"packages": tmp_path, "paths": [tmp_path / "a" / "src"]}
     project = str(tmp_path / "p.btproj")
     assert run("exportNodeModel", "--project", project, **there)[0] == 0
@@ -586,9 +580,8 @@ def test_the_palette_is_xml_whatever_the_text_of_other_packages(tmp_path):
                 text.encode("utf-8")).find(".//Action[@ID='FixtureLamp']") is not None
 
 
-@pytest.mark.parametrize("tool",
-                         ["validateMission", "exportNodeModel", "replayMission", "missionStatus",
-                          "missionViewer"])
+@pytest.mark.parametrize("tool", [
+    "validateMission", "exportNodeModel", "replayMission", "missionStatus", "missionViewer"])
 def test_a_wrong_call_shows_no_control_characters(tmp_path, tool):
     code, text = run(tool, "--\x1b[31m\x07", "\x1b]0;title\x07", packages=tmp_path)
     assert code == 2 and not set("\x1b\x07") & set(text)
@@ -757,8 +750,7 @@ def test_a_syntax_error_is_named_with_the_folder_of_its_file(exports):
 @pytest.mark.parametrize("does, what", [
     ("1 / 0", "ZeroDivisionError: division by zero"),
     (BLOCKED, "TimeoutError: it has not returned for 1 s")])
-def test_a_declaration_that_fails_in_a_rehearsal_is_a_finding_with_its_place(
-        tmp_path, does, what):
+def test_a_declaration_that_fails_in_a_rehearsal_is_a_finding_with_its_place(tmp_path, does, what):
     package(tmp_path, 'interface="a.bell" leaves="a.leaves"', """from a.bell import BELL
 from behavior_controller.extend import Evidence, TopicCondition, leaf_spec
 class FixtureRang(TopicCondition):

@@ -176,15 +176,14 @@ def test_a_recovery_with_nothing_before_it_misses_its_data():
     assert found(play(recovered("given up", of="drive"))) == []
 
 
-@pytest.mark.parametrize("seen, is_for_visitor",
-                         [(play(**waiting("see")), True), (play(**waiting("look")), False),
-                          (play(**waiting("others", "see")), True),
-                          (play(**dict(waiting("see"), exit_code=0)), False),
-                          (play(cut_off=BUSY, **waiting("see")), False),
-                          (play(leaf("see", "FAILURE"), **waiting("drive")), True),
-                          (play(leaf("see"), **waiting("see")), False),
-                          (play(asked(Say("x"), "hi"), times=[90.0], **waiting("see")), False),
-                          (play(leaf("hi", "FAILURE"), **waiting("drive")), False)])
+@pytest.mark.parametrize("seen, is_for_visitor", [
+    (play(**waiting("see")), True), (play(**waiting("look")), False),
+    (play(**waiting("others", "see")), True), (play(**dict(waiting("see"), exit_code=0)), False),
+    (play(cut_off=BUSY, **waiting("see")), False),
+    (play(leaf("see", "FAILURE"), **waiting("drive")), True),
+    (play(leaf("see"), **waiting("see")), False),
+    (play(asked(Say("x"), "hi"), times=[90.0], **waiting("see")), False),
+    (play(leaf("hi", "FAILURE"), **waiting("drive")), False)])
 def test_a_robot_may_wait_for_its_first_visitor(seen, is_for_visitor):
     assert findings.waits_for_a_visitor(seen) is is_for_visitor
     assert not is_for_visitor or findings.findings(seen) == []
@@ -247,8 +246,7 @@ NOT_HOME = Location(HOME.x, HOME.y + 1.5, HOME.theta_deg)
     ([TOUR[0], QueryKnowledge("home")], "FAILURE", ["not-home"]),
     ([QueryKnowledge("home"), TOUR[0]], "FAILURE", ["not-home"]),
     ([TOUR[0], QueryKnowledge("exhibits")], "FAILURE", ["not-home"]),
-    ([BACK, BACK], "FAILURE", ["drives-twice"]),
-    ([BACK, TOUR[0], BACK], "FAILURE", [])])
+    ([BACK, BACK], "FAILURE", ["drives-twice"]), ([BACK, TOUR[0], BACK], "FAILURE", [])])
 def test_how_a_tour_leaves_the_robot(requests, outcome, expected):
     steps = [asked(request) for request in requests]
     assert kinds(play(*steps, *[ended(outcome)] * bool(outcome))) == expected
@@ -377,9 +375,8 @@ def test_a_visitor_is_not_told_the_same_twice_at_one_place(steps, is_twice):
     ([TOLD], 0.5, False), ([leaf("see", "FAILURE"), TOLD], 0.5, True),
     ([leaf("see"), TOLD], 0.5, False), ([leaf("see", "FAILURE"), TOLD], 1.5, False),
     ([leaf("see", "FAILURE"), TOLD, leaf("see")], 0.5, False),
-    ([leaf("look", "FAILURE"), TOLD], 0.5, False),
-    ([asked(BACK), TOLD], 1.001, True), ([asked(TOUR[0]), TOLD], 1.001, False),
-    ([asked(BACK), TOLD], 0.5, False),
+    ([leaf("look", "FAILURE"), TOLD], 0.5, False), ([asked(BACK), TOLD], 1.001, True),
+    ([asked(TOUR[0]), TOLD], 1.001, False), ([asked(BACK), TOLD], 0.5, False),
     ([asked(BACK), TOLD], None, False)])
 def test_nothing_is_said_to_a_visitor_who_is_known_to_have_left(steps, left, is_told):
     presence = [(START, True)] + ([] if left is None else [(START + left, False)])
@@ -420,8 +417,7 @@ def test_a_later_visitor_is_treated_as_the_first(steps, alone, expected):
 def test_a_later_visitor_s_pass_ends_as_the_first_one_s():
     seen = play(TOLD, ended("FAILURE"), calm=play(TOLD, ended()))
     seen.visitors_before = 2
-    assert found(seen) == [
-        ("next-visitor", "all", "the pass of visitor 3 ends otherwise: FAILURE")]
+    assert found(seen) == [("next-visitor", "all", "the pass of visitor 3 ends otherwise: FAILURE")]
 
 
 @pytest.mark.parametrize("steps, left, is_unwanted", [
@@ -440,8 +436,7 @@ def test_the_tour_does_not_go_on_for_a_visitor_who_has_left(steps, left, is_unwa
     (DECLINES, "asked", 0, TOUR[:2], True), (DECLINES, "asked", 0, TOUR[:1] + [BACK], True),
     (DECLINES, "asked", 0, [BACK], False), (DECLINES, "asked", 1, TOUR[:2], False),
     (DECLINES, "", 0, TOUR[:2], False), (ENGAGES, "asked", 0, TOUR[:2], False)])
-def test_a_visitor_who_says_no_is_not_driven_to_a_stop(behaviour, mark, faults, goals,
-                                                       is_unwanted):
+def test_a_visitor_who_says_no_is_not_driven_to_a_stop(behaviour, mark, faults, goals, is_unwanted):
     drives = [asked(to, name) for to, name in zip(goals, ("left", "right"))]
     seen = play(question(mark), *drives, behaviour=behaviour, faults=faults)
     assert found(seen) == is_unwanted * [

@@ -31,8 +31,10 @@ EVERY = [change for _, changes in SOUND[1:] for change in changes]
 
 
 @pytest.mark.parametrize("changes, words", [
-    (SOUND[0][1], calm("engages,silent,leaves")), (EVERY, calm("engages,silent,leaves")),
-    (EVERY, ["asrEnabled:=true", "--runs", "20", "--failureRate", "0.1"])], ids=[SOUND[0][0], "all others", "all others, when calls fail"])
+    pytest.param(SOUND[0][1], calm("engages,silent,leaves"), id=SOUND[0][0]),
+    pytest.param(EVERY, calm("engages,silent,leaves"), id="all others"),
+    pytest.param(EVERY, ["asrEnabled:=true", "--runs", "20", "--failureRate", "0.1"],
+                 id="all others, when calls fail")])
 def test_nothing_is_found_in_a_sound_tour(tmp_path, changes, words):
     found = rehearse(tmp_path, changes, words).findings
     assert found == [], told(found)

@@ -54,19 +54,16 @@ WORDS = [
     b"ReactiveSequence", b"AlwaysSuccess", b"Repeat", b"Navigate", b"Switch3", b"TryCatch",
     b"Script", b"SetBlackboard", b"SequenceStar", b"ID", b"name", b"msec", b"num_cycles", b"code",
     b"path", b"_autoremap", b"xmlns", b"x:y"] + [name.encode() for name in CONDITIONS]
-VALUES = [
-    b"", b" ", b"-1", b"0", b"1e999", b"9" * 400, b"true", b"{x}", b"{=}", b"=", b"{@x}", b"{@@}",
-    b"{", b"Main", b"A", b"LabTour", b"&lt;", b"&#0;", b"&#x1F600;", b"&amp", b"&undefined;",
-    b"a.b c", "ü😀".encode(), b"\t\n", b"]]>", b"json:[1", b"a;b", b"1;;2", b"root",
-    b"../../etc/passwd", b"nan"]
-SCRIPTS = [
-    b"", b";", b"a := 1", b"a = ", b"1 < 2 && 3 > 2", b"((((", b"'x", b"a ? b : c ? d : e",
-    b"x := y := z", b"~!-1", b"@a := 1", b"0x", b"1e", b"a..b", b"'\xc3\xa9' == 'e'",
-    b"1" + b"+1" * 200, b"!" * 500 + b"1", b"(" * 90 + b"1" + b")" * 90]
-MARKUP = [
-    b"<", b">", b"/>", b"</", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"<?", b"?>", b"<!DOCTYPE r [",
-    b"&", b'"', b"'", b"=", b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"<a", b"<a b", b'<a b="',
-    b"</Sequence>", b"<Sequence>", b"<AlwaysSuccess/>"]
+VALUES = [b"", b" ", b"-1", b"0", b"1e999", b"9" * 400, b"true", b"{x}", b"{=}", b"=", b"{@x}",
+          b"{@@}", b"{", b"Main", b"A", b"LabTour", b"&lt;", b"&#0;", b"&#x1F600;", b"&amp",
+          b"&undefined;", b"a.b c", "ü😀".encode(), b"\t\n", b"]]>", b"json:[1", b"a;b", b"1;;2",
+          b"root", b"../../etc/passwd", b"nan"]
+SCRIPTS = [b"", b";", b"a := 1", b"a = ", b"1 < 2 && 3 > 2", b"((((", b"'x", b"a ? b : c ? d : e",
+           b"x := y := z", b"~!-1", b"@a := 1", b"0x", b"1e", b"a..b", b"'\xc3\xa9' == 'e'",
+           b"1" + b"+1" * 200, b"!" * 500 + b"1", b"(" * 90 + b"1" + b")" * 90]
+MARKUP = [b"<", b">", b"/>", b"</", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"<?", b"?>",
+          b"<!DOCTYPE r [", b"&", b'"', b"'", b"=", b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"<a",
+          b"<a b", b'<a b="', b"</Sequence>", b"<Sequence>", b"<AlwaysSuccess/>"]
 ATTRIBUTE = re.compile(rb"""([\w:]+)=("[^"]*"|'[^']*')""")
 TAG = re.compile(rb"</?(\w+)")
 ELEMENT = re.compile(rb"<[^<>]*>")
@@ -138,11 +135,10 @@ def add_attribute(data, dice):
     return data[:place] + b" " + name + b'="' + value + b'"' + data[place:]
 
 
-MUTATIONS = [
-    flip, insert, remove, truncate, duplicate, swap, add_attribute, add_attribute,
-    replace(ATTRIBUTE, 1, lambda dice: dice.choice(WORDS)),
-    replace(ATTRIBUTE, 2, lambda dice: b'"' + dice.choice(VALUES + SCRIPTS) + b'"'),
-    replace(TAG, 1, lambda dice: dice.choice(WORDS))]
+MUTATIONS = [flip, insert, remove, truncate, duplicate, swap, add_attribute, add_attribute,
+             replace(ATTRIBUTE, 1, lambda dice: dice.choice(WORDS)),
+             replace(ATTRIBUTE, 2, lambda dice: b'"' + dice.choice(VALUES + SCRIPTS) + b'"'),
+             replace(TAG, 1, lambda dice: dice.choice(WORDS))]
 
 
 def mutant(dice):

@@ -100,9 +100,8 @@ def test_every_reply_equals_the_capture(served):
             header, uid = client.news.recv_multipart()
             assert [header[:2].hex(), uid.decode()] == capture["decoded"] and len(header) == 6
             continue
-        reply = [
-            frame.hex()
-            for frame in client.raw(*[bytes.fromhex(frame) for frame in capture["request_frames"]])]
+        reply = [frame.hex() for frame in client.raw(*[
+            bytes.fromhex(frame) for frame in capture["request_frames"]])]
         compare(capture, reply)
         if capture["name"] == "breakpoint unlock":
             # the hook is removed when its node has gone on
@@ -149,11 +148,9 @@ def same_xml(ours):
             ] == [plain(tree) for tree in theirs.findall("BehaviorTree")]
 
     def model(root):
-        return {
-            node.get("ID"): (node.tag,
-                             sorted((port.tag, sorted(port.attrib.items())) for port in node
-                                    if port.tag.endswith("_port")))
-            for node in root.find("TreeNodesModel")}
+        return {node.get("ID"): (node.tag, sorted(
+                    (port.tag, sorted(port.attrib.items())) for port in node
+                    if port.tag.endswith("_port"))) for node in root.find("TreeNodesModel")}
 
     assert model(ours) == model(theirs)
 
@@ -420,11 +417,10 @@ def test_garbage_is_answered_and_forgotten(served, count):
         if draw.random() < 0.7:
             frames[0] = struct.pack("<BBI", draw.randrange(256), draw.choice(kinds),
                                     draw.randrange(2**32))
-        frames += [
-            draw.choice((b"", b"{}", b"[1]", b"[{}]", b"null", b"\xff\xfe", b"M;;M", b"9" * 400,
-                         hook(1, mode=draw.randrange(3),
-                              status="x").encode(), b'{"uid": [], "position": 0}', b'{"uid": 1}'))
-            for _ in range(draw.randrange(3))]
+        frames += [draw.choice((b"", b"{}", b"[1]", b"[{}]", b"null", b"\xff\xfe", b"M;;M",
+                                b"9" * 400, hook(1, mode=draw.randrange(3), status="x").encode(),
+                                b'{"uid": [], "position": 0}', b'{"uid": 1}'))
+                   for _ in range(draw.randrange(3))]
         client.raw(*frames)
     client.ask("A")
     assert tree.tick_exactly_once() is SUCCESS

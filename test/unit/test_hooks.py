@@ -52,10 +52,9 @@ class Instant(SyncActionLeaf):
         return RUNNING
 
 
-SPECS = builtin_specs() + [
-    NodeSpec("Probe", Kind.ACTION, Probe),
-    NodeSpec("Instant", Kind.ACTION, Instant),
-    NodeSpec("Busy", Kind.ACTION, Busy)]
+SPECS = builtin_specs() + [NodeSpec("Probe", Kind.ACTION, Probe),
+                           NodeSpec("Instant", Kind.ACTION, Instant),
+                           NodeSpec("Busy", Kind.ACTION, Busy)]
 
 
 class Hooks(HookList):
@@ -96,8 +95,7 @@ def test_a_hook_that_went_by_itself_while_it_was_unlocked_is_gone():
 
 
 def test_a_tick_follows_the_one_in_which_a_hook_went_by_itself():
-    tree, hooks, _ = hooked(
-        "<KeepRunningUntilFailure><AlwaysFailure/></KeepRunningUntilFailure>")
+    tree, hooks, _ = hooked("<KeepRunningUntilFailure><AlwaysFailure/></KeepRunningUntilFailure>")
     hooks.insert([Hook(2, BEFORE, REPLACE, True, True, "SUCCESS")])
     assert tree.tick_exactly_once() is RUNNING and tree.is_tick_wanted
     assert tree.tick_exactly_once() is FAILURE

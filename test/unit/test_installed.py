@@ -68,11 +68,9 @@ def from_source_distribution(tmp_path_factory):
     run([sys.executable, "-c", "from setuptools import build_meta; build_meta.build_sdist('dist')"],
         copy)
     archive, = (copy / "dist").iterdir()
-    run([
-        sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps",
-        "--no-build-isolation", "--disable-pip-version-check", "--target",
-        str(target),
-        str(archive)], scratch)
+    run([sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps",
+         "--no-build-isolation", "--disable-pip-version-check", "--target", str(target),
+         str(archive)], scratch)
     shutil.rmtree(str(copy / "src"))
     return target
 
@@ -104,15 +102,14 @@ def test_the_commands_are_there(installed, tmp_path):
 
 
 def test_the_installed_missions_configuration_and_pages_are_found(installed, tmp_path):
-    code = (
-        "import os; from behavior_controller import cli, viewer; from behavior_controller "
-        "import folders; print(folders.share());"
-        "print(len(list(cli.create_tree('lab_tour').iterate())));"
-        "print(sorted(os.listdir(os.path.join(os.path.dirname(viewer.__file__), "
-        "'page_files'))));"
-        "from behavior_controller.simulation.rehearsal.html_report import to_html;"
-        "print('Nothing was found' in to_html('', [], [], []));"
-        "print(os.path.isfile(folders.config('recoveryPolicy.ini')))")
+    code = ("import os; from behavior_controller import cli, viewer; from behavior_controller "
+            "import folders; print(folders.share());"
+            "print(len(list(cli.create_tree('lab_tour').iterate())));"
+            "print(sorted(os.listdir(os.path.join(os.path.dirname(viewer.__file__), "
+            "'page_files'))));"
+            "from behavior_controller.simulation.rehearsal.html_report import to_html;"
+            "print('Nothing was found' in to_html('', [], [], []));"
+            "print(os.path.isfile(folders.config('recoveryPolicy.ini')))")
     share, nodes, pages, has_report, policy = use(installed, tmp_path, "-c", code).splitlines()
     assert os.path.realpath(share) == os.path.realpath(str(installed / "share" / "cssr_system"))
     assert (nodes, has_report, policy) == ("222", "True", "True") and "index.html" in pages

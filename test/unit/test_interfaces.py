@@ -22,26 +22,23 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 # D5.4.3 table 3 and section 3.2.5, with the decisions on what they leave open
 EXPECTED = {
     "srv/animateBehaviorService.srv": ["string state", "---", "string success"],
-    "srv/gestureExecutionService.srv": [
-        "string gesture_type", "uint8 gesture_id", "int64 gesture_duration", "uint32 bow_nod_angle",
-        "float64 location_x", "float64 location_y", "float64 location_z", "---",
-        "uint8 gesture_success"],
-    "srv/knowledgeBaseService.srv": [
-        "string parameters", "---", "bool success", "exhibitInfoMessage[] exhibits"],
-    "srv/overtAttentionService.srv": [
-        "string state", "float64 location_x", "float64 location_y", "float64 location_z", "---",
-        "uint8 mode_set_success"],
-    "srv/robotNavigationService.srv": [
-        "float64 goal_x", "float64 goal_y", "float64 goal_theta", "---",
-        "uint8 navigation_goal_success"],
+    "srv/gestureExecutionService.srv": ["string gesture_type", "uint8 gesture_id",
+                                        "int64 gesture_duration", "uint32 bow_nod_angle",
+                                        "float64 location_x", "float64 location_y",
+                                        "float64 location_z", "---", "uint8 gesture_success"],
+    "srv/knowledgeBaseService.srv": ["string parameters", "---", "bool success",
+                                     "exhibitInfoMessage[] exhibits"],
+    "srv/overtAttentionService.srv": ["string state", "float64 location_x", "float64 location_y",
+                                      "float64 location_z", "---", "uint8 mode_set_success"],
+    "srv/robotNavigationService.srv": ["float64 goal_x", "float64 goal_y", "float64 goal_theta",
+                                       "---", "uint8 navigation_goal_success"],
     "srv/textService.srv": ["string message", "---", "bool success", "string response"],
     "msg/locationMessage.msg": ["float64 x", "float64 y", "float64 theta"],
     "msg/gestureMessage.msg": ["float64 x", "float64 y", "float64 z"],
-    "msg/exhibitInfoMessage.msg": [
-        "string name", "string description1", "string description2", "locationMessage location",
-        "gestureMessage gesture"],
-    "msg/faceDetectionMessage.msg": [
-        "string[] face_label_id", "geometry_msgs/Point[] centroids", "bool[] mutualGaze"],
+    "msg/exhibitInfoMessage.msg": ["string name", "string description1", "string description2",
+                                   "locationMessage location", "gestureMessage gesture"],
+    "msg/faceDetectionMessage.msg": ["string[] face_label_id", "geometry_msgs/Point[] centroids",
+                                     "bool[] mutualGaze"],
     "msg/overtAttentionMessage.msg": ["string state", "int64 value"]}
 
 
@@ -55,9 +52,8 @@ def test_the_fields_are_those_of_the_robot(path):
 def test_each_declared_type_has_its_file():
     missing = []
     for folder, offers in (("srv", INTERFACE.services), ("msg", INTERFACE.topics)):
-        own = [
-            offer.type.partition("/")[2] for offer in offers
-            if offer.type.startswith("cssr_system/")]
+        own = [offer.type.partition("/")[2] for offer in offers
+               if offer.type.startswith("cssr_system/")]
         files = ["{}/{}.{}".format(folder, name, folder) for name in own]
         missing += [path for path in files if not os.path.exists(os.path.join(ROOT, path))]
     assert missing == []
@@ -112,20 +108,17 @@ def test_an_attention_without_a_place_and_a_gesture_without_a_target_send_zeros(
 # that carries them
 PUBLISHED = {
     "srv/animateBehaviorService": ["string state", "---", "string success"],
-    "srv/gestureExecutionService":
-        EXPECTED["srv/gestureExecutionService.srv"],
-    "srv/overtAttentionService":
-        EXPECTED["srv/overtAttentionService.srv"],
-    "srv/robotNavigationService":
-        EXPECTED["srv/robotNavigationService.srv"],
+    "srv/gestureExecutionService": EXPECTED["srv/gestureExecutionService.srv"],
+    "srv/overtAttentionService": EXPECTED["srv/overtAttentionService.srv"],
+    "srv/robotNavigationService": EXPECTED["srv/robotNavigationService.srv"],
     "srv/robotPoseService": ["float64 x", "float64 y", "float64 theta", "---", "bool success"],
     "srv/sayTextService": ["string message", "string language", "---", "bool success"],
     "srv/speechEnabledService": ["string status", "---", "int8 response"],
     "srv/speechLanguageService": ["string language", "---", "int8 response"],
     "srv/tabletPromptService": ["string message", "---", "bool success"],
     "msg/overtAttentionMessage": ["string state", "int64 value"],
-    "action/recogniseSpeech": [
-        "float32 wait", "---", "string transcription", "---", "int8 progress"]}
+    "action/recogniseSpeech": ["float32 wait", "---", "string transcription", "---",
+                               "int8 progress"]}
 
 
 def md5s_of_action(lines):
@@ -138,13 +131,10 @@ def md5s_of_action(lines):
              "LOST".split())
     status = md5(*["uint8 {}={}".format(word, number) for number, word in enumerate(words)],
                  goal_id + " goal_id", "uint8 status", "string text")
-    return {
-        "ActionGoal": md5(header + " header", goal_id + " goal_id",
-                          md5(*goal) + " goal"), "ActionResult": md5(header + " header",
-                                                                     status + " status",
-                                                                     md5(*result) + " result"),
-        "ActionFeedback": md5(header + " header", status + " status",
-                              md5(*feedback) + " feedback")}
+    return {"ActionGoal": md5(header + " header", goal_id + " goal_id", md5(*goal) + " goal"),
+            "ActionResult": md5(header + " header", status + " status", md5(*result) + " result"),
+            "ActionFeedback": md5(header + " header", status + " status",
+                                  md5(*feedback) + " feedback")}
 
 
 def documented():
@@ -234,13 +224,10 @@ def test_speech_may_come_as_the_result_of_an_action(transcription, text):
 
 @pytest.mark.parametrize("sense, given, others, wait", [
     (Sense.VISITOR, status("scanning", 2),
-     [status("scanning", 1), status("scanning", 3),
-      status("social", 2)], math.inf),
-    (Sense.PRESENCE, status("social", 2), [status("social", 1),
-                                           status("seeking", 2)], 10.0),
+     [status("scanning", 1), status("scanning", 3), status("social", 2)], math.inf),
+    (Sense.PRESENCE, status("social", 2), [status("social", 1), status("seeking", 2)], 10.0),
     (Sense.GAZE, status("seeking", 2),
-     [status("seeking", 1), status("seeking", 3),
-      status("social", 2)], math.inf)])
+     [status("seeking", 1), status("seeking", 3), status("social", 2)], math.inf)])
 def test_what_tells_of_a_visitor(sense, given, others, wait):
     evidence = release_1_0.INTERFACE.evidence(sense)
     assert (evidence.topic.name, evidence.wait) == ("/overtAttention/mode", wait)

@@ -48,8 +48,7 @@ def test_a_message_gets_a_line_if_it_has_changed_or_a_tenth_of_a_second_has_pass
     node = SimulatedNode("speechEvent", configuration.defaults(),
                          world(ENGAGES, settings.defaults()), lambda: heard["at"], told.append)
     node.world.visitor.is_here = True
-    for text, at in (
-            ("a", 0.0), ("a", 0.05), ("a", 0.1), ("b", 0.11), ("a", 0.12), ("a", 0.2)):
+    for text, at in (("a", 0.0), ("a", 0.05), ("a", 0.1), ("b", 0.11), ("a", 0.12), ("a", 0.2)):
         heard.update(at=at)
         node.world.visitor.utterance = lambda: text
         assert node.message("/speechEvent/text") == {"data": text}

@@ -150,9 +150,8 @@ def test_a_text_may_be_long():
 
 
 def test_keys_of_other_programs_in_the_culture_file_say_nothing():
-    keys = [
-        "phraseAddressOlderEnglish Hello", "phraseRhythmEnglish", "utilityPhraseKinyarwanda12 x",
-        "x", "bow 30"]
+    keys = ["phraseAddressOlderEnglish Hello", "phraseRhythmEnglish",
+            "utilityPhraseKinyarwanda12 x", "x", "bow 30"]
     assert read(culture=CULTURE + "\n".join(keys * 2)).warnings == ()
 
 
@@ -419,8 +418,7 @@ def test_a_culture_file_by_itself(package, name):
 
 
 @pytest.mark.parametrize("text, expected", [
-    ("knowledgeBase x.dat\nx 1",
-     ["config/other.ini:2:1"]),
+    ("knowledgeBase x.dat\nx 1", ["config/other.ini:2:1"]),
     ("knowledgeBase places.dat", []),
     ("knowledgeBase words.dat", []),
     ("knowledgeBase x.dat", ["data/x.dat"])])
@@ -502,10 +500,9 @@ def test_the_delivered_files_can_be_used_without_a_warning():
 def test_the_delivered_tour_shows_the_exhibits_of_the_simulated_lab():
     lab = json.loads(Path(folders.data("exhibits.json")).read_text("utf-8"))
     start, *shown, end = knowledge_files.load().tour
-    assert shown == [
-        Exhibit(place["name"], place["description1"], place["description2"],
-                Location(*place["location"]), Point(*place["gesture"])) for place in lab["exhibits"]
-    ]
+    assert shown == [Exhibit(place["name"], place["description1"], place["description2"],
+                             Location(*place["location"]), Point(*place["gesture"]))
+                     for place in lab["exhibits"]]
     assert (start.location, start.gesture) == (Location(*lab["home"]["location"]),
                                                Point(0.0, 0.0, 0.0))
     assert (end.location, end.gesture) == (Location(*lab["entrance"]["location"]),
@@ -517,10 +514,9 @@ def test_the_delivered_phrases_are_those_of_the_other_missions(language):
     with open(folders.data("cultureKnowledgeBase.dat"), encoding="utf-8") as file:
         keys = dict(
             line.split(None, 1) for line in file if line.startswith("utilityPhrase" + language))
-    same = dict(
-        zip(UTILITY_PHRASES, [
-            "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech",
-            "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"]))
+    same = dict(zip(UTILITY_PHRASES, [
+        "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech",
+        "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"]))
     assert {key: text.strip() for key, text in keys.items()} == {
         "utilityPhrase{}{}".format(language, number): phrases.load(language).speeches[node]
         for number, node in same.items()}

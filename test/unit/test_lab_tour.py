@@ -50,9 +50,8 @@ def named(request):
 
 
 GAZE = ["attention seeking", "attention social"]
-MEETING = [
-    "animation enabled", "attention scanning", "animation disabled", "iconic 1 3000 at 0 0 0",
-    "animation enabled", "say Welcome"] + GAZE
+MEETING = ["animation enabled", "attention scanning", "animation disabled",
+           "iconic 1 3000 at 0 0 0", "animation enabled", "say Welcome"] + GAZE
 
 
 def drive(place):
@@ -320,9 +319,8 @@ def test_an_exhibit_with_nothing_to_point_at_gets_no_gesture():
 def test_every_leaf_of_the_mission_is_reached_by_one_visitor_or_another():
     reached = set()
     for changed, says in (({}, "yes"), ({"asrEnabled": False}, None), ({}, "no"), ({}, None)):
-        rig = Rig(
-            answer=lambda request: refusal(request)
-            if named(request) == "say Welcome" else NotImplemented, **changed)
+        rig = Rig(answer=lambda request: refusal(request) if named(request) == "say Welcome"
+                  else NotImplemented, **changed)
         rig.run(visitor_who(says=says))
         reached |= {event.node for event in rig.of(LeafFinished)}
     assert len(reached) == 33  # the 32 nodes of table 4 and SeekOvertAttentionMode
@@ -331,9 +329,8 @@ def test_every_leaf_of_the_mission_is_reached_by_one_visitor_or_another():
 def test_every_failure_is_recorded_with_cause_and_service():
     rig = Rig(answer=refusing(PerformGesture))
     rig.run(visitor_who(says="yes"))
-    failures = [
-        event.failure for event in rig.of(LeafFinished)
-        if event.failure and event.node.endswith("Gesture")]
+    failures = [event.failure for event in rig.of(LeafFinished) if event.failure
+                and event.node.endswith("Gesture")]
     assert failures and all(
         isinstance(failure, Failure) and failure.cause.value == "refused" and
         failure.resource == "/gestureExecution/perform_gesture" for failure in failures)

@@ -55,9 +55,8 @@ def test_a_default_is_a_value_of_its_port_s_type():
 
 
 def test_an_entry_that_a_leaf_shares_is_cleared_for_the_next_visitor():
-    shared = {
-        port.default for spec in leaves.SPECS for port in spec.ports
-        if str(port.default).startswith("{@")}
+    shared = {port.default for spec in leaves.SPECS for port in spec.ports
+              if str(port.default).startswith("{@")}
     assert shared <= {whole_mission(datum.name)
                       for datum in data.ALL}, "declare the entry in leaves/data.py"
 
@@ -222,9 +221,8 @@ def test_each_exhibit_of_the_tour_is_begun_and_over():
     assert rig.of(StopChanged) == [
         StopChanged(uid, node, "{}::{}".format(node, uid), number, 2, "exhibit {}".format(number),
                     state, "exhibit" if state == "begun" else "")
-        for uid, node, number, state in [
-            (4, select, 1, "begun"), (5, ask, 1, "over"),
-            (6, select, 2, "begun"), (8, ask, 2, "over")]]
+        for uid, node, number, state in [(4, select, 1, "begun"), (5, ask, 1, "over"),
+                                         (6, select, 2, "begun"), (8, ask, 2, "over")]]
 
 
 def test_a_list_that_another_node_has_written_begins_at_its_start():
@@ -351,10 +349,9 @@ def test_the_start_forgets_the_last_visitor():
         "questionAskedAt": 1000.0, "attentionSetAt": 1000.0}
 
 
-CALLERS = [
-    spec.id for spec in leaves.SPECS
-    if not spec.names and spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits")) or
-    spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))]
+CALLERS = [spec.id for spec in leaves.SPECS if not spec.names
+           and spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits"))
+           or spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))]
 
 
 @pytest.mark.parametrize("node", CALLERS)
@@ -390,16 +387,13 @@ def test_a_leaf_tells_what_it_does_and_for_how_long_at_most(node, words, deadlin
 
 def test_a_leaf_names_its_gesture_and_the_places_that_the_robot_has_learnt():
     there = "<Navigate/><PerformDeicticGesture/><LocationOvertAttentionMode/>"
-    rig = one_leaf(
-        "<Sequence><WelcomeGesture/><RetrieveListOfExhibits/><SelectExhibit/>"
-        "{0}<LookUpEntrance/>{0}"
-        "<LookUpHome/><Navigate/></Sequence>".format(there))
+    rig = one_leaf("<Sequence><WelcomeGesture/><RetrieveListOfExhibits/><SelectExhibit/>"
+                   "{0}<LookUpEntrance/>{0}" "<LookUpHome/><Navigate/></Sequence>".format(there))
     assert rig.tick() is SUCCESS
-    assert [(event.words, event.what) for event in rig.of(StepStarted)
-            if event.what] == [("making", "the welcome gesture"), ("driving", "to exhibit 1"),
-                               ("pointing", "at exhibit 1"), ("looking", "at exhibit 1"),
-                               ("driving", "to the entrance"), ("pointing", "at the entrance"),
-                               ("looking", "at the entrance"), ("driving", "home")]
+    assert [(event.words, event.what) for event in rig.of(StepStarted) if event.what] == [
+        ("making", "the welcome gesture"), ("driving", "to exhibit 1"),
+        ("pointing", "at exhibit 1"), ("looking", "at exhibit 1"), ("driving", "to the entrance"),
+        ("pointing", "at the entrance"), ("looking", "at the entrance"), ("driving", "home")]
 
 
 def test_places_with_the_same_coordinates_keep_their_names():
@@ -412,9 +406,8 @@ def test_places_with_the_same_coordinates_keep_their_names():
         return Answer(exhibits=tuple(places[:2] if request.what == "exhibits" else places[2:]))
 
     go = "<Navigate/><PerformDeicticGesture/>"
-    rig = one_leaf(
-        "<Sequence><LookUpEntrance/><RetrieveListOfExhibits/>{0}<SelectExhibit/>{0}"
-        "<Navigate target='1;2;4'/><SelectExhibit/>{0}</Sequence>".format(go), answer)
+    rig = one_leaf("<Sequence><LookUpEntrance/><RetrieveListOfExhibits/>{0}<SelectExhibit/>{0}"
+                   "<Navigate target='1;2;4'/><SelectExhibit/>{0}</Sequence>".format(go), answer)
     assert rig.tick() is SUCCESS
     assert [event.what for event in rig.of(StepStarted) if event.what] == [
         "to the entrance", "at the entrance", "to first", "at first", "to 1, 2, 4°", "to second",
@@ -628,9 +621,8 @@ def test_each_leaf_and_decorator_has_its_row():
     def below(kind):
         return {kind}.union(*map(below, kind.__subclasses__()))
 
-    made = {
-        base for spec in leaves.SPECS
-        for base in type(spec.factory((spec.names or ("name", ))[0])).__mro__}
+    made = {base for spec in leaves.SPECS
+            for base in type(spec.factory((spec.names or ("name",))[0])).__mro__}
     ours = {kind for kind in below(Node) if kind.__module__.startswith(leaves.__name__ + ".")}
     assert {kind.__qualname__
             for kind in ours - made} == set(), "no row in the SPECS of their modules"
@@ -664,10 +656,9 @@ def test_a_leaf_that_is_declared_without_its_facts_is_refused_at_load(leaf):
 def test_a_condition_that_does_not_say_what_it_checks_is_refused_at_load():
     types = registry()
     types.extend([leaf_spec("FixtureBare", TopicCondition, "A condition without its sense.")])
-    with pytest.raises(
-            FaultsFound,
-            match="FixtureBare does not say what it checks: its class needs a sense, or "
-                  "own_evidence"):
+    with pytest.raises(FaultsFound,
+                       match="FixtureBare does not say what it checks: its class needs a sense, or "
+                       "own_evidence"):
         load_text(BARE, types)
 
 

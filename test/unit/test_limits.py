@@ -14,9 +14,8 @@ from behavior_controller.run.record.reader import find_record, read_record
 from mission_rig import one_leaf
 
 GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"
-DEADLINES = [
-    "animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention", "robotNavigation",
-    "tabletEvent", "textToSpeech"]
+DEADLINES = ["animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention",
+             "robotNavigation", "tabletEvent", "textToSpeech"]
 RANGES = [  # the first two are taken, the others are not; as the reference says
     ("missionRuns", "0", "1000000000", "-1", "1000000001"),
     ("startupTimeout", "0", "86400", "-0.001", "86400.001"),
@@ -47,13 +46,12 @@ def test_the_range_of_a_key(tmp_path, key, lowest, highest, below, above):
             read(value)
 
 
-DEFAULTS = {
-    "language": "English", "missionRuns": 0, "startupTimeout": 0, "topicMaxAge": 2,
-    "conditionWait": 0, "mutualGazeValue": 1, "welcomeGestureId": 1, "goodbyeGestureId": 3,
-    "deicticGestureId": 1, "gestureDuration": 3000, "groot2Port": 1667, "monitorPort": 8080,
-    "animateBehaviorDeadline": 5, "gestureExecutionDeadline": 15, "knowledgeBaseDeadline": 5,
-    "overtAttentionDeadline": 5, "robotNavigationDeadline": 180, "tabletEventDeadline": 60,
-    "textToSpeechDeadline": 60}
+DEFAULTS = {"language": "English", "missionRuns": 0, "startupTimeout": 0, "topicMaxAge": 2,
+            "conditionWait": 0, "mutualGazeValue": 1, "welcomeGestureId": 1, "goodbyeGestureId": 3,
+            "deicticGestureId": 1, "gestureDuration": 3000, "groot2Port": 1667, "monitorPort": 8080,
+            "animateBehaviorDeadline": 5, "gestureExecutionDeadline": 15,
+            "knowledgeBaseDeadline": 5, "overtAttentionDeadline": 5, "robotNavigationDeadline": 180,
+            "tabletEventDeadline": 60, "textToSpeechDeadline": 60}
 
 
 def test_what_a_key_is_if_the_file_does_not_say_it(tmp_path):
@@ -73,14 +71,9 @@ def test_a_policy_of_mistakes_is_told_as_far_as_a_person_reads_it(tmp_path):
 
 
 @pytest.mark.parametrize("line, is_taken", [
-    ("budget 99 3600", True),
-    ("budget 100 3600", False),
-    ("budget 1 3600.001", False),
-    ("budget 0 0", True),
-    ("* * 99 0 giveUp", True),
-    ("* * 100 0 giveUp", False),
-    ("* * 0 3600 skip", True),
-    ("* * 0 3600.001 skip", False)])
+    ("budget 99 3600", True), ("budget 100 3600", False), ("budget 1 3600.001", False),
+    ("budget 0 0", True), ("* * 99 0 giveUp", True), ("* * 100 0 giveUp", False),
+    ("* * 0 3600 skip", True), ("* * 0 3600.001 skip", False)])
 def test_the_numbers_of_a_policy(tmp_path, line, is_taken):
     path = tmp_path / "policy.ini"
     path.write_text(line + ("\n" if line.startswith("budget") else "\nbudget 5 60\n"))
@@ -122,9 +115,8 @@ def test_a_mission_to_draw_is_named_or_is_a_file(tmp_path, monkeypatch, name):
     with open(folders.mission("lab_tour"), encoding="utf-8") as file:
         (tmp_path / "m.xml").write_text(file.read(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    mission = {
-        "lab_tour": name, "a path": "m.xml", "a name with a folder": os.path.join(".", "m.xml")
-    }[name]
+    mission = {"lab_tour": name, "a path": "m.xml",
+               "a name with a folder": os.path.join(".", "m.xml")}[name]
     assert cli.create_tree(mission).name == ("lab_tour" if name == "lab_tour" else "m")
 
 

@@ -69,18 +69,17 @@ def tree(name, body):
 
 RETRY = '<RetryUntilSuccessful num_attempts="3">{}</RetryUntilSuccessful>'
 CANNOT_BE_MEANT = {
-    "retry what never fails": (
-        RETRY.format("<ForceSuccess><Act/></ForceSuccess>"), (2, 1), "never-repeats",
-        "never retries", "ForceSuccess never fails"),
+    "retry what never fails": (RETRY.format("<ForceSuccess><Act/></ForceSuccess>"), (2, 1),
+                               "never-repeats", "never retries", "ForceSuccess never fails"),
     "retry a leaf that never fails": (
         '<RetryUntilSuccessful num_attempts="3"><Begin/></RetryUntilSuccessful>', (2, 1),
         "never-repeats", "Begin never fails"),
     "repeat what never succeeds": (
         '<Repeat num_cycles="3"><ForceFailure><Act/></ForceFailure></Repeat>', (2, 1),
         "never-repeats", "never repeats", "never succeeds"),
-    "fallback after a sure success": (
-        "<Fallback><Cond/><Script code=\"a:=1\"/>\n<Act/></Fallback>", (3, 1), "never-reached",
-        "Act is never reached: Script before it never fails"),
+    "fallback after a sure success": ("<Fallback><Cond/><Script code=\"a:=1\"/>\n<Act/></Fallback>",
+                                      (3, 1), "never-reached",
+                                      "Act is never reached: Script before it never fails"),
     "reactive fallback after a sure success": (
         "<ReactiveFallback><Begin/>\n<Act name=\"x\"/></ReactiveFallback>", (3, 1), "never-reached",
         "Act x is never reached: Begin before it never fails"),
@@ -92,96 +91,80 @@ CANNOT_BE_MEANT = {
         (3, 1), "never-reached", "never succeeds"),
     "a fallback that always ends well, retried": (
         '<RetryUntilSuccessful num_attempts="2"><Fallback><Act/><AlwaysSuccess/></Fallback>'
-        '</RetryUntilSuccessful>',
-        (2, 1), "never-repeats", "Fallback never fails"),
-    "endless repeat without waiting": (
-        '<Repeat\n num_cycles="-1"><Script code="a:=1"/></Repeat>', (3, 2), "never-waits",
-        "forever and never waits", "Sleep"),
+        '</RetryUntilSuccessful>', (2, 1), "never-repeats", "Fallback never fails"),
+    "endless repeat without waiting": ('<Repeat\n num_cycles="-1"><Script code="a:=1"/></Repeat>',
+                                       (3, 2), "never-waits", "forever and never waits", "Sleep"),
     "endless retry without waiting": (
         '<RetryUntilSuccessful\n num_attempts="-1"><Cond/></RetryUntilSuccessful>', (3, 2),
         "never-waits", "without waiting", "ReactiveFallback"),
-    "no round": (
-        '<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), "never-run", "never run", "-1: no limit"),
-    "no attempt": (
-        '<RetryUntilSuccessful num_attempts="-3"><Act/></RetryUntilSuccessful>', (2, 23),
-        "never-run", "never run"),
-    "more successes than children": (
-        '<Parallel success_count="3"><Act/><Act/></Parallel>', (2, 11), "count-too-high",
-        "only 2 children"),
-    "no success wanted": (
-        '<Parallel success_count="0"><Act/><Act/></Parallel>', (2, 11), "count-zero",
-        "decides the result"),
-    "IfThenElse with one child": (
-        "<IfThenElse><Cond/></IfThenElse>", (2, 1), "child-count",
-        "has 1 children; it must have 2 or 3"),
+    "no round": ('<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), "never-run", "never run",
+                 "-1: no limit"),
+    "no attempt": ('<RetryUntilSuccessful num_attempts="-3"><Act/></RetryUntilSuccessful>', (2, 23),
+                   "never-run", "never run"),
+    "more successes than children": ('<Parallel success_count="3"><Act/><Act/></Parallel>', (2, 11),
+                                     "count-too-high", "only 2 children"),
+    "no success wanted": ('<Parallel success_count="0"><Act/><Act/></Parallel>', (2, 11),
+                          "count-zero", "decides the result"),
+    "IfThenElse with one child": ("<IfThenElse><Cond/></IfThenElse>", (2, 1), "child-count",
+                                  "has 1 children; it must have 2 or 3"),
     "Switch without a default": (
         '<Switch2 variable="{given}" case_1="a" case_2="b"><Act/><Act/></Switch2>', (2, 1),
         "child-count", "must have 3"),
     "a port without a value": ("<Sleep/>", (2, 1), "port-missing", "Sleep needs the port msec"),
-    "a condition misspelled": (
-        '<Act _skipif="true"/>', (2, 6), "condition-misspelt", "_skipif is ignored",
-        "did you mean _skipIf?"),
-    "_autoremap on a node": (
-        '<Act _autoremap="true"/>', (2, 6), "autoremap-misplaced", "only on a <SubTree>"),
-    "recovery that comes first": (
-        "<Fallback>\n<Recover/><Act/></Fallback>", (3, 1), "recovery-misplaced",
-        "Recover comes first"),
-    "recovery in a Sequence": (
-        "<Sequence><Act/>\n<Recover/></Sequence>", (3, 1), "recovery-misplaced",
-        "no failure to look at", "into a Fallback"),
-    "another kind than it says": (
-        '<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1), "kind-mismatch",
-        "Act is of kind Action, not Condition"),
-    "the name from an entry of the robot": (
-        '<SetBlackboard\noutput_key="{given}" value="1"/>', (3, 1), "name-from-entry"),
-    "the name from an entry that nothing writes": (
-        '<UnsetBlackboard\nkey="{x}"/>', (3, 1), "name-from-entry"),
-    "read before it is written": (
-        '<Sequence><In\nin="{x}"/><Out out="{x}"/></Sequence>', (3, 1), "read-too-early"),
+    "a condition misspelled": ('<Act _skipif="true"/>', (2, 6), "condition-misspelt",
+                               "_skipif is ignored", "did you mean _skipIf?"),
+    "_autoremap on a node": ('<Act _autoremap="true"/>', (2, 6), "autoremap-misplaced",
+                             "only on a <SubTree>"),
+    "recovery that comes first": ("<Fallback>\n<Recover/><Act/></Fallback>", (3, 1),
+                                  "recovery-misplaced", "Recover comes first"),
+    "recovery in a Sequence": ("<Sequence><Act/>\n<Recover/></Sequence>", (3, 1),
+                               "recovery-misplaced", "no failure to look at", "into a Fallback"),
+    "another kind than it says": ('<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1),
+                                  "kind-mismatch", "Act is of kind Action, not Condition"),
+    "the name from an entry of the robot": ('<SetBlackboard\noutput_key="{given}" value="1"/>',
+                                            (3, 1), "name-from-entry"),
+    "the name from an entry that nothing writes": ('<UnsetBlackboard\nkey="{x}"/>', (3, 1),
+                                                   "name-from-entry"),
+    "read before it is written": ('<Sequence><In\nin="{x}"/><Out out="{x}"/></Sequence>', (3, 1),
+                                  "read-too-early"),
     "read before it is set": (
         '<Sequence><In\nin="{x}"/><SetBlackboard output_key="x" value="1"/></Sequence>', (3, 1),
         "read-too-early"),
-    "read, never written": (
-        '<In\nin="{goal}"/>', (3, 1), "never-written",
-        "the entry goal is read here, but nothing writes it"),
-    "read in a script": (
-        '<ScriptCondition code="lives > 1"/>', (2, 18), "never-written", "the entry lives"),
+    "read, never written": ('<In\nin="{goal}"/>', (3, 1), "never-written",
+                            "the entry goal is read here, but nothing writes it"),
+    "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), "never-written",
+                         "the entry lives"),
     "read in a condition": (
         '<Sequence><Script code="lifes := 1"/><Act _skipIf="lives == 0"/></Sequence>', (2, 43),
         "never-written", "the entry lives", "did you mean lifes?"),
-    "read by default, never written": (
-        "<Sequence><Act/>\n<Drive/></Sequence>", (3, 1), "never-written",
-        "the entry goal is read here", "Aim writes it"),
-    "read by default, one of two written": (
-        "<Sequence><Aim/>\n<Drive/></Sequence>", (3, 1), "never-written",
-        "the entry pace is read here", "Hurry or Stroll writes it"),
+    "read by default, never written": ("<Sequence><Act/>\n<Drive/></Sequence>", (3, 1),
+                                       "never-written", "the entry goal is read here",
+                                       "Aim writes it"),
+    "read by default, one of two written": ("<Sequence><Aim/>\n<Drive/></Sequence>", (3, 1),
+                                            "never-written", "the entry pace is read here",
+                                            "Hurry or Stroll writes it"),
     "an entry given in place of the default": (
         '<Sequence><Aim/><Hurry/>\n<Drive target="{gaol}"/></Sequence>', (3, 8), "never-written",
         "the entry gaol is read here, but nothing writes it"),
-    "an optional port's entry that the file gives": (
-        '<Stroll mood="{mod}"/>', (2, 9), "never-written", "the entry mod is read here"),
-    "any node of a kind, by its type": (
-        '<Fallback><Begin/>\n<Action ID="Act"/></Fallback>', (3, 1), "never-reached",
-        "Act is never reached"),
-    "what TryCatch tries": (
-        "<TryCatch><AlwaysFailure/>\n<Act/><Act/></TryCatch>", (3, 1), "never-reached",
-        "Act is never reached"),
+    "an optional port's entry that the file gives": ('<Stroll mood="{mod}"/>', (2, 9),
+                                                     "never-written", "the entry mod is read here"),
+    "any node of a kind, by its type": ('<Fallback><Begin/>\n<Action ID="Act"/></Fallback>', (3, 1),
+                                        "never-reached", "Act is never reached"),
+    "what TryCatch tries": ("<TryCatch><AlwaysFailure/>\n<Act/><Act/></TryCatch>", (3, 1),
+                            "never-reached", "Act is never reached"),
     "a watched entry without its second brace": (
         '<Sequence><SkipUnlessUpdated\nentry="{given"><Act/></SkipUnlessUpdated></Sequence>',
         (3, 1), "braces-odd", 'entry="{given" names no entry (write entry="{given}")'),
-    "a brace is missing": (
-        '<In in="{goal"/>', (2, 5), "braces-odd",
-        'in="{goal" is a text, no entry (the whole value is written {goal})'),
+    "a brace is missing": ('<In in="{goal"/>', (2, 5), "braces-odd",
+                           'in="{goal" is a text, no entry (the whole value is written {goal})'),
     "an entry in a text": (
         '<In in="go to {goal}"/>', (2, 5), "braces-odd",
         'in="go to {goal}" is a text, no entry (a text is not filled in: a reference is the whole '
         'value)'),
-    "a brace too many": (
-        '<Sequence><Out out="{{x}"/></Sequence>', (2, 16), "braces-odd",
-        'out="{{x}" is the entry called "{x" (write {x})'),
-    "a brace too many at the end": (
-        '<Sequence><Out out="{x}}"/></Sequence>', (2, 16), "braces-odd",
-        'out="{x}}" is the entry called "x}" (write {x})'),
+    "a brace too many": ('<Sequence><Out out="{{x}"/></Sequence>', (2, 16), "braces-odd",
+                         'out="{{x}" is the entry called "{x" (write {x})'),
+    "a brace too many at the end": ('<Sequence><Out out="{x}}"/></Sequence>', (2, 16), "braces-odd",
+                                    'out="{x}}" is the entry called "x}" (write {x})'),
     "a choice by a text with a brace": (
         '<Switch2 variable="{given" case_1="a" case_2="b"><Act/><Act/><Act/></Switch2>', (2, 10),
         "braces-odd", "is a text, no entry"),
@@ -191,17 +174,16 @@ CANNOT_BE_MEANT = {
     "a case twice": (
         "<Switch2 variable='{given}' case_1='a' case_2='a'><Act/><Act/><Act/></Switch2>", (2, 40),
         "switch-case", "case_2 is never chosen: case_1 is the same"),
-    "an attribute whose value begins with a new line": (
-        '<Act _skipif="\ntrue"/>', (2, 6), "condition-misspelt", "_skipif is ignored"),
+    "an attribute whose value begins with a new line": ('<Act _skipif="\ntrue"/>', (2, 6),
+                                                        "condition-misspelt", "_skipif is ignored"),
     "an entry whose attribute begins with a new line": (
         '<In in="\n{goal}"/>', (2, 5), "never-written", "the entry goal is read here"),
     "more successes than anything has children": (
         '<Parallel success_count="1234567890"><Act/></Parallel>', (2, 11), "count-too-high",
         'success_count="1234567890", but there are only 1 children (it will fail when it is '
         'ticked)'),
-    "watched, never written": (
-        '<SkipUnlessUpdated entry="goal"><Act/></SkipUnlessUpdated>', (2, 20), "never-written",
-        "the entry goal")}
+    "watched, never written": ('<SkipUnlessUpdated entry="goal"><Act/></SkipUnlessUpdated>',
+                               (2, 20), "never-written", "the entry goal")}
 
 
 @pytest.mark.parametrize("rule", sorted(CANNOT_BE_MEANT))
@@ -367,17 +349,16 @@ def test_a_literal_is_told_that_is_neither_true_nor_false(code, is_told):
 
 
 @pytest.mark.parametrize("operation, text", [
-    ("'x' * 2", "'x' * 2 calculates with a text"),
-    ("2 - word", "2 - word calculates with a text"),
+    ("'x' * 2", "'x' * 2 calculates with a text"), ("2 - word", "2 - word calculates with a text"),
     ("(1 + 2) * word", "… * word calculates with a text"),
     ("word - (1 + 2)", "word - … calculates with a text"),
     ("'3' + '4'", "'3' + '4' joins two texts"),
     ("word == 2", "word == 2 compares a text with a number"),
     ("2 &lt; word", "2 &lt; word compares a text with a number"),
     ("-word", "-word needs a number, and gets a text"),
-    ("!~'x'", "!~'x' needs a number, and gets a text"),
-    ("word + 'y'", None), ("word .. 2", None), ("-given", None), ("-3", None), ("'3' == 2", None),
-    ("given * 2", None), ("word == given", None), ("'x' + '4'", None)])
+    ("!~'x'", "!~'x' needs a number, and gets a text"), ("word + 'y'", None), ("word .. 2", None),
+    ("-given", None), ("-3", None), ("'3' == 2", None), ("given * 2", None),
+    ("word == given", None), ("'x' + '4'", None)])
 def test_what_is_done_with_a_text_and_a_number_is_said(operation, text):
     found = faults('<Script code="word := \'x\'; a := {}"/>'.format(operation))
     assert [fault.text.replace("<", "&lt;") for fault in found] == [text] * (text is not None)
@@ -541,8 +522,7 @@ def test_a_subtree_may_wait():
     ("ab", "", None, ""), ("abd", "", "subtree-port-unknown", "abc?"), ("xyz", "", None, ""),
     ("abd", "abc", "model-port-unknown", "abc?"),
     ("xyz", "who abc", "model-port-unknown", "abc, who"),
-    ("post", "", "subtree-condition", "_post?"),
-    ("abc", "who", None, "")])
+    ("post", "", "subtree-condition", "_post?"), ("abc", "who", None, "")])
 def test_what_a_subtree_is_given_and_does_not_use(name, more, code, hinted):
     model = '<TreeNodesModel><SubTree ID="Sub">{}</SubTree></TreeNodesModel>'.format("".join(
         '<input_port name="{}" default="1"/>'.format(port) for port in more.split()))
@@ -567,10 +547,9 @@ def test_defaults_of_a_model_are_written():
 
 @pytest.mark.parametrize("calls, is_told", [(1, True), (2, False)])
 def test_an_entry_is_misspelt_if_it_is_named_once_only(calls, is_told):
-    found = warnings(
-        "<Sequence><Script code=\"place := 'lab'\"/>{}</Sequence>".format(
-            "<SubTree ID='Go' target='{plce}'/>" * calls),
-        tree("Go", "<ScriptCondition code=\"target == 'lab'\"/>"))
+    found = warnings("<Sequence><Script code=\"place := 'lab'\"/>{}</Sequence>".format(
+                         "<SubTree ID='Go' target='{plce}'/>" * calls),
+                     tree("Go", "<ScriptCondition code=\"target == 'lab'\"/>"))
     assert len(found) == 1 and (found[0][2] == "entry-misspelt") is is_told
 
 
@@ -588,9 +567,8 @@ def test_an_entry_that_is_told_in_other_words_is_not_told_again_as_unwritten(bod
 
 def test_a_mission_with_faults_is_not_linted():
     body = "<Fallback><Begin/><Nope/></Fallback>"
-    documents = [
-        parse(
-            '<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))]
+    documents = [parse(
+        '<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))]
     found = lint(check(documents, REGISTRY))
     assert [fault.code for fault in found] == ["unknown-node"]
 
@@ -604,9 +582,7 @@ def test_the_lab_tour_has_no_warning():
 
 def mission(*leaves):
     return ('<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>{}</Sequence></'
-            'BehaviorTree></'
-            'root>'.format(
-        "".join("<{}/>".format(leaf) for leaf in leaves)))
+            'BehaviorTree></' 'root>'.format("".join("<{}/>".format(leaf) for leaf in leaves)))
 
 
 @pytest.mark.parametrize("leaves, writers", [
@@ -652,9 +628,8 @@ def test_nothing_wrong_is_told_of_the_recorded_traces():
         assert not {"never-written", "subtree-port-missing"} & {fault.code for fault in found}
         if any(item[:1] in "KI" for script in case["leaves"].values() for item in script):
             continue  # leaves that SKIP, which mission leaves never do
-        ends = outcomes(
-            {tree_id: root.below for tree_id, root in reversed(list(checked.trees.items()))},
-            registry)
+        ends = outcomes({tree_id: root.below for tree_id, root in reversed(
+                            list(checked.trees.items()))}, registry)
         unreached = {fault[1:3] for fault in found if fault.code == "never-reached"}
         seen = {}
         for tick in case["expected"]["ticks"]:

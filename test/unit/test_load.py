@@ -150,8 +150,7 @@ def test_a_load_checks_the_mission_once():
 def offers_of(element, **changed):
     """Return the names of what a mission of these elements needs of the robot."""
     text = ("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence>{}</Sequence></BehaviorTree></"
-            "root>".format(
-        element))
+            "root>".format(element))
     loaded = load.load(settings.defaults(**changed), documents=[parse(text)])
     return [offer.name for offer in loaded.offers]
 

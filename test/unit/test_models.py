@@ -62,8 +62,7 @@ def test_a_palette_s_own_node_is_a_stub_with_its_ports():
             "<input_port type='int'/><input_port name=''/><MetadataFields name='no port'/>"
             "</Condition><Action ID='Sleep'/><Action ID='FixtureIsNear'/></TreeNodesModel></root>")
     (stub,), faults = stubs([parse(text, "m.xml")], registry())
-    assert (stub.id, stub.kind, stub.is_stub, faults) == (
-        "FixtureIsNear", Kind.CONDITION, True, [])
+    assert (stub.id, stub.kind, stub.is_stub, faults) == ("FixtureIsNear", Kind.CONDITION, True, [])
     assert [(port.name, port.type, port.direction, port.default, port.is_optional)
             for port in stub.ports] == [("to", "int", Direction.IN, "3", True),
                                         ("by", "any", Direction.OUT, None, True)]

@@ -97,9 +97,8 @@ def disproved(path):
             return [], False
     nodes = runner.stage(True).mission.tree.nodes
     ticked = {nodes[uid - 1].element.place() for outcome, _ in plays for uid in outcome.reached}
-    succeeded = {
-        nodes[result.uid - 1].element.place() for _, play in plays
-        for result in play.run.results if result.letter == "S"}
+    succeeded = {nodes[result.uid - 1].element.place() for _, play in plays
+                 for result in play.run.results if result.letter == "S"}
     has_tour = bool(plays[0][0].stops)
     wrong = []
     for fault in runner.stage(True).mission.tree.warnings:

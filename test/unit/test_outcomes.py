@@ -12,9 +12,8 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.registry import Kind, NodeSpec
 
-LEAVES = {
-    "Win": SUCCEEDS, "Lose": FAILS, "Skip": SKIPS, "WinOrSkip": SUCCEEDS | SKIPS,
-    "LoseOrSkip": FAILS | SKIPS, "Either": None}
+LEAVES = {"Win": SUCCEEDS, "Lose": FAILS, "Skip": SKIPS, "WinOrSkip": SUCCEEDS | SKIPS,
+          "LoseOrSkip": FAILS | SKIPS, "Either": None}
 REGISTRY = Registry(builtin_specs() + [
     NodeSpec(name, Kind.ACTION, AlwaysSuccess, outcome=outcome) for name, outcome in LEAVES.items()
 ] + [NodeSpec("Own", Kind.DECORATOR, Inverter),

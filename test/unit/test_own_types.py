@@ -115,16 +115,15 @@ def spec(name, port_type):
     return bt.NodeSpec(name, bt.Kind.ACTION, Note, (bt.Port("p", port_type),))
 
 
-@pytest.mark.parametrize(
-    "specs, words",
-    [([spec("A", "strng")
-       ], r"the port p of A has the unknown type strng \(did you mean string\?; .* PortType\)"),
-     ([spec("A", SPOT), spec("B", "spot")
-       ], r"the port p of B has the unknown type spot \(did you mean Spot\?"),
-     ([spec("A", "xyzzy")
-       ], r"unknown type xyzzy \(there are: string int uint .*vec_bool any Any; .* PortType\)"),
-     ([spec("A", SPOT), spec("B", bt.PortType("Spot", Spot))
-       ], r"the type Spot of the port p of B is not the one")])
+@pytest.mark.parametrize("specs, words", [
+    ([spec("A", "strng")],
+     r"the port p of A has the unknown type strng \(did you mean string\?; .* PortType\)"),
+    ([spec("A", SPOT), spec("B", "spot")],
+     r"the port p of B has the unknown type spot \(did you mean Spot\?"),
+    ([spec("A", "xyzzy")],
+     r"unknown type xyzzy \(there are: string int uint .*vec_bool any Any; .* PortType\)"),
+    ([spec("A", SPOT), spec("B", bt.PortType("Spot", Spot))],
+     r"the type Spot of the port p of B is not the one")])
 def test_a_type_that_is_not_known_is_refused_with_the_node_type(specs, words):
     with pytest.raises(ValueError, match=words):
         bt.Registry(specs)

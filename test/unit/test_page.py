@@ -552,8 +552,7 @@ def test_axe_finds_nothing_when_the_connection_is_lost(show, browser, screen):
 
 
 def test_what_the_robot_says_in_another_language_is_marked_for_screen_readers(show, browser):
-    rig = Rig(answer=hanging(Say),
-              language="Kinyarwanda")
+    rig = Rig(answer=hanging(Say), language="Kinyarwanda")
     shown = show(rig)
     open_page(browser, shown)
     shown.rig.mission.events.emit(replace(RUN, settings={"language": "Kinyarwanda"}))
@@ -824,8 +823,7 @@ while True:
 def test_a_controller_that_is_frozen_does_not_look_live(browser):
     path = os.pathsep.join(filter(None, sys.path))
     with subprocess.Popen([sys.executable, "-c", SERVED], stdout=subprocess.PIPE,
-                          universal_newlines=True,
-                          env=dict(os.environ, PYTHONPATH=path)) as served:
+                          universal_newlines=True, env=dict(os.environ, PYTHONPATH=path)) as served:
         try:
             browser.get("http://127.0.0.1:{}/".format(served.stdout.readline().strip()))
             wait_until(lambda: re.search(r"last message [01]\.", text(browser, "#health")))

@@ -77,17 +77,8 @@ def test_what_the_recognition_says_itself(utterance, is_so):
 
 
 @pytest.mark.parametrize("response, meaning", [
-    ("Yes", "yes"),
-    ("yes", "yes"),
-    (" YES ", "yes"),
-    ("1", "yes"),
-    ("No", "no"),
-    ("no", "no"),
-    ("2", "no"),
-    ("", None),
-    ("0", None),
-    ("3", None),
-    ("maybe", None)])
+    ("Yes", "yes"), ("yes", "yes"), (" YES ", "yes"), ("1", "yes"), ("No", "no"), ("no", "no"),
+    ("2", "no"), ("", None), ("0", None), ("3", None), ("maybe", None)])
 def test_pressed_answers(response, meaning):
     assert ENGLISH.pressed_answer(response) == meaning
 
@@ -159,9 +150,7 @@ def test_faults_of_a_language_come_at_once(tmp_path, monkeypatch):
     with open(str(tmp_path / "phrases_Broken.ini"), encoding="utf-8") as file:
         keys = [line.split(" ")[0] for line in file]
     assert [fault.line for fault in found] == [
-        keys.index("FolowMeSpeech") + 1,
-        keys.index("tabletYes") + 1,
-        keys.index("unclear") + 1, 0]
+        keys.index("FolowMeSpeech") + 1, keys.index("tabletYes") + 1, keys.index("unclear") + 1, 0]
 
 
 def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):

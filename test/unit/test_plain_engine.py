@@ -160,14 +160,13 @@ def habit(base, *names, kind=bt.Kind.ACTION):
     return bt.NodeSpec("Wave", kind, type("Wave", (base,), methods))
 
 
-HABITS = [
-    (bt.ActionLeaf, "update", "on_start, on_running"),
-    (bt.ActionLeaf, "tick", "on_start, on_running"),
-    (bt.ActionLeaf, "initialise", "on_start, on_running"),
-    (bt.ActionLeaf, "terminate", "on_start, on_running"),
-    (bt.SyncActionLeaf, "tick", "update"), (bt.SyncActionLeaf, "initialise", "update"),
-    (bt.ConditionLeaf, "tick", "update"), (bt.ConditionLeaf, "stop", "update"),
-    (bt.Decorator, "tick", "update"), (bt.Control, "terminate", "update")]
+HABITS = [(bt.ActionLeaf, "update", "on_start, on_running"),
+          (bt.ActionLeaf, "tick", "on_start, on_running"),
+          (bt.ActionLeaf, "initialise", "on_start, on_running"),
+          (bt.ActionLeaf, "terminate", "on_start, on_running"),
+          (bt.SyncActionLeaf, "tick", "update"), (bt.SyncActionLeaf, "initialise", "update"),
+          (bt.ConditionLeaf, "tick", "update"), (bt.ConditionLeaf, "stop", "update"),
+          (bt.Decorator, "tick", "update"), (bt.Control, "terminate", "update")]
 
 
 @pytest.mark.parametrize("base, name, instead", HABITS)
@@ -214,9 +213,8 @@ def test_after_a_run_the_display_shows_its_results():
     ended = tree("<Sequence><Fallback><AlwaysFailure/><AlwaysSuccess/></Fallback>"
                  "<Sleep msec='1'/><Script code='b:=1' _skipIf='true'/></Sequence>", bt.Registry())
     assert ended.tick_while_running() is bt.SUCCESS
-    assert [node.status for node in ended.nodes] == [
-        Status.SUCCESS, Status.SUCCESS, Status.FAILURE, Status.SUCCESS, Status.SUCCESS,
-        Status.INVALID]
+    assert [node.status for node in ended.nodes] == [Status.SUCCESS, Status.SUCCESS, Status.FAILURE,
+                                                     Status.SUCCESS, Status.SUCCESS, Status.INVALID]
     drawn = py_trees.display.ascii_tree(ended.root, show_status=True)
     assert drawn.count("o") > 4 and "x" in drawn.split("AlwaysFailure")[1].split("\n")[0]
 
@@ -229,8 +227,7 @@ def test_a_run_shows_none_of_the_results_of_the_run_before_it():
     assert ended.nodes[2].status is Status.SUCCESS
     ended.blackboard["go"] = False
     assert ended.tick_while_running() is bt.FAILURE
-    assert [node.status for node in ended.nodes] == [
-        Status.FAILURE, Status.FAILURE, Status.INVALID]
+    assert [node.status for node in ended.nodes] == [Status.FAILURE, Status.FAILURE, Status.INVALID]
 
 
 def test_groot2_sees_a_plain_tree_run_and_stops_it_at_a_breakpoint():

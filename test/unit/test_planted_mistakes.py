@@ -150,9 +150,8 @@ def attribute_gone(pattern):
 
 
 def closing_tag_gone(text, draw):
-    match = chosen(text,
-                   r"\n *</(Sequence|Fallback|Parallel|ReactiveFallback|ForceFailure|Inverter)>",
-                   draw)
+    match = chosen(
+        text, r"\n *</(Sequence|Fallback|Parallel|ReactiveFallback|ForceFailure|Inverter)>", draw)
     opened = []
     for token in TOKEN.finditer(text, 0, match.start() + 1):
         if token.lastgroup == "end":
@@ -265,117 +264,77 @@ def attribute_twice(text, draw):
 
 
 MISTAKES = {
-    "a tag misspelt":
-        by_pattern(r"<(\w+)(?: [^<>]*)?/>", misspelt),
-    "both tags misspelt":
-        both_tags_misspelt,
-    "a tag in lower case":
-        by_pattern(r"<([A-Z]\w+)(?: [^<>]*)?/>", lambda word, _draw: word.lower()),
-    "an attribute misspelt":
-        by_pattern(
-            r" (num_attempts|msec|success_count|failure_count|code|variable|case_1|case_2|"
-            r"_skipIf|_onFailure|_onSuccess|_while|_post|queue|target|num_cycles|entry)=",
-            misspelt),
-    "a condition without its underscore":
-        by_pattern(r" (_\w+)=\"[^\"]*[=!<>&][^\"]*\"", lambda word, _draw: word[1:]),
-    "an attribute in another case":
-        by_pattern(r" (_skipIf|_onFailure|_onSuccess|_failureIf|ID)=",
-                   lambda word, _draw: word.lower()),
-    "a call misspelt":
-        by_pattern(r'<SubTree ID="(\w+)"', misspelt),
-    "a closing tag gone":
-        closing_tag_gone,
-    "a closing quote gone":
-        by_pattern(r'="[^"<>]*(")(?: |/|>)', constant("")),
-    "no quotes":
-        by_pattern(r'=("\w+")', lambda word, _draw: word[1:-1]),
-    "a blank between attributes gone":
-        by_pattern(r'"( )\w+="', constant("")),
-    "a slash gone":
-        slash_gone,
-    "a second child":
-        second_child,
-    "a child of a leaf":
-        child_of_a_leaf,
-    "no children":
-        emptied,
-    "a number with a unit":
-        by_pattern(r'(?:msec|delay_msec)="(\d+)"',
-                   lambda word, draw: word + draw.choice([" ms", "ms", " s", " min", "s"])),
-    "a number with a separator":
-        by_pattern(r'msec="(\d+)"', constant("15,000", "1.5", "2,5", "12e4", "1_000", "10 000")),
-    "a word for a number":
-        by_pattern(r'(?:msec|num_attempts|num_cycles|success_count)="(\d+)"',
-                   constant("three", "", "ten", "-", "x3")),
-    "no rounds":
-        by_pattern(r'(?:num_attempts|num_cycles)="(\d+)"', constant("0", "-2", "-3")),
-    "too many wanted":
-        by_pattern(r'success_count="(\d+)"', constant("3", "5", "0")),
-    "a needed attribute gone":
-        attribute_gone(r'\s(?:num_attempts|msec|num_cycles|code|delay_msec|ID|if|queue)="[^"]*"'),
-    "an unknown attribute":
-        by_pattern(r"<(?:\w+Speech|Sleep|Navigate|Is\w+)(/)>",
-                   constant(' text="hello"/', ' wait="5"/', ' onSuccess="x := 1"/')),
-    "an entry misspelt":
-        entry_misspelt,
-    "an entry misspelt in a condition":
-        by_pattern(r'(?:_skipIf|_while|_failureIf|if)="[^"]*?([a-z]{4,})[^"]*"', misspelt),
-    "a brace gone":
-        by_pattern(r'"\{\w+(\})"', constant("")),
-    "a dollar":
-        by_pattern(r'"(\{)\w+\}"', constant("${")),
-    "braces forgotten":
-        by_pattern(r'(?:variable|known|tone)="(\{\w+\})"', lambda word, _draw: word[1:-1]),
-    "created with =":
-        by_pattern(r"(?:visits|@battery) (:=) [^;\"]+", constant("=")),
-    "= for ==":
-        by_pattern(r'(?:_skipIf|code)="[^":]*? (==) ', constant("=")),
-    "== for :=":
-        by_pattern(r'_on\w+="[^"]* (:=|=) ', constant("==")),
-    "a word for an operator":
-        by_pattern(r" (&amp;&amp;|\|\|) ", constant("and", "or", "AND")),
-    "not for !":
-        by_pattern(r'"(!)', constant("not ")),
-    "double quotes in a script":
-        by_pattern(r"('\w+')\"", lambda word, _draw: "&quot;" + word[1:-1] + "&quot;"),
-    "a quote gone in a script":
-        by_pattern(r"'\w+(')", constant("")),
-    "an operator from elsewhere":
-        by_pattern(r" (==|!=|>|&lt;) ", constant("===", "=&gt;", "=&lt;", "&lt;&gt;", "!==")),
-    "a parenthesis too many":
-        by_pattern(r'(?:_on\w+|_skipIf|_while|code)="[^"]*(")', constant(')"')),
-    "a text compared with a number":
-        by_pattern(r"mood == ('\w+')", constant("1", "true")),
-    "a case with a comma":
-        by_pattern(r'case_\d="\w+(")', constant(',"', ' "', ";\"")),
-    "the same case":
-        by_pattern(r'case_2="(\w+)"', constant("good")),
-    "a recovery that comes first":
-        recovery_first,
-    "a tree that contains itself":
-        circle,
-    "an element as a text":
-        element_as_text,
-    "an attribute twice":
-        attribute_twice,
-    "a port of the model misspelt":
-        by_pattern(r'<SubTree ID="Greet".*? (known|tone|pause)=', misspelt),
-    "a wrong status":
-        by_pattern(r'else="(\w+)"', constant("success", "OK")),
-    "a place that is none":
-        by_pattern(r'target="([^"]*)"', constant("2.5,1,90", "2.5;1", "kitchen")),
-    "another kind":
-        by_pattern(
-            r"<(WelcomeSpeech|IsVisitorDiscovered|Navigate)(?: [^<>]*)?/>", lambda word, _draw:
-            ('Action ID="{}"' if word[0] == "I" else 'Condition ID="{}"').format(word)),
-    "a tree's own name misspelt":
-        definition_misspelt,
-    "a port of the model not given":
-        attribute_gone(r' (?:known|tone)="[^"]*"'),
-    "a writer gone":
-        writer_gone,
-    "a version 3 name":
-        by_pattern(r"<(SubTree) ID", constant("SubTreePlus", "Subtree"))}
+    "a tag misspelt": by_pattern(r"<(\w+)(?: [^<>]*)?/>", misspelt),
+    "both tags misspelt": both_tags_misspelt,
+    "a tag in lower case": by_pattern(r"<([A-Z]\w+)(?: [^<>]*)?/>",
+                                      lambda word, _draw: word.lower()),
+    "an attribute misspelt": by_pattern(
+        r" (num_attempts|msec|success_count|failure_count|code|variable|case_1|case_2|"
+        r"_skipIf|_onFailure|_onSuccess|_while|_post|queue|target|num_cycles|entry)=", misspelt),
+    "a condition without its underscore": by_pattern(r" (_\w+)=\"[^\"]*[=!<>&][^\"]*\"",
+                                                     lambda word, _draw: word[1:]),
+    "an attribute in another case": by_pattern(r" (_skipIf|_onFailure|_onSuccess|_failureIf|ID)=",
+                                               lambda word, _draw: word.lower()),
+    "a call misspelt": by_pattern(r'<SubTree ID="(\w+)"', misspelt),
+    "a closing tag gone": closing_tag_gone,
+    "a closing quote gone": by_pattern(r'="[^"<>]*(")(?: |/|>)', constant("")),
+    "no quotes": by_pattern(r'=("\w+")', lambda word, _draw: word[1:-1]),
+    "a blank between attributes gone": by_pattern(r'"( )\w+="', constant("")),
+    "a slash gone": slash_gone,
+    "a second child": second_child,
+    "a child of a leaf": child_of_a_leaf,
+    "no children": emptied,
+    "a number with a unit": by_pattern(r'(?:msec|delay_msec)="(\d+)"',
+                                       lambda word, draw: word + draw.choice([
+                                           " ms", "ms", " s", " min", "s"])),
+    "a number with a separator": by_pattern(r'msec="(\d+)"', constant(
+        "15,000", "1.5", "2,5", "12e4", "1_000", "10 000")),
+    "a word for a number": by_pattern(r'(?:msec|num_attempts|num_cycles|success_count)="(\d+)"',
+                                      constant("three", "", "ten", "-", "x3")),
+    "no rounds": by_pattern(r'(?:num_attempts|num_cycles)="(\d+)"', constant("0", "-2", "-3")),
+    "too many wanted": by_pattern(r'success_count="(\d+)"', constant("3", "5", "0")),
+    "a needed attribute gone": attribute_gone(
+        r'\s(?:num_attempts|msec|num_cycles|code|delay_msec|ID|if|queue)="[^"]*"'),
+    "an unknown attribute": by_pattern(r"<(?:\w+Speech|Sleep|Navigate|Is\w+)(/)>", constant(
+        ' text="hello"/', ' wait="5"/', ' onSuccess="x := 1"/')),
+    "an entry misspelt": entry_misspelt,
+    "an entry misspelt in a condition": by_pattern(
+        r'(?:_skipIf|_while|_failureIf|if)="[^"]*?([a-z]{4,})[^"]*"', misspelt),
+    "a brace gone": by_pattern(r'"\{\w+(\})"', constant("")),
+    "a dollar": by_pattern(r'"(\{)\w+\}"', constant("${")),
+    "braces forgotten": by_pattern(r'(?:variable|known|tone)="(\{\w+\})"',
+                                   lambda word, _draw: word[1:-1]),
+    "created with =": by_pattern(r"(?:visits|@battery) (:=) [^;\"]+", constant("=")),
+    "= for ==": by_pattern(r'(?:_skipIf|code)="[^":]*? (==) ', constant("=")),
+    "== for :=": by_pattern(r'_on\w+="[^"]* (:=|=) ', constant("==")),
+    "a word for an operator": by_pattern(r" (&amp;&amp;|\|\|) ", constant("and", "or", "AND")),
+    "not for !": by_pattern(r'"(!)', constant("not ")),
+    "double quotes in a script": by_pattern(r"('\w+')\"",
+                                            lambda word, _draw: "&quot;" + word[1:-1] + "&quot;"),
+    "a quote gone in a script": by_pattern(r"'\w+(')", constant("")),
+    "an operator from elsewhere": by_pattern(r" (==|!=|>|&lt;) ", constant(
+        "===", "=&gt;", "=&lt;", "&lt;&gt;", "!==")),
+    "a parenthesis too many": by_pattern(r'(?:_on\w+|_skipIf|_while|code)="[^"]*(")',
+                                         constant(')"')),
+    "a text compared with a number": by_pattern(r"mood == ('\w+')", constant("1", "true")),
+    "a case with a comma": by_pattern(r'case_\d="\w+(")', constant(',"', ' "', ";\"")),
+    "the same case": by_pattern(r'case_2="(\w+)"', constant("good")),
+    "a recovery that comes first": recovery_first,
+    "a tree that contains itself": circle,
+    "an element as a text": element_as_text,
+    "an attribute twice": attribute_twice,
+    "a port of the model misspelt": by_pattern(r'<SubTree ID="Greet".*? (known|tone|pause)=',
+                                               misspelt),
+    "a wrong status": by_pattern(r'else="(\w+)"', constant("success", "OK")),
+    "a place that is none": by_pattern(r'target="([^"]*)"', constant(
+        "2.5,1,90", "2.5;1", "kitchen")),
+    "another kind": by_pattern(r"<(WelcomeSpeech|IsVisitorDiscovered|Navigate)(?: [^<>]*)?/>",
+                               lambda word, _draw: ('Action ID="{}"' if word[0] == "I"
+                                                    else 'Condition ID="{}"').format(word)),
+    "a tree's own name misspelt": definition_misspelt,
+    "a port of the model not given": attribute_gone(r' (?:known|tone)="[^"]*"'),
+    "a writer gone": writer_gone,
+    "a version 3 name": by_pattern(r"<(SubTree) ID", constant("SubTreePlus", "Subtree"))}
 
 
 def missions():

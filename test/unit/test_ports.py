@@ -27,22 +27,9 @@ def script_made(**entries):
 
 
 @pytest.mark.parametrize("text, key", [
-    ("{k}", "k"),
-    (" {k}\t", "k"),
-    ("\r\n{k}", "k"),
-    ("{ k }", " k "),
-    ("{=}", "p"),
-    ("=", "p"),
-    ("{@g}", "@g"),
-    ("{}}", "}"),
-    ("", None),
-    ("k", None),
-    ("{}", None),
-    ("{k", None),
-    ("a{b}c", None),
-    (" = ", None),
-    ("== ", None),
-    ("\x0b{k}", None)])
+    ("{k}", "k"), (" {k}\t", "k"), ("\r\n{k}", "k"), ("{ k }", " k "), ("{=}", "p"), ("=", "p"),
+    ("{@g}", "@g"), ("{}}", "}"), ("", None), ("k", None), ("{}", None), ("{k", None),
+    ("a{b}c", None), (" = ", None), ("== ", None), ("\x0b{k}", None)])
 def test_what_is_a_reference(text, key):
     assert ports.reference(text, "p") == key
 
@@ -176,16 +163,9 @@ def test_writing(type_name, value, stored):
 
 
 @pytest.mark.parametrize("type_name, text, value", [
-    ("int", "5", 4),
-    ("int", "", 4),
-    ("int", "{k}", "4"),
-    ("int", "{k}", 4.5),
-    ("int", "{k}", 2**31),
-    ("string", "{k}", 4),
-    ("uint", "{k}", -1),
-    ("vec_int", "{k}", ["x"]),
-    ("vec_int", "{k}", 1),
-    ("int", "{k}", None)])
+    ("int", "5", 4), ("int", "", 4), ("int", "{k}", "4"), ("int", "{k}", 4.5),
+    ("int", "{k}", 2**31), ("string", "{k}", 4), ("uint", "{k}", -1), ("vec_int", "{k}", ["x"]),
+    ("vec_int", "{k}", 1), ("int", "{k}", None)])
 def test_what_cannot_be_written(type_name, text, value):
     board = Blackboard()
     with pytest.raises(PortError):

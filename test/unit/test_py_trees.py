@@ -62,8 +62,7 @@ REGISTRY = bt.Registry(bt.builtin_specs() + [
 def load(body, rest="", clock=None):
     return bt.load_text(
         "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{}</BehaviorTree>{}</"
-        "root>"
-        .format(body, rest), REGISTRY, "m.xml", clock=clock or bt.ManualClock())
+        "root>".format(body, rest), REGISTRY, "m.xml", clock=clock or bt.ManualClock())
 
 
 class Watched:
@@ -167,10 +166,9 @@ def test_ascii_tree_shows_the_statuses_of_the_last_tick():
 
 
 def test_what_is_skipped_or_was_halted_is_invalid_to_py_trees():
-    watched = Watched(
-        load(
-            "<Parallel failure_count='1' success_count='1'><AlwaysSuccess name='s' _skipIf='true'/>"
-            "<Sleep name='r' msec='9'/><AlwaysFailure name='f'/></Parallel>"))
+    watched = Watched(load(
+        "<Parallel failure_count='1' success_count='1'><AlwaysSuccess name='s' _skipIf='true'/>"
+        "<Sleep name='r' msec='9'/><AlwaysFailure name='f'/></Parallel>"))
     assert watched.tick() is Status.FAILURE
     assert watched.seen == [("s", Status.INVALID), ("r", Status.INVALID), ("f", Status.FAILURE),
                             ("Parallel", Status.FAILURE)]

@@ -34,11 +34,9 @@ def lines(record):
 
 def test_events_are_written_as_they_happen(tmp_path):
     record = FileRecord(str(tmp_path / "new folder")).open()
-    record(
-        RunStarted(
-            "/m.xml", [("a", "Navigate")], {"asrEnabled": True},
-            Sources((Source("/m.xml", "<root/>"), ), Source("/p.ini", "yes yes\n"),
-                    Source("/r.ini", "budget 1 1\n"), "R")))
+    record(RunStarted("/m.xml", [("a", "Navigate")], {"asrEnabled": True},
+                      Sources((Source("/m.xml", "<root/>"),), Source("/p.ini", "yes yes\n"),
+                              Source("/r.ini", "budget 1 1\n"), "R")))
     record(LeafFinished(7, "Navigate", "go/a", "FAILURE", "/robotNavigation/set_goal", 0.5,
                         Failure(Cause.REFUSED, "no", "/robotNavigation/set_goal")))
     first, second = lines(record)
@@ -47,9 +45,8 @@ def test_events_are_written_as_they_happen(tmp_path):
     assert first["sources"] == {
         "documents": [["/m.xml", "<root/>"]], "phrases": ["/p.ini", "yes yes\n"],
         "policy": ["/r.ini", "budget 1 1\n"], "interface": "R", "knowledge": []}
-    assert second["failure"] == {
-        "_type": "Failure", "cause": "refused", "message": "no",
-        "resource": "/robotNavigation/set_goal", "unheard": None}
+    assert second["failure"] == {"_type": "Failure", "cause": "refused", "message": "no",
+                                 "resource": "/robotNavigation/set_goal", "unheard": None}
     assert (second["node"], second["path"], second["status"],
             second["seconds"]) == ("Navigate", "go/a", "FAILURE", 0.5)
 
@@ -265,9 +262,8 @@ def test_a_line_that_cannot_be_written_is_missing_and_the_rest_is_there(tmp_path
     (Location(1.0, -2.5, 90.0), "x 1 m, y -2.5 m, 90°"),
     (Point(1.0, 0.5, 2.0), "x 1 m, y 0.5 m, z 2 m"),
     ([Exhibit("cup", "", "", Location(1.0, 2.0, 3.0), Point(4.0, 5.0, 6.0)), "arm", 3],
-     "cup, arm, 3"),
-    ([], ""), (3.0, "3"), (2.5, "2.5"), (7, "7"), (True, "True"), (float("inf"), "inf"),
-    ("a\nb", "a\\nb"), (120 * "x", 120 * "x")])
+     "cup, arm, 3"), ([], ""), (3.0, "3"), (2.5, "2.5"), (7, "7"), (True, "True"),
+    (float("inf"), "inf"), ("a\nb", "a\\nb"), (120 * "x", 120 * "x")])
 def test_the_value_of_an_entry_is_one_short_line(value, expected):
     assert entry_text(value) == expected
     assert len(entry_text(121 * "x")) <= 120
@@ -277,8 +273,7 @@ def test_of_a_node_are_kept_its_pause_and_what_follows_it():
     rig = Rig("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence name='all' _while='true'>"
               "<Sleep msec='1500'/><Sleep msec='{pause}'/><Delay delay_msec='250'>"
               "<AlwaysSuccess _skipIf='false'/></Delay></Sequence></BehaviorTree></root>")
-    assert [(node.type, node.parent, node.pause, node.next)
-            for node in shown(rig.tree).nodes] == [
+    assert [(node.type, node.parent, node.pause, node.next) for node in shown(rig.tree).nodes] == [
         ("Sequence", 0, 0.0, (0,)), ("Sleep", 1, 1.5, (3,)), ("Sleep", 1, -1.0, ()),
         ("Delay", 1, 0.25, (0,)), ("AlwaysSuccess", 4, 0.0, (0,))]
 

@@ -86,10 +86,8 @@ def test_a_record_that_a_process_writes_stays_however_old_it_is(tmp_path):
 
 
 def test_the_record_of_a_living_node_is_locked_and_that_of_a_killed_one_is_not(tmp_path):
-    code = ("import sys, time\n"
-            "from behavior_controller.run.record.recorder import RecordFiles\n"
-            "record = RecordFiles(sys.argv[1], print)\n"
-            "print(record.path, flush=True)\n"
+    code = ("import sys, time\n" "from behavior_controller.run.record.recorder import RecordFiles\n"
+            "record = RecordFiles(sys.argv[1], print)\n" "print(record.path, flush=True)\n"
             "time.sleep(60)")
     node = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE,
                             text=True, env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)))

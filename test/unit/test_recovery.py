@@ -256,17 +256,15 @@ def test_nothing_failed_before_is_a_failure():
     assert rig.tick() is FAILURE
     nothing = Failure(Cause.MISSING_DATA,
                       "AlwaysFailure::2 failed, and no mission node failed before")
-    assert rig.of(Recovered) == [
-        Recovered("HandleFallBack", "HandleFallBack::3", nothing, "give up", 0, False, "given up",
-                  "", 3)]
+    assert rig.of(Recovered) == [Recovered(
+        "HandleFallBack", "HandleFallBack::3", nothing, "give up", 0, False, "given up", "", 3)]
     assert [event.failure for event in rig.of(LeafFinished)] == [None]  # the event above tells it
     assert rig.requests == []
 
 
 def test_an_old_failure_is_not_handled_again():
     rig = one_leaf("<Fallback><Sequence><WelcomeSpeech/><AlwaysFailure/></Sequence>"
-                   "<HandleFallBack/></Fallback>",
-                   failing(1, Cause.NO_ANSWER))
+                   "<HandleFallBack/></Fallback>", failing(1, Cause.NO_ANSWER))
     assert to_the_end(rig) is SUCCESS
     assert to_the_end(rig) is FAILURE  # the speech worked: what failed now is not a mission node
 
@@ -341,9 +339,8 @@ def test_beyond_the_budget_nothing_is_retried():
 def test_another_cause_at_the_second_attempt_has_a_rule_of_its_own():
     # refused, surely not said; then no answer, perhaps said: not a third time
     causes = [Cause.REFUSED, Cause.NO_ANSWER, Cause.REFUSED, Cause.REFUSED]
-    rig = fallback(
-        "<WelcomeSpeech/>",
-        lambda request: Failure(causes[len(rig.requests) - 1], "test", service_of(request)))
+    rig = fallback("<WelcomeSpeech/>", lambda request: Failure(
+        causes[len(rig.requests) - 1], "test", service_of(request)))
     rig.mission.policy = recovery_policy.Policy(
         (recovery_policy.Rule("*", "refused", 3, 0.5, recovery_policy.SKIP),
          recovery_policy.Rule("*", "*", 0, 0.0, recovery_policy.SKIP)), 9, 9.0)
@@ -432,9 +429,8 @@ def goals_of(rig, seconds):
     for _ in range(int(seconds / 0.25)):
         before = len(rig.requests)
         rig.tick()
-        when += [
-            rig.clock.now() - 1000.0 for request in rig.requests[before:]
-            if isinstance(request, GoTo)]
+        when += [rig.clock.now() - 1000.0 for request in rig.requests[before:]
+                 if isinstance(request, GoTo)]
         rig.clock.advance(0.25)
     return when
 
@@ -619,9 +615,8 @@ def test_a_pause_doubles_up_to_the_longest(tmp_path, text, pauses):
 
 
 def test_the_delivered_pauses_are_those_of_a_policy_that_names_none():
-    assert (DELIVERED.first_pause,
-            DELIVERED.longest_pause) == (recovery_policy.Policy.first_pause,
-                                         recovery_policy.Policy.longest_pause)
+    assert (DELIVERED.first_pause, DELIVERED.longest_pause) == (
+        recovery_policy.Policy.first_pause, recovery_policy.Policy.longest_pause)
     with open(folders.config("recoveryPolicy.ini"), encoding="utf-8") as file:
         assert "\npause 10 300 " in file.read()
 
@@ -687,10 +682,9 @@ def test_all_wrong_lines_come_at_once_and_a_missing_budget_too(tmp_path):
         " the line \"budget <recoveries> <seconds>\" is missing"]
 
 
-@pytest.mark.parametrize("first, second", [("Navigate refused", "Navigate refused"),
-                                           ("Navigate *", "Navigate refused"),
-                                           ("* refused", "Navigate refused"),
-                                           ("* *", "Navigate refused"), ("* *", "* refused")])
+@pytest.mark.parametrize("first, second", [
+    ("Navigate refused", "Navigate refused"), ("Navigate *", "Navigate refused"),
+    ("* refused", "Navigate refused"), ("* *", "Navigate refused"), ("* *", "* refused")])
 def test_a_rule_that_can_never_decide_is_a_mistake(tmp_path, first, second):
     with pytest.raises(ConfigurationError) as raised:
         read(tmp_path, "budget 5 10\n{} 0 0 giveUp\n{} 1 0 giveUp\n".format(first, second))
@@ -701,10 +695,9 @@ def test_a_rule_that_can_never_decide_is_a_mistake(tmp_path, first, second):
 
 def test_a_narrow_rule_may_stand_before_a_wide_one(tmp_path):
     assert len(
-        read(
-            tmp_path,
-            "budget 5 10\nNavigate refused 1 0 giveUp\nNavigate * 0 0 giveUp\n* refused 1 0 skip\n"
-            "* * 0 0 skip\n").rules) == 4
+        read(tmp_path,
+             "budget 5 10\nNavigate refused 1 0 giveUp\nNavigate * 0 0 giveUp\n* refused 1 0 skip\n"
+             "* * 0 0 skip\n").rules) == 4
 
 
 def test_the_first_rule_that_fits_decides(tmp_path):

@@ -61,11 +61,10 @@ def test_nothing_is_found_in_the_lab_tour_with_drawn_faults(capsys):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("words", [["lab_tour"], ["reception"],
-                                   ["release_1_0_tour", "robotInterface:=release-1.0"],
-                                   ["release_1_0_reception", "robotInterface:=release-1.0"],
-                                   ["release_1_0_reception", "robotInterface:=release-1.0",
-                                    "tabletSuccessIs:=yes"]])
+@pytest.mark.parametrize("words", [
+    ["lab_tour"], ["reception"], ["release_1_0_tour", "robotInterface:=release-1.0"],
+    ["release_1_0_reception", "robotInterface:=release-1.0"],
+    ["release_1_0_reception", "robotInterface:=release-1.0", "tabletSuccessIs:=yes"]])
 def test_nothing_is_found_in_the_delivered_missions_with_each_single_fault(words):
     assert cli.rehearse(cli.Plan(cli.read(words)), jobs=2).findings == []
 
@@ -232,11 +231,10 @@ WAY_TO_THE_LAST = """<Sequence><ScanningOvertAttentionMode/>
 
 
 def test_a_further_fault_is_at_a_call_below_the_sibling_that_was_carried_out(tmp_path):
-    search = search_of(tmp_path, WAY_TO_THE_LAST,
-                       ("overtAttention", 1, "ScanningOvertAttentionMode", True),
-                       ("overtAttention", 2, "ScanningOvertAttentionMode", False),
-                       ("textToSpeech", 1, "WelcomeSpeech", True),
-                       ("textToSpeech", 2, "WelcomeSpeech", False))
+    search = search_of(
+        tmp_path, WAY_TO_THE_LAST, ("overtAttention", 1, "ScanningOvertAttentionMode", True),
+        ("overtAttention", 2, "ScanningOvertAttentionMode", False),
+        ("textToSpeech", 1, "WelcomeSpeech", True), ("textToSpeech", 2, "WelcomeSpeech", False))
     scenes = next(search.rounds())
     added = {fault for scene in scenes for fault in scene.planned if fault.node != "a"}
     once = PlannedFault("textToSpeech", 1, "refused")
@@ -330,19 +328,17 @@ def test_bursts_are_faults_in_a_row_and_two_services_for_a_visitor_who_engages(t
 
 def test_random_scenes_have_the_visitors_in_turn_and_a_seed_for_each_run():
     both = [Scenario("engages"), Scenario("silent", False)]
-    first = [
-        Scenario("engages", rate=0.5, seed=7, kinds=("crash", )),
-        Scenario("silent", False, rate=0.5, seed=8, kinds=("crash", )),
-        Scenario("engages", rate=0.5, seed=9, kinds=("crash", ))]
+    first = [Scenario("engages", rate=0.5, seed=7, kinds=("crash",)),
+             Scenario("silent", False, rate=0.5, seed=8, kinds=("crash",)),
+             Scenario("engages", rate=0.5, seed=9, kinds=("crash",))]
     assert plays.random(both, 3, (0.5, 0.0), 7,
                          ["crash"]) == first + [each._replace(rate=0.0) for each in first]
 
 
 def test_a_scene_counts_its_faults_and_knows_how_it_goes_without(tmp_path):
-    runner = ScenarioRunner({},
-                      mission(tmp_path,
-                              "<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/></Sequence>"),
-                      900.0)
+    runner = ScenarioRunner(
+        {}, mission(tmp_path, "<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/></Sequence>"),
+        900.0)
     calm, faulty = (runner.play(scene) for scene in (
         Scenario("engages"), Scenario("engages", True, TWO[:1], ("/x", "/y"))))
     assert (calm.outcome, calm.faults, calm.calm) == ("SUCCESS", 0, None)
@@ -361,9 +357,8 @@ def test_a_service_that_fails_for_good_fails_at_each_later_call(tmp_path):
 def test_messages_are_never_late(tmp_path, oldest, gap):
     path = mission(tmp_path, '<Sleep msec="5000"/>')
     runner = ScenarioRunner({"topicMaxAge": oldest}, path, 900.0)
-    times = [
-        line.time for line in runner.play(Scenario("engages")).played.journal
-        if line.node == "faceDetection"]
+    times = [line.time for line in runner.play(Scenario("engages")).played.journal if line.node
+             == "faceDetection"]
     assert [later - sooner
             for sooner, later in zip(times, times[1:])] == pytest.approx([gap] * int(5 / gap - 1))
 
@@ -401,9 +396,8 @@ def test_a_share_of_the_plot_stands_where_the_axes_say():
         "{} %".format(tenth * 10), "{:g}".format(tenth / 10))] + ["failure rate"]
     assert all(0 < float(label.get("x")) - left < wide and 0 < float(label.get("y")) - top < high
                for label in labels.values())
-    lines = [
-        re.fullmatch(r"M([\d.]+) ([\d.]+)([HV])([\d.]+)", line.get("d")).groups()
-        for line in plot.findall("path")]
+    lines = [re.fullmatch(r"M([\d.]+) ([\d.]+)([HV])([\d.]+)", line.get("d")).groups()
+             for line in plot.findall("path")]
     (begin, bottom, _, end), (_, height, _, _) = lines[0], lines[5]  # of 0 % and 100 %
     assert [line[1] for line in lines[:6]
             ] == [labels["{} %".format(share)].get("y") for share in (0, 20, 40, 60, 80, 100)]
@@ -424,18 +418,16 @@ def test_a_share_of_the_plot_stands_where_the_axes_say():
 
 
 def test_the_page_tells_the_visitors_the_shares_and_the_findings():
-    rows = [
-        VisitorRow("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2))),
-        VisitorRow("leaves", False, "", 59.6, 0, ()),
-        VisitorRow("silent", False, "FAILURE", 59.4, 0, ())]
+    rows = [VisitorRow("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2))),
+            VisitorRow("leaves", False, "", 59.6, 0, ()),
+            VisitorRow("silent", False, "FAILURE", 59.4, 0, ())]
     shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
     left_on, not_home = (findings.KIND_BY_NAME[name] for name in ("left-on", "not-home"))
-    told = [
-        FindingSummary(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scenario("engages"), 80.0,
-                       (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""), ),
-                       "lab_tour --planned 'a b'",
-                       (FindingSummary(not_home, "Go::3", "m.xml:5:6", "to <c>"),)),
-        FindingSummary(not_home, "M::1", "m.xml:1:2", "far away")]
+    told = [FindingSummary(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scenario("engages"),
+                           80.0, (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""),),
+                           "lab_tour --planned 'a b'",
+                           (FindingSummary(not_home, "Go::3", "m.xml:5:6", "to <c>"),)),
+            FindingSummary(not_home, "M::1", "m.xml:1:2", "far away")]
     parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "",
                    html_report.to_html("a < b", rows, shares, told))
     parts = re.sub("<[^>]*>", "\n", parts).split("\n")
@@ -694,13 +686,12 @@ SAID = Sentence(0.5, 1, "said", "info", "the robot says hello", 0, "")
 TWO = (PlannedFault("textToSpeech", 1, "crash"), PlannedFault("textToSpeech", 2, "crash"))
 FINDINGS = [
     FindingSummary(findings.KIND_BY_NAME["busy-loop"], "Loop", "m.xml:3:5",
-                   "it is ticked again and again", 12,
-                   Scenario("engages", True, TWO, ("/faces", )), 4.0,
-                   (SAID, structs.replace(SAID, at=61.04, text="it waits")), "again 1"),
+                   "it is ticked again and again", 12, Scenario("engages", True, TWO, ("/faces",)),
+                   4.0, (SAID, structs.replace(SAID, at=61.04, text="it waits")), "again 1"),
     FindingSummary(findings.KIND_BY_NAME["busy-loop"], "M", "m.xml:1:1", "and again", 1,
-                   Scenario("silent", False, rate=0.5, seed=7), 4.0, (SAID, ), "again 2"),
+                   Scenario("silent", False, rate=0.5, seed=7), 4.0, (SAID,), "again 2"),
     FindingSummary(findings.KIND_BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1,
-                   Scenario("silent"), 4.0, (SAID, ), "again 3",
+                   Scenario("silent"), 4.0, (SAID,), "again 3",
                    (FindingSummary(findings.KIND_BY_NAME["left-on"], "Nod", "m.xml:6:7", "on"),)),
     FindingSummary(findings.UNREACHED, "Nap", "m.xml:4:5", "not reached by 7 simulated runs")]
 TOLD = """
@@ -741,9 +732,8 @@ found: 4 findings of 3 kinds"""
 def made_result(tmp_path):
     """A result with all that can be in it."""
     todo = plan(tmp_path, SPEECH, "--faults", "none")
-    rows = [
-        VisitorRow("engages", True, "SUCCESS", 65.0, 5, (("", 1), ("SUCCESS", 3))),
-        VisitorRow("silent", False, "", 9.0, 0, ())]
+    rows = [VisitorRow("engages", True, "SUCCESS", 65.0, 5, (("", 1), ("SUCCESS", 3))),
+            VisitorRow("silent", False, "", 9.0, 0, ())]
     return cli.Result(todo, rows, [Share(0.5, 4, 1, 59.0)], FINDINGS, 7, 12, 1.5, ("one line",))
 
 
@@ -824,11 +814,10 @@ def test_a_command_plays_its_scene_again(tmp_path, scene, words):
             for each in first_round(cli.Plan(cli.read([path] + words.split())))] == [scene]
 
 
-@pytest.mark.parametrize(
-    "words, scene", [(["--planned", "textToSpeech:3"], Scenario("engages",
-                                   planned=(PlannedFault("textToSpeech", 3, "refused"), ))),
-                     (["--runs", "1", "--failureRate", "0.5"],
-                      Scenario("engages", rate=0.5, seed=1))])
+@pytest.mark.parametrize("words, scene", [
+    (["--planned", "textToSpeech:3"],
+     Scenario("engages", planned=(PlannedFault("textToSpeech", 3, "refused"),))),
+    (["--runs", "1", "--failureRate", "0.5"], Scenario("engages", rate=0.5, seed=1))])
 def test_a_call_is_refused_and_a_seed_is_1_if_not_told_otherwise(tmp_path, words, scene):
     words = [mission(tmp_path, SPEECH), "--visitors", "engages", "asrEnabled:=true"] + words
     assert [each._replace(is_traced=False)
@@ -960,22 +949,20 @@ def test_a_long_story_is_cut_in_its_middle():
     assert shortened(story[:40]) == tuple(story[:40])
 
 
-@pytest.mark.parametrize(
-    "shorter, longer",
-    [(Scenario("noGaze"), Scenario("engages", silent=("/x", ))),
-     (Scenario("noGaze", planned=TWO, silent=("/x", )), Scenario("engages", rate=0.5, seed=1)),
-     (Scenario("engages"), Scenario("silent")), (Scenario("silent"), Scenario("silent", False)),
-     (Scenario("noGaze", planned=TWO[:1]), Scenario("engages", planned=(
-         TWO[0]._replace(is_lasting=True),))),
-     (Scenario("engages", planned=(PlannedFault(
-         "a", 9, "refused"), )), Scenario("engages", planned=(PlannedFault("a", 1, "crash"), )))])
+@pytest.mark.parametrize("shorter, longer", [
+    (Scenario("noGaze"), Scenario("engages", silent=("/x",))),
+    (Scenario("noGaze", planned=TWO, silent=("/x",)), Scenario("engages", rate=0.5, seed=1)),
+    (Scenario("engages"), Scenario("silent")), (Scenario("silent"), Scenario("silent", False)),
+    (Scenario("noGaze", planned=TWO[:1]),
+     Scenario("engages", planned=(TWO[0]._replace(is_lasting=True),))),
+    (Scenario("engages", planned=(PlannedFault("a", 9, "refused"),)),
+     Scenario("engages", planned=(PlannedFault("a", 1, "crash"),)))])
 @pytest.mark.parametrize("turn", [1, -1])
 def test_of_two_plays_the_shorter_is_told(tmp_path, shorter, longer, turn):
     survey = survey_of(tmp_path)
     for scene in (shorter, longer)[::turn]:
-        survey.take(
-            outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0,
-                    Finding("not-home", 1, "x")))
+        survey.take(outcome(
+            scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0, Finding("not-home", 1, "x")))
     assert survey.findings()[0].scene == shorter
 
 
@@ -1029,10 +1016,9 @@ COMMAND = os.path.join(ROOT, "src", "behavior_controller", "rehearseMission")
 
 def start(*words, complaints):
     """Start the command as a process in its own process group."""
-    return subprocess.Popen([sys.executable, COMMAND] + list(words), stdout=subprocess.PIPE,
-                            stderr=complaints, env=dict(os.environ,
-                                                        PYTHONPATH=os.pathsep.join(sys.path)),
-                            start_new_session=True)
+    return subprocess.Popen(
+        [sys.executable, COMMAND] + list(words), stdout=subprocess.PIPE, stderr=complaints,
+        env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)), start_new_session=True)
 
 
 def test_several_processes_find_the_same(capsys, tmp_path):

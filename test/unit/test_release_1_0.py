@@ -40,20 +40,14 @@ PHRASES = {1: "Please press Yes or No on my tablet.", 2: "Please follow me.",
            4: "Hello, and welcome to our robotics lab! My name is Pepper.",
            5: "Would you like me to give you a tour of the lab?", 6: "Here is the door.",
            7: "Thank you for your visit. Goodbye!"}
-STOPS = [
-    Location(0.0, 0.0, 0.0),
-    Location(2.0, 1.0, 90.0),
-    Location(4.5, 1.5, 45.0),
-    Location(6.0, 4.0, 0.0),
-    Location(3.5, 6.0, 180.0),
-    Location(1.5, 4.5, 270.0),
-    Location(0.5, 2.0, 180.0)]
+STOPS = [Location(0.0, 0.0, 0.0), Location(2.0, 1.0, 90.0), Location(4.5, 1.5, 45.0),
+         Location(6.0, 4.0, 0.0), Location(3.5, 6.0, 180.0), Location(1.5, 4.5, 270.0),
+         Location(0.5, 2.0, 180.0)]
 
 
 def file(body, more=""):
     return ("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{}</BehaviorTree>"
-            "{}</root>".format(
-        body, more))
+            "{}</root>".format(body, more))
 
 
 def ran(element, robot=RELEASE, ticks=1, **changed):
@@ -124,9 +118,8 @@ def test_the_phrases_are_those_of_the_culture_file_or_of_the_language(number):
     rig, result = ran("<SayText name='{}'/>".format(number))
     assert (result, rig.requests) == (SUCCESS, [Say(PHRASES[number], "English")])
     rig, result = ran("<SayText name='{}'/>".format(number), d543.INTERFACE.name)
-    speech = [
-        "PressYesNo", "FollowMe", "MaybeAnotherTime", "Welcome", "QueryTour", "HereIsTheDoor",
-        "SayGoodBye"]
+    speech = ["PressYesNo", "FollowMe", "MaybeAnotherTime", "Welcome", "QueryTour", "HereIsTheDoor",
+              "SayGoodBye"]
     expected = rig.mission.phrases.speeches[speech[number - 1] + "Speech"]
     assert (result, rig.requests) == (SUCCESS, [Say(expected)])
 
@@ -135,9 +128,8 @@ def test_the_phrases_that_are_questions_are_told_as_such():
     rig = one_leaf("<Sequence>{}</Sequence>".format("".join("<SayText name='{}'/>".format(number)
                                                             for number in PHRASES)))
     rig.tick()
-    assert [
-        number for number, event in zip(PHRASES, rig.of(StepStarted)) if event.words == "asking"
-    ] == [1, 5]
+    assert [number for number, event in zip(PHRASES, rig.of(StepStarted)) if event.words
+            == "asking"] == [1, 5]
     assert [number for number, event in zip(PHRASES, rig.of(LeafFinished))
             if event.summary.mark == "asked"] == [1, 5]
 
@@ -209,17 +201,14 @@ def test_the_start_forgets_the_last_visitor_and_is_told():
 
 
 def test_the_page_has_each_word_with_its_arguments():
-    with open(
-            os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "release_1_0.md"),
-            encoding="utf-8") as page:
-        rows = [
-            line.strip("| ").split(" | ") for line in page
-            if line.startswith("| ") and line.count("|") == 4]
+    with open(os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs",
+                           "release_1_0.md"), encoding="utf-8") as page:
+        rows = [line.strip("| ").split(" | ") for line in page if line.startswith("| ")
+                and line.count("|") == 4]
     arguments = {word: row[1] for row in rows for word in row[0].split(", ")}
     for spec in SPECS:
-        assert {
-            name for name in spec.names if name not in re.split("[^a-z0-9]+", arguments[spec.id])
-        } == set()
+        assert {name for name in spec.names if name not in re.split(
+            "[^a-z0-9]+", arguments[spec.id])} == set()
 
 
 # ------------------------------------------------------------------------------------ the arguments
@@ -469,8 +458,7 @@ def test_what_the_modes_of_attention_say(leaf, steps):
 
 
 def test_on_a_robot_of_the_document_a_face_is_a_visitor_who_is_present():
-    follow(one_leaf("<IsVisitorPresent/>"), d543.FACES,
-           [RUNNING, Faces(("1",), (False,)), SUCCESS])
+    follow(one_leaf("<IsVisitorPresent/>"), d543.FACES, [RUNNING, Faces(("1",), (False,)), SUCCESS])
 
 
 def test_a_search_for_gaze_that_is_given_up_is_told_as_a_wait_that_failed():
@@ -594,10 +582,9 @@ def explicit(text):
     """Return the mission with its leaves as Groot1 wrote them: <Action ID="…"/>, <Condition
     ID="…"/>."""
     kinds = {spec.id: spec.kind.value for spec in leaves.SPECS}
-    return re.sub(
-        r"<(\w+)((?: name=\"\w+\")?/>)", lambda found: found.group()
-        if found.group(1) not in kinds else '<{} ID="{}"{}'.format(kinds[found.group(1)],
-                                                                   *found.groups()), text)
+    return re.sub(r"<(\w+)((?: name=\"\w+\")?/>)",
+                  lambda found: found.group() if found.group(1) not in kinds
+                  else '<{} ID="{}"{}'.format(kinds[found.group(1)], *found.groups()), text)
 
 
 class Visitor:
@@ -625,9 +612,8 @@ class Visitor:
                                Faces(("1", ) if is_here else (), (True, ) if is_here else ()))
             if modes and modes[-1] == "seeking":
                 rig.topics.publish(d543.ATTENTION, AttentionStatus("seeking", 1))
-        questions = sum(
-            isinstance(request, Say) and "Would you like" in request.text
-            for request in rig.requests)
+        questions = sum(isinstance(request, Say) and "Would you like" in request.text
+                        for request in rig.requests)
         if self.says and questions:
             speech = (release_1_0 if robot.name == RELEASE else d543).SPEECH
             rig.topics.publish(speech, self.says[min(questions, len(self.says)) - 1])
@@ -712,13 +698,10 @@ def test_a_visitor_who_says_yes_is_shown_each_stop_of_the_tour(text):
     assert said(rig)[-1] == PHRASES[7]
     assert rig.requests[-1] == PerformGesture("iconic", 3, 3000)
     # the first stop has nothing to point at or to look at
-    assert sum(
-        isinstance(request, PerformGesture) and request.type == "deictic"
-        for request in rig.requests) == 6
-    assert [
-        request.target for request in rig.requests
-        if request == SetAttention("location", getattr(request, "target", None))
-    ][0] == Point(2.5, 2.0, 1.0)
+    assert sum(isinstance(request, PerformGesture) and request.type == "deictic"
+               for request in rig.requests) == 6
+    assert [request.target for request in rig.requests if request == SetAttention(
+        "location", getattr(request, "target", None))][0] == Point(2.5, 2.0, 1.0)
 
 
 @pytest.mark.parametrize("answers", [["no"], None, ["Error: timeout"], ["what is that"]])
@@ -766,9 +749,8 @@ def test_by_tablet_there_is_a_tour_only_if_a_press_means_yes(means, code, goals)
 def test_the_same_mission_runs_on_a_robot_of_the_document(changed):
     code, rig = toured(Visitor(["yes"]), robot=d543.INTERFACE.name, conditionWait=30.0, **changed)
     assert (code, driven(rig)) == (0, [exhibit.location for exhibit in EXHIBITS])
-    assert not any(
-        isinstance(request, (SetPose, SetRecognition, SetRecognitionLanguage))
-        for request in rig.requests)
+    assert not any(isinstance(request, (SetPose, SetRecognition, SetRecognitionLanguage))
+                   for request in rig.requests)
 
 
 def test_what_a_robot_of_the_document_lacks_is_told_once_at_its_first_place():
@@ -925,28 +907,24 @@ GONE = ("<Fallback><IsVisitorPresent/><ForceFailure><Navigate "
     ("<Sequence><ForceSuccess>{}</ForceSuccess>\n<SayText name='4'/></Sequence>", False),
     ("<Sequence><ForceSuccess>{}</ForceSuccess>\n<GoodbyeGesture/></Sequence>", True),
     ("<Sequence><Inverter><KeepRunningUntilFailure>{}</KeepRunningUntilFailure></Inverter>"
-     "\n<SayText name='6'/>"
-     "</Sequence>", True),
+     "\n<SayText name='6'/>" "</Sequence>", True),
     ("<Fallback>{}\n<SayGoodByeSpeech/></Fallback>", True),
     ("<Sequence><ForceSuccess>{}</ForceSuccess><IsVisitorPresent/>\n<SayText name='7'/></Sequence>",
      False),
     ("<Sequence><ForceSuccess>{}</ForceSuccess><ScriptCondition code='@x'/>\n<SayText name='7'/></"
-     "Sequence>",
-     False),
+     "Sequence>", False),
     ("<Sequence><ForceSuccess>{}</ForceSuccess>\n<SayText name='7' _skipIf='@x'/></Sequence>",
      False),
-    ("<Sequence>{}" + mode("seeking") +
-     "<ForceSuccess><IsMutualGazeDiscovered/></ForceSuccess>\n<SayText name='7'/>"
-     "</Sequence>", False),
+    ("<Sequence>{}" + mode("seeking")
+     + "<ForceSuccess><IsMutualGazeDiscovered/></ForceSuccess>\n<SayText name='7'/>" "</Sequence>",
+     False),
     ("<IfThenElse>{}\n<SayText name='7'/><AlwaysFailure/></IfThenElse>", False),
     ("<IfThenElse>{}<AlwaysSuccess/>\n<SayText name='7'/></IfThenElse>", True),
     ("<Sequence><Fallback>{}<HandleFallBack/></Fallback>\n<SayText name='7'/></Sequence>", False),
     ("<RetryUntilSuccessful num_attempts='3'><Sequence>\n<SayText name='7'/>{}</Sequence></"
-     "RetryUntilSuccessful>",
-     True),
+     "RetryUntilSuccessful>", True),
     ("<KeepRunningUntilFailure><Sequence>\n<SayText name='7'/><ForceSuccess>{}</ForceSuccess></"
-     "Sequence>"
-     "</KeepRunningUntilFailure>", True),
+     "Sequence>" "</KeepRunningUntilFailure>", True),
     ("<TryCatch>{}\n<SayText name='7'/></TryCatch>", True),
     ("<TryCatch>{}<AlwaysSuccess/><AlwaysSuccess/></TryCatch>\n<SayText name='7'/>", False),
     ("<TryCatch><AlwaysSuccess/>{}<AlwaysSuccess/></TryCatch>\n<SayText name='7'/>", False),
@@ -956,8 +934,7 @@ GONE = ("<Fallback><IsVisitorPresent/><ForceFailure><Navigate "
      False),
     ("<Fallback><TryCatch><AlwaysFailure/>{}</TryCatch>\n<SayText name='7'/></Fallback>", True),
     ("<IfThenElse>{}<AlwaysSuccess/></IfThenElse>\n<SayText name='7'/>", False),
-    ("<Fallback><IfThenElse>{}<AlwaysSuccess/></IfThenElse>\n<SayText name='7'/></Fallback>",
-     True),
+    ("<Fallback><IfThenElse>{}<AlwaysSuccess/></IfThenElse>\n<SayText name='7'/></Fallback>", True),
     ("<IfThenElse><AlwaysSuccess/><ForceSuccess>{}</ForceSuccess></IfThenElse>\n"
      "<SayText name='7'/>", True),
     ("<IfThenElse><AlwaysSuccess/><AlwaysSuccess/><ForceSuccess>{}</ForceSuccess></IfThenElse>\n"
@@ -1008,8 +985,7 @@ def test_the_questions_of_table_4():
 def test_a_goodbye_after_several_searches_for_the_visitor_is_told_once():
     missed = "<ForceSuccess><{}/></ForceSuccess>".format
     body = ("<Sequence><IfThenElse><ScriptCondition code='@x'/>{}{}</IfThenElse><SayGoodByeSpeech/>"
-            "</Sequence>".format(
-        missed("IsVisitorPresent"), missed("IsVisitorDiscovered")))
+            "</Sequence>".format(missed("IsVisitorPresent"), missed("IsVisitorDiscovered")))
     assert [text.split(" to it ")[1] for _, text in foreseen(body, d543.INTERFACE.name)] == [
         "after IsVisitorDiscovered failed"]
 
@@ -1063,9 +1039,8 @@ def test_the_largest_missions_are_followed(body):
 def test_ways_through_nested_loops_are_followed_in_little_time():
     body = "<IsVisitorPresent/>"
     for number in range(40):
-        body = (
-            "<Sequence>{}<RetryUntilSuccessful num_attempts='3'><Fallback>{}{}</Fallback></"
-            "RetryUntilSuccessful>"
-            "</Sequence>".format(mode(["social", "seeking", "scanning"][number % 3]), body,
-                                 mode("location")))
+        body = ("<Sequence>{}<RetryUntilSuccessful num_attempts='3'><Fallback>{}{}</Fallback></"
+                "RetryUntilSuccessful>"
+                "</Sequence>".format(mode(["social", "seeking", "scanning"][number % 3]), body,
+                                     mode("location")))
     assert foreseen(body) == []

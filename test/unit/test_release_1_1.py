@@ -161,26 +161,22 @@ def test_service_and_action_of_one_name_stand_in_for_each_other():
 # what the published release has: the md5s of the action, and of goal, result and feedback, first
 # alone and then as they are sent
 ACTIONS = {
-    "performGesture": (
-        "30eb9468203b5c78a2294991e42af761", "8941123bbdb7b596d4b3eb3edb1d4f95",
-        "92d901add9db08a4926dfda2c951ba39", "70805092fd20e110765c7b79e8efb737",
-        "f51e0270ffcac7534e127954086414f9", "0e99f8cede58bee42f60e9defbf1f095",
-        "86cfd50d5ec6a9ce6ffde931acdc45c7"),
-    "driveTo": (
-        "814637a59bc4d6cd71775c80bffebbdd", "dcb9e3e0212f3880640f43b079ee007b",
-        "57a23c3fb57185a0ea20ec7a8cb4a5dd", "267feb09233f6835fd13c0b9eb53983a",
-        "28d8ae1d7d678202cde9c8eb4538dbd7", "4a0f63b7caa093c607da8edc99fa76d1",
-        "a115664d5ee8a12d4ba4ea7f7d78e7bd"),
-    "sayText": (
-        "c4662161e3ba916ee91fdaa3169a30be", "8227818ab6074445792448d628153554",
-        "d87bbe21c1656c675f84b4c05933a7f4", "ce404b6cabcba81b67a4c8bac81c05d3",
-        "9fce07cd5d392e27070655a09a2256a6", "ec0812bb1ec2f36f04dfab91c7b4ed35",
-        "74b2c8a9bddfff7e1b57abd9d9fb5b18"),
-    "recogniseSpeech": (
-        "285a0d46ff90e818864fdde700b010e5", "2567284f9b27e367bfc369af0ceabc86",
-        "d87ceb831c5fd1ff2239ff1c5b3dfc96", "87786d9a5ca076f1bf41849c2f853f3c",
-        "2cd991f93efa3b06d29067b7091ba086", "51661283cf76efc19ccbdd2a770b77f5",
-        "6261032f9b6816b79b5f03291c78cbdd")}
+    "performGesture": ("30eb9468203b5c78a2294991e42af761", "8941123bbdb7b596d4b3eb3edb1d4f95",
+                       "92d901add9db08a4926dfda2c951ba39", "70805092fd20e110765c7b79e8efb737",
+                       "f51e0270ffcac7534e127954086414f9", "0e99f8cede58bee42f60e9defbf1f095",
+                       "86cfd50d5ec6a9ce6ffde931acdc45c7"),
+    "driveTo": ("814637a59bc4d6cd71775c80bffebbdd", "dcb9e3e0212f3880640f43b079ee007b",
+                "57a23c3fb57185a0ea20ec7a8cb4a5dd", "267feb09233f6835fd13c0b9eb53983a",
+                "28d8ae1d7d678202cde9c8eb4538dbd7", "4a0f63b7caa093c607da8edc99fa76d1",
+                "a115664d5ee8a12d4ba4ea7f7d78e7bd"),
+    "sayText": ("c4662161e3ba916ee91fdaa3169a30be", "8227818ab6074445792448d628153554",
+                "d87bbe21c1656c675f84b4c05933a7f4", "ce404b6cabcba81b67a4c8bac81c05d3",
+                "9fce07cd5d392e27070655a09a2256a6", "ec0812bb1ec2f36f04dfab91c7b4ed35",
+                "74b2c8a9bddfff7e1b57abd9d9fb5b18"),
+    "recogniseSpeech": ("285a0d46ff90e818864fdde700b010e5", "2567284f9b27e367bfc369af0ceabc86",
+                        "d87ceb831c5fd1ff2239ff1c5b3dfc96", "87786d9a5ca076f1bf41849c2f853f3c",
+                        "2cd991f93efa3b06d29067b7091ba086", "51661283cf76efc19ccbdd2a770b77f5",
+                        "6261032f9b6816b79b5f03291c78cbdd")}
 
 SERVICES = {
     "/animateBehaviour/setActivation": "627ff1bdab3517806109f1877a0616fa",
@@ -262,8 +258,7 @@ GESTURES = "gestureArm {}\ndeicticShape {}\n"
 
 
 def known(culture, takes_arm=True, environment=ENVIRONMENT):
-    return knowledge_files.read(Source("e", environment), Source("c", culture),
-                                takes_arm=takes_arm)
+    return knowledge_files.read(Source("e", environment), Source("c", culture), takes_arm=takes_arm)
 
 
 def test_an_environment_file_with_long_texts_is_read_in_the_order_of_its_tour():

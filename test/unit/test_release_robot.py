@@ -65,8 +65,7 @@ def files(tmp_path, monkeypatch):
 
 def loaded(body, clock=None, **given):
     text = ('<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>{}</Sequence></BehaviorTree></'
-            'root>'.format(
-        body))
+            'root>'.format(body))
     chosen = settings.defaults(**dict(dict(robotInterface="release-1.0"), **given))
     return load.load(chosen, clock or ManualClock(), documents=[parse(text, "m.xml")])
 
@@ -151,9 +150,8 @@ def test_what_is_wrong_in_the_files_and_in_the_mission_is_told_in_one_pass(files
 
 def test_the_warnings_of_the_files_are_the_mission_s(files):
     files("environment", ENVIRONMENT.replace("gestureTarget 1 0 0 0\n", ""))
-    assert [
-        "gestureTarget" in fault.text for fault in loaded("<Navigate/>").warnings
-        if "dat" in fault.file] == [True]
+    assert ["gestureTarget" in fault.text for fault in loaded("<Navigate/>").warnings
+            if "dat" in fault.file] == [True]
 
 
 def test_a_robot_of_the_document_needs_no_files():
@@ -345,9 +343,8 @@ def faults_of(monkeypatch, node, leaf):
 def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch, files, leaf,
                                                                     lacking):
     whole = d543.INTERFACE
-    evidence = {
-        sense: whole.evidence(sense) for sense in Sense
-        if sense is not Sense.PRESENCE and whole.tells(sense)}
+    evidence = {sense: whole.evidence(sense) for sense in Sense if sense is not Sense.PRESENCE
+                and whole.tells(sense)}
     monkeypatch.setitem(interfaces.INTERFACES, whole.name, Interface(
         whole.name, whole.services, whole.topics, whole.safe_state, evidence))
     fault, = faults_of(monkeypatch, "Other", leaf)

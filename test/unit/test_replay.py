@@ -70,9 +70,8 @@ def test_a_recorded_run_takes_the_same_path(tmp_path, kind, visitor, by_voice, f
     path = recorded(tmp_path, visitor, by_voice, failure_rate, seed, runs=2)
     outcome = replay(read_record(path))
     assert (outcome.divergence, outcome.passes) == ("", 2)
-    changes = sum(
-        len(event.changes) for event in events_of(read_record(path))
-        if isinstance(event, Tick) and event.first is not None)
+    changes = sum(len(event.changes) for event in events_of(read_record(path))
+                  if isinstance(event, Tick) and event.first is not None)
     assert outcome.changes == changes > 50
 
 
@@ -321,9 +320,8 @@ def test_another_answer_in_the_record_leads_elsewhere(tmp_path):
 def changed(lines, kind, change, number):
     """Return the lines after a change of the ``number``-th of one kind; a change that returns None
     drops the line."""
-    places = [place for place, event in enumerate(events_of(lines))
-              if isinstance(event, kind) and getattr(event, "changes", [1]) and
-              getattr(event, "first", True) is not None]
+    places = [place for place, event in enumerate(events_of(lines)) if isinstance(event, kind)
+              and getattr(event, "changes", [1]) and getattr(event, "first", True) is not None]
     place = places[number]
     new = change(lines[place].event)
     return lines[:place] + ([replace(lines[place], event=new)] if new else []) + lines[place + 1:]
@@ -453,11 +451,10 @@ def test_what_is_no_record_is_named(tmp_path, text, expected):
 
 
 def command(*arguments):
-    done = subprocess.run(
-        [sys.executable,
-         os.path.join(SOURCE, "behavior_controller", "replayMission")] + list(arguments),
-        env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        universal_newlines=True)
+    done = subprocess.run([sys.executable, os.path.join(
+                              SOURCE, "behavior_controller", "replayMission")] + list(arguments),
+                          env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, universal_newlines=True)
     return done.returncode, done.stdout
 
 

@@ -83,9 +83,8 @@ class Page(html.parser.HTMLParser):
     @property
     def told(self):
         """The sentences, each with its time before it."""
-        return [
-            text for names, text in self.texts
-            if names[0] == "li" and set(names) & {"info", "warning", "error"}]
+        return [text for names, text in self.texts if names[0] == "li" and set(names) & {
+            "info", "warning", "error"}]
 
     def bars(self, lane, of="lanes"):
         """Return the bars of a lane: begin and length in ms, kind, count, note."""
@@ -137,9 +136,8 @@ def tick(*changes, when=107.0):
 
 
 def gone(when):
-    return {
-        "event": "HealthChanged", "time": when, "kind": "service", "name": "/s", "node": "n",
-        "status": "gone", "is_well": False, "consequence": "-", "respect": "gone"}
+    return {"event": "HealthChanged", "time": when, "kind": "service", "name": "/s", "node": "n",
+            "status": "gone", "is_well": False, "consequence": "-", "respect": "gone"}
 
 
 def noticed(text, level="warning", at=101.0):
@@ -147,15 +145,13 @@ def noticed(text, level="warning", at=101.0):
 
 
 def finished(when, status="SUCCESS", seconds=0.5, path="A::1", failure=None, uid=1):
-    return {
-        "event": "LeafFinished", "uid": uid, "time": when, "node": "A", "path": path,
-        "status": status, "resource": "", "seconds": seconds, "failure": failure}
+    return {"event": "LeafFinished", "uid": uid, "time": when, "node": "A", "path": path,
+            "status": status, "resource": "", "seconds": seconds, "failure": failure}
 
 
 def waits(when, words="a wait"):
-    return {
-        "event": "StepStarted", "time": when, "uid": 1, "node": "A", "path": "A::1", "words": words,
-        "what": "", "limit": 0.0, "is_wait": True}
+    return {"event": "StepStarted", "time": when, "uid": 1, "node": "A", "path": "A::1",
+            "words": words, "what": "", "limit": 0.0, "is_wait": True}
 
 
 # -------------------------------------------------------------------------------- all of it is told
@@ -233,9 +229,8 @@ def two_hours_east(monkeypatch):
 
 
 def begun(when, number, name):
-    return {
-        "event": "StopChanged", "time": when, "uid": 1, "node": "A", "path": "A::1",
-        "number": number, "of": 2, "name": name, "state": "begun"}
+    return {"event": "StopChanged", "time": when, "uid": 1, "node": "A", "path": "A::1",
+            "number": number, "of": 2, "name": name, "state": "begun"}
 
 
 A_TOUR = [
@@ -310,10 +305,9 @@ def test_a_visit_of_which_nothing_is_told_yet_has_no_list():
     assert '<table class="stops">' not in text
 
 
-@pytest.mark.parametrize("seconds, expected", [(0.0, "0.0 s"), (59.9, "59.9 s"),
-                                               (60.0, "1 min 0 s"), (119.6, "2 min 0 s"),
-                                               (3599.0, "59 min 59 s"), (3600.0, "1 h 0 min"),
-                                               (3659.0, "1 h 0 min"), (7320.0, "2 h 2 min")])
+@pytest.mark.parametrize("seconds, expected", [
+    (0.0, "0.0 s"), (59.9, "59.9 s"), (60.0, "1 min 0 s"), (119.6, "2 min 0 s"),
+    (3599.0, "59 min 59 s"), (3600.0, "1 h 0 min"), (3659.0, "1 h 0 min"), (7320.0, "2 h 2 min")])
 def test_a_duration_is_told_in_two_units(seconds, expected):
     assert ", {}; no visit".format(expected) in Page(page_of(lines_of(
         gone(100.0 + seconds)))).of("header")[0]
@@ -322,9 +316,8 @@ def test_a_duration_is_told_in_two_units(seconds, expected):
 def test_sentences_can_be_chosen_by_what_they_are_about():
     page = Page(page_of(lines_of(
         noticed("x", "error"), finished(102.0, "FAILURE", failure=FAILED), gone(103.0))))
-    assert page.of("option") == [
-        "everything", "failure (1)", "health (1)", "notice (2)", "all", "error (1)", "info (1)",
-        "warning (2)", "any", "refused (1)"]
+    assert page.of("option") == ["everything", "failure (1)", "health (1)", "notice (2)", "all",
+                                 "error (1)", "info (1)", "warning (2)", "any", "refused (1)"]
     assert page.text.count("data-cause=") == page.text.count('data-cause="refused"') == 1
     assert page.of("found") == [""] and "1 results in 1 bars" in page.of("timeline")[0]
     assert page.of("legend") == [
@@ -333,11 +326,10 @@ def test_sentences_can_be_chosen_by_what_they_are_about():
 
 @pytest.mark.parametrize("more, expected", [
     ([], "the record ends before the run"),
-    ([{
-        "event": "RunFinished", "time": 101.0, "outcome": "stopped; last pass: none", "exit_code": 0
-    }], "ended: stopped; last pass: none"),
-    ([{"event": "Lost", "time": 101.0, "lines": 7}, {"event": "Lost", "time": 102.0, "lines": 5}
-      ], "lacks some of the run: 7 events are missing; 5 events are missing")])
+    ([{"event": "RunFinished", "time": 101.0, "outcome": "stopped; last pass: none",
+       "exit_code": 0}], "ended: stopped; last pass: none"),
+    ([{"event": "Lost", "time": 101.0, "lines": 7}, {"event": "Lost", "time": 102.0, "lines": 5}],
+     "lacks some of the run: 7 events are missing; 5 events are missing")])
 def test_how_the_run_ended_and_what_is_missing(more, expected):
     assert expected in Page(page_of(lines_of(*more))).of("header")[0]
 
@@ -357,9 +349,8 @@ def test_a_bar_stands_where_its_result_was():
 def test_a_condition_that_does_not_hold_has_not_failed():
     no = dict(FAILED, cause="condition-false")
     ticks = [tick([1, "F"])] * 4 + [tick([1, "S"])]
-    page = Page(page_of(lines_of(
-        *[finished(100.0 + n, "FAILURE", 0.0, failure=no) for n in (1, 3, 60)],
-        finished(161.0, seconds=0.0), *ticks)))
+    page = Page(page_of(lines_of(*[finished(100.0 + n, "FAILURE", 0.0, failure=no)
+                                   for n in (1, 3, 60)], finished(161.0, seconds=0.0), *ticks)))
     assert page.bars(1) == [(1000, 59000, "n", 3, "a chair is in the way"), (61000, 0, "S", 1, "")]
     assert [text for names, text in page.texts if "count" in names] == ["✔ 1", "○ 4"]
     page = Page(page_of(lines_of(
@@ -387,10 +378,9 @@ def test_no_step_covers_another():
 
 def test_a_wait_of_the_next_visit_is_another_bar():
     visits = [({"event": "PassStarted", "time": when, "number": number, "at": 1.0}, waits(when),
-               finished(when, "FAILURE", 0.0, failure=dict(FAILED, cause="condition-false")), {
-                   "event": "PassFinished", "time": when + 9.0, "number": number,
-                   "outcome": "FAILURE", "seconds": 9.0
-               }) for number, when in ((1, 101.0), (2, 150.0))]
+               finished(when, "FAILURE", 0.0, failure=dict(FAILED, cause="condition-false")),
+               {"event": "PassFinished", "time": when + 9.0, "number": number, "outcome": "FAILURE",
+                "seconds": 9.0}) for number, when in ((1, 101.0), (2, 150.0))]
     page = Page(page_of(lines_of(*visits[0], *visits[1])))
     assert [bar[:3] for bar in page.bars(1)] == [(1000, 9000, "n"), (50000, 9000, "n")]
 
@@ -429,9 +419,8 @@ def test_results_of_different_lanes_kinds_or_notes_are_different_bars():
     drawn = timeline.Lanes()
     for key, kind, note in ((2, "S", ""), (1, "S", ""), (1, "F", ""), (1, "F", "so"), (1, "S", "")):
         drawn.add(key, timeline.Bar(10.0, 10.5, kind, note))
-    assert bars_of(drawn) == {
-        1: [(10.0, 10.5, "S", "", 2), (10.0, 10.5, "F", "", 1), (10.0, 10.5, "F", "so", 1)],
-        2: [(10.0, 10.5, "S", "", 1)]}
+    assert bars_of(drawn) == {1: [(10.0, 10.5, "S", "", 2), (10.0, 10.5, "F", "", 1),
+                                  (10.0, 10.5, "F", "so", 1)], 2: [(10.0, 10.5, "S", "", 1)]}
     assert list(dict(drawn)) == [1, 2] and (drawn.results, drawn.bars) == (5, 4)
     assert 1 in drawn and 2 in drawn and 3 not in drawn
 
@@ -551,9 +540,8 @@ def test_a_node_has_its_place_its_ports_and_what_it_is_for():
     page = Page(page_of(lines_of(tick([1, "R"], [4, "S"], [1, "-"]),
                                  finished(108.0, path=tree.nodes[3].path, uid=4),
                                  tree=tree, text=text)))
-    assert page.of("row") == [
-        "tour(Sequence) #1haltedfirst.xml:2", "Parallel#2neverfirst.xml:3",
-        "Sleep#3neverfirst.xml:3", "a(Sleep) #4✔ 1first.xml:4"]
+    assert page.of("row") == ["tour(Sequence) #1haltedfirst.xml:2", "Parallel#2neverfirst.xml:3",
+                              "Sleep#3neverfirst.xml:3", "a(Sleep) #4✔ 1first.xml:4"]
     assert page.of("bare") == ["".join(page.of("row")[1:])]
     assert page.of("never") == page.of("row")[1:3]
     assert page.text.count("<ul>") == 3 and "<ul></ul>" not in page.text
@@ -614,23 +602,21 @@ def changed(value, path, to):
 LOCATION = [1.0, 2.0, 90.0]
 EXHIBIT = ["cup", "a cup", "an old cup", LOCATION, [1.0, 1.0, 1.0]]
 ONE_OF_EACH = lines_of(
-    {
-        "event": "Asked", "time": 100.0, "call": 1, "service": "/k",
-        "request": {"_type": "QueryKnowledge", "what": "exhibits"}}, {
-        "event": "Answered", "time": 100.0, "call": 1,
-        "result": {"_type": "Answer", "response": "", "exhibits": [EXHIBIT]}}, {
-        "event": "Asked", "time": 101.0, "call": 2, "service": "/n",
-        "request": {"_type": "GoTo", "goal": LOCATION}
-    }, {"event": "Answered", "time": 101.0, "call": 2, "result": FAILED}, {
-        "event": "Asked", "time": 101.0, "call": 3, "service": "/t",
-        "request": {"_type": "Say", "text": "hello", "language": "English"}}, {
-        "event": "Answered", "time": 101.0, "call": 3,
-        "result": {"_type": "Answer", "response": "", "exhibits": []}
-    }, tick([1, "S"]), finished(101.5, "FAILURE", failure=FAILED), RETRIED, {
-        "event": "Recovered", "time": 103.0, "node": "A", "path": "A::1", "failure": FAILED,
-        "policy": "skip", "attempts": 1, "success": True, "outcome": "skipped"
-    }, finished(103.0), gone(104.0),
-    noticed("hello", "info", 105.0),
+    {"event": "Asked", "time": 100.0, "call": 1, "service": "/k", "request": {
+        "_type": "QueryKnowledge", "what": "exhibits"}},
+    {"event": "Answered", "time": 100.0, "call": 1, "result": {
+        "_type": "Answer", "response": "", "exhibits": [EXHIBIT]}},
+    {"event": "Asked", "time": 101.0, "call": 2, "service": "/n", "request": {
+        "_type": "GoTo", "goal": LOCATION}},
+    {"event": "Answered", "time": 101.0, "call": 2, "result": FAILED},
+    {"event": "Asked", "time": 101.0, "call": 3, "service": "/t", "request": {
+        "_type": "Say", "text": "hello", "language": "English"}},
+    {"event": "Answered", "time": 101.0, "call": 3, "result": {
+        "_type": "Answer", "response": "", "exhibits": []}}, tick([1, "S"]),
+    finished(101.5, "FAILURE", failure=FAILED), RETRIED,
+    {"event": "Recovered", "time": 103.0, "node": "A", "path": "A::1", "failure": FAILED,
+     "policy": "skip", "attempts": 1, "success": True, "outcome": "skipped"}, finished(103.0),
+    gone(104.0), noticed("hello", "info", 105.0),
     {"event": "PassFinished", "time": 106.0, "number": 1, "outcome": "SUCCESS", "seconds": 6.0},
     {"event": "RunFinished", "time": 106.0, "outcome": "stopped", "exit_code": 0})
 
@@ -741,8 +727,7 @@ SHOWN = "sentences.filter(one => one.offsetParent !== null)"
 
 def choose(browser, name, value):
     browser.execute_script("byId(arguments[0]).value = arguments[1]; "
-                           "byId(arguments[0]).dispatchEvent(new Event('input'))",
-                           name, value)
+                           "byId(arguments[0]).dispatchEvent(new Event('input'))", name, value)
 
 
 @pytest.fixture(scope="module")

@@ -73,9 +73,8 @@ def test_each_declared_service_and_topic_is_simulated(interface):
 @pytest.mark.parametrize(
     "request_", [kind for kind, simulated in SERVICES.items() if simulated.nonsense is not None])
 def test_an_answer_is_read_on_one_of_the_robots(request_):
-    declared = [
-        service for interface in INTERFACES.values() for service in interface.services
-        if service.request is request_]
+    declared = [service for interface in INTERFACES.values() for service in interface.services
+                if service.request is request_]
     assert any(is_read(service, SERVICES[request_].nonsense)
                for service in declared), "its service needs an ``answer``"
 
@@ -90,9 +89,8 @@ def is_read(service, answer):
 @pytest.mark.parametrize("interface", INTERFACES.values())
 def test_each_field_of_a_response_has_the_name_of_what_it_brings(interface):
     strange = [(service.type, field) for service in services(interface)
-               if not isinstance(service, Action)
-               for field in slots(service)[1]
-               if field not in (service.success.field, ) + Answer.__struct_fields__]
+               if not isinstance(service, Action) for field in slots(service)[1]
+               if field not in (service.success.field,) + Answer.__struct_fields__]
     assert strange == [], "add a field of that name to records.Answer"
 
 
@@ -109,9 +107,8 @@ def test_what_another_package_declares_is_not_simulated():
 
 
 def test_each_kind_of_request_has_a_robot_that_is_asked_so():
-    assert set(SERVICES) - {
-        service.request for interface in INTERFACES.values() for service in interface.services
-    } == set()
+    assert set(SERVICES) - {service.request for interface in INTERFACES.values()
+                            for service in interface.services} == set()
 
 
 @pytest.mark.parametrize("kind, request_fields, answer", (
@@ -255,9 +252,8 @@ def test_a_topic_of_another_package_says_what_its_declaration_says():
 def test_what_tells_an_outcome_may_be_neither_yes_nor_no():
     found = {kind: nonsense(INTERFACE.service(kind).success) for kind in (
         SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say)}
-    assert found == {
-        SetAnimation: "perhaps", PerformGesture: 7, QueryKnowledge: None, SetAttention: 7, GoTo: 7,
-        Prompt: None, Say: None}
+    assert found == {SetAnimation: "perhaps", PerformGesture: 7, QueryKnowledge: None,
+                     SetAttention: 7, GoTo: 7, Prompt: None, Say: None}
 
 
 @pytest.mark.parametrize("what, names", (
@@ -356,11 +352,10 @@ def test_the_attention_of_release_1_0_finds_nobody_where_nobody_is(state):
     assert TOPICS[d543.ATTENTION.name].content(robot) == (state, 1)
 
 
-@pytest.mark.parametrize("robot, text",
-                         ((world(), NOTHING_HEARD), (world(ENGAGES, "scanning"), SMALL_TALK),
-                          (world(SILENT, "scanning"), NOTHING_HEARD), (release(), None),
-                          (release(ENGAGES, "scanning"), SMALL_TALK),
-                          (release(SILENT, "scanning"), None)))
+@pytest.mark.parametrize("robot, text", (
+    (world(), NOTHING_HEARD), (world(ENGAGES, "scanning"), SMALL_TALK),
+    (world(SILENT, "scanning"), NOTHING_HEARD), (release(), None),
+    (release(ENGAGES, "scanning"), SMALL_TALK), (release(SILENT, "scanning"), None)))
 def test_what_speech_recognition_writes(robot, text):
     assert TOPICS[d543.SPEECH.name].content(robot) == text
 

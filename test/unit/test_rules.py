@@ -51,9 +51,8 @@ def test_a_code_is_a_few_plain_words():
 
 
 def test_a_meaning_is_one_sentence():
-    assert [
-        rule.code for rule in RULES.values() if not re.fullmatch(r"[A-Z<_].*[^.]\.", rule.meaning)
-    ] == []
+    assert [rule.code for rule in RULES.values() if not re.fullmatch(
+        r"[A-Z<_].*[^.]\.", rule.meaning)] == []
 
 
 def test_every_rule_is_used():
@@ -151,8 +150,7 @@ MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where
     (root(tree('<SubTree ID="S" where="1" when="2"/>') + MODEL),
      "the model of S asks for the port who, which is not given (write who=\"{who}\")")])
 def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
-    assert in_words(fault for fault in checked(text).faults
-                    if not fault.is_warning) == [expected]
+    assert in_words(fault for fault in checked(text).faults if not fault.is_warning) == [expected]
 
 
 @pytest.mark.parametrize("body, expected", [

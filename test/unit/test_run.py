@@ -23,13 +23,12 @@ from behavior_controller.run.story import step_words
 from mission_rig import recorded, visitor_who
 
 EMPTY = ("", "")
-BEGIN = [
-    TreeShown("M", [
-        TreeNode("all", "Sequence", "all", 0),
-        TreeNode("all/go", "Navigate", "go", 1, next=(3,)),
-        TreeNode("all/help", "HandleFallBack", "help", 1)]),
-    RunStarted("/m/tour.xml", [("all/go", "Navigate"), ("all/help", "HandleFallBack")], {},
-               Sources((), EMPTY, EMPTY, "D5.4.3"))]
+BEGIN = [TreeShown("M", [
+             TreeNode("all", "Sequence", "all", 0),
+             TreeNode("all/go", "Navigate", "go", 1, next=(3,)),
+             TreeNode("all/help", "HandleFallBack", "help", 1)]),
+         RunStarted("/m/tour.xml", [("all/go", "Navigate"), ("all/help", "HandleFallBack")], {},
+                    Sources((), EMPTY, EMPTY, "D5.4.3"))]
 ARM, DESK = Location(1.0, 2.0, 90.0), Location(3.0, 4.0, 0.0)
 BUSY, LATE = Failure(Cause.REFUSED, "busy", "/nav"), Failure(Cause.NO_ANSWER, "late", "/nav")
 UNSEEN = Failure(Cause.CONDITION_FALSE, "no gaze seen", "/gaze")
@@ -98,9 +97,8 @@ def test_the_exhibits_of_a_visit_have_their_state_and_their_cause():
 
 
 def test_only_the_newest_visits_are_in_a_state_and_all_of_them_in_a_run():
-    events = [
-        event for number in range(1, 61)
-        for event in (PassStarted(number, 0.0), PassFinished(number, "FAILURE", 1.0))]
+    events = [event for number in range(1, 61) for event in (
+        PassStarted(number, 0.0), PassFinished(number, "FAILURE", 1.0))]
     run = after(*events)
     assert len(run.state.visits) == KEPT_VISITS
     assert len(run.visits) == 60 == run.state.visit_results["broken off"]
@@ -282,8 +280,7 @@ def test_a_recovery_that_is_halted_has_no_decision():
 @pytest.mark.parametrize("decision, then, without", [
     (recovered("skipped", 2), [], "Navigate"), (recovered("skipped", 2, UNSEEN), [], ""),
     (recovered("done", 1), [], ""), (recovered("substituted", 1), [], ""),
-    (recovered("given up", 2), [], ""),
-    (recovered("skipped", 2), [DRIVES], "Navigate"),
+    (recovered("given up", 2), [], ""), (recovered("skipped", 2), [DRIVES], "Navigate"),
     (recovered("skipped", 2), [DRIVES, ended("IDLE")], "Navigate"),
     (recovered("skipped", 2), [DRIVES, ended()], ""),
     (recovered("skipped", 2), [replace(DRIVES, is_wait=True), ended()], "Navigate"),
@@ -315,9 +312,8 @@ def test_a_service_is_well_when_nothing_is_wrong_in_any_respect():
         return HealthChanged("service", "/nav", "robotNavigation", is_well, respect, "", respect)
 
     run = after(change(False, GONE), change(False, SLOW), change(True, GONE), change(True, SLOW))
-    assert [
-        sorted(respect for _, respect in run.at(time).robot.troubles)
-        for time in (102, 103, 104, 105)] == [[GONE], [GONE, SLOW], [SLOW], []]
+    assert [sorted(respect for _, respect in run.at(time).robot.troubles)
+            for time in (102, 103, 104, 105)] == [[GONE], [GONE, SLOW], [SLOW], []]
 
 
 @pytest.mark.parametrize("end, outcome, is_lost", [
@@ -354,10 +350,9 @@ def test_the_letters_of_the_nodes_and_how_each_ended():
     assert [run.at(time).letters
             for time in (102, 103, 105, 106, 107)] == ["---", "RR-", "Sfs", "sfs", "---"]
     assert run.at(103.0).running == {1: 103, 2: 103} and run.state.running == {}
-    assert run.results == [
-        NodeResult(2, 103, 105, "F", BUSY),
-        NodeResult(3, 105, 105, "S"),
-        NodeResult(1, 103, 105, "S")]
+    assert run.results == [NodeResult(2, 103, 105, "F", BUSY),
+                           NodeResult(3, 105, 105, "S"),
+                           NodeResult(1, 103, 105, "S")]
 
 
 def test_a_node_that_is_halted_has_ended_and_a_number_that_the_tree_has_not_changes_nothing():
@@ -433,8 +428,7 @@ RETURNS = replace(GOES, is_well=True, status="available again")
 @pytest.mark.parametrize("events, blind", [
     ([ASKS], None), ([GOES, ASKS], GOES), ([ASKS, GOES], GOES), ([ASKS, GOES, RETURNS], GOES),
     ([GOES, RETURNS, ASKS], None), ([ASKS, GOES, SEES, RETURNS, ASKS], None),
-    ([replace(GOES, name="/other"), ASKS], None),
-    ([GOES, ASKS, RETURNS, HALTED, ASKS], GOES)])
+    ([replace(GOES, name="/other"), ASKS], None), ([GOES, ASKS, RETURNS, HALTED, ASKS], GOES)])
 def test_what_could_not_be_seen_is_told_from_what_was_not_there(events, blind):
     run = after(PassStarted(1, 0.0), *events, PassFinished(1, "FAILURE", 9.0))
     assert (run.state.visit.why.failure, run.state.visit.why.blind) == (UNSEEN, blind)

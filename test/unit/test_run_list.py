@@ -79,8 +79,7 @@ def test_a_node_that_died_is_an_outage_until_it_is_back(place):
         assert (outage.node, outage.name) == ("/robotNavigation", "/robotNavigation/set_goal")
         assert visit.began < outage.began < visit.began + visit.seconds and outage.ended
         # in all of that time no visitor could be served
-        assert any(begin <= outage.began and outage.ended <= end
-                   for begin, end in digest.unserved)
+        assert any(begin <= outage.began and outage.ended <= end for begin, end in digest.unserved)
 
 
 # --------------------------------------------------------------------------------------- statistics
@@ -343,8 +342,7 @@ def test_a_technician_finds_the_visits_that_failed_and_the_commonest_cause(liste
 
 def test_two_visits_are_compared_at_the_node_where_they_part(listed):
     boxes = listed.find_elements("css selector", "#list input")
-    numbers = [label.split(" ")[-1] for label in
-               (box.get_attribute("aria-label") for box in boxes)]
+    numbers = [label.split(" ")[-1] for label in (box.get_attribute("aria-label") for box in boxes)]
     assert not listed.find_element("id", "compare").is_enabled()
     for place in (len(boxes) - 1, len(boxes) - 8):  # visitors 1 and 8 of the first run
         boxes[place].click()

@@ -401,11 +401,10 @@ def run_until_it_waits(mission, waits=1):
 
 
 def test_what_a_tick_changed_is_acted_on_without_an_event():
-    rig, asked = run_until_it_waits("<Sequence><Script code='x := "
-                                    "0'/><ReactiveFallback><ScriptCondition code='x == "
-                                    "1'/><Sequence><Script code='x := 1'/><Sleep "
-                                    "msec='60000'/></Sequence></ReactiveFallback></Sequence>",
-                                    waits=2)
+    rig, asked = run_until_it_waits(
+        "<Sequence><Script code='x := " "0'/><ReactiveFallback><ScriptCondition code='x == "
+        "1'/><Sequence><Script code='x := 1'/><Sleep "
+        "msec='60000'/></Sequence></ReactiveFallback></Sequence>", waits=2)
     assert [event.outcome for event in rig.of(PassFinished)] == ["SUCCESS"]
     assert len(asked) == 1 and asked[0] < 0.001  # other threads go on, nothing is waited for
 
@@ -462,8 +461,7 @@ def test_what_was_read_anew_runs_from_the_next_pass_on():
 
 def test_a_stop_while_another_mission_waits_halts_the_one_that_runs():
     stopped = []
-    rig = one_leaf("<Sequence><LookUpHome/><Navigate/></Sequence>",
-                   hanging(GoTo))
+    rig = one_leaf("<Sequence><LookUpHome/><Navigate/></Sequence>", hanging(GoTo))
     other = one_leaf("<FollowMeSpeech/>")
     other.mission.gateway = rig.gateway
     waiting = [Running(other.tree, other.mission, "other.xml", 0)]
@@ -690,10 +688,9 @@ def test_the_pauses_after_a_spent_budget_grow_until_a_pass_succeeds():
             return Answer() if len(said) == 8 else refusal(request)
         return NotImplemented
 
-    rig = spent(
-        one_leaf(
-            "<Sequence><LookUpHome/><Fallback><Navigate/><HandleFallBack/></Fallback></Sequence>",
-            answer))
+    rig = spent(one_leaf(
+        "<Sequence><LookUpHome/><Fallback><Navigate/><HandleFallBack/></Fallback></Sequence>",
+        answer))
     rig.run(advance, runs=10)
     waits = [later - sooner for sooner, later in zip(starts(rig), starts(rig)[1:])]
     # with the pace of a second
@@ -879,8 +876,7 @@ def test_a_run_waits_for_its_start_before_its_first_pass():
 
 
 def test_a_pause_waits_for_what_the_robot_does_and_begins_nothing_new():
-    rig = one_leaf("<Sequence><LookUpHome/><Navigate/><WelcomeSpeech/></Sequence>",
-                   hanging(GoTo))
+    rig = one_leaf("<Sequence><LookUpHome/><Navigate/><WelcomeSpeech/></Sequence>", hanging(GoTo))
     operator, counts = Operator(), []
 
     def note(rig):
@@ -921,8 +917,7 @@ def test_what_was_read_anew_while_a_run_waits_for_its_start_runs_first():
     rig, other, waiting = one_leaf("<WelcomeSpeech/>"), one_leaf("<FollowMeSpeech/>"), []
     other.mission.gateway = rig.mission.gateway
     operator = Operator(held="waiting")
-    operator.acts = [
-        lambda rig: waiting.append(Running(other.tree, other.mission, "other.xml", 1)), nothing,
-        operator.hold("")]
+    operator.acts = [lambda rig: waiting.append(Running(other.tree, other.mission, "other.xml", 1)),
+                     nothing, operator.hold("")]
     assert operator.run(rig, successor=lambda: waiting.pop() if waiting else None) == 0
     assert (len(rig.of(PassStarted)), len(other.of(PassFinished))) == (0, 1)

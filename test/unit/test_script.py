@@ -193,9 +193,8 @@ def test_which_statements_assign_is_known():
     ("a := b - c", "number", "", 5),
     ("a := b < c", "number", "", 5)])
 def test_what_the_text_of_a_script_tells_of_a_value(text, kind, word, position):
-    assert compile_script(text).facts.assignments[-1] == Assignment("a", ":=",
-                                                                    Operand(kind, word, position),
-                                                                    0)
+    assert compile_script(text).facts.assignments[-1] == Assignment(
+        "a", ":=", Operand(kind, word, position), 0)
 
 
 @pytest.mark.parametrize("text, operations", [
@@ -210,8 +209,7 @@ def test_what_a_script_joins(text, operations):
 
 
 def test_where_an_entry_is_read_first():
-    assert compile_script("a := b + c; c := b; @d").facts.read == {
-        "b": 5, "c": 9, "@d": 20}
+    assert compile_script("a := b + c; c := b; @d").facts.read == {"b": 5, "c": 9, "@d": 20}
 
 
 # ---------------------------------------------------------------------------------- running scripts
@@ -339,16 +337,9 @@ def test_a_message_is_one_line_and_not_long():
 
 
 @pytest.mark.parametrize("text, kept", [
-    ("a := 1; a := 2.0", 2),
-    ("a := 1.5; a := 2", 2.0),
-    ("a := 1; a := '2'", 2.0),
-    ("a := 1; a := 'true'", 1.0),
-    ("a := 4; a += 3; a /= 7", 1),
-    ("a := true", 1.0),
-    ("a := -1", -1.0),
-    ("a := 1 + 1", 2.0),
-    ("a := 'x'; a += 'y'", "xy"),
-    ("(a) := 3", 3)])
+    ("a := 1; a := 2.0", 2), ("a := 1.5; a := 2", 2.0), ("a := 1; a := '2'", 2.0),
+    ("a := 1; a := 'true'", 1.0), ("a := 4; a += 3; a /= 7", 1), ("a := true", 1.0),
+    ("a := -1", -1.0), ("a := 1 + 1", 2.0), ("a := 'x'; a += 'y'", "xy"), ("(a) := 3", 3)])
 def test_the_first_value_decides_the_kind(text, kept):
     value, blackboard = run(text)
     assert same(kept, blackboard.get("a")) and same(kept, value)
@@ -467,12 +458,10 @@ def test_a_text_cannot_grow_without_end():
         run("a := 'x';" + "a := a .. a;" * 64)
 
 
-OPERATORS = [
-    ":=", "=", "+=", "-=", "*=", "/=", "==", "!=", "<", ">", "<=", ">=", "&&", "||", "&", "|", "^",
-    "+", "*", "/", "..", "-", "? b :", "? (", ";"]
-OPERANDS = [
-    "a", "b", "none", "list", "RED", "@a", "true", "1", "0", "2.5", "1e400", "9" * 25, "0xff",
-    "'x'", "- 2", "!a", "(a := 1)"]
+OPERATORS = [":=", "=", "+=", "-=", "*=", "/=", "==", "!=", "<", ">", "<=", ">=", "&&", "||", "&",
+             "|", "^", "+", "*", "/", "..", "-", "? b :", "? (", ";"]
+OPERANDS = ["a", "b", "none", "list", "RED", "@a", "true", "1", "0", "2.5", "1e400", "9" * 25,
+            "0xff", "'x'", "- 2", "!a", "(a := 1)"]
 RUBBISH = [
     "'", ".", "0x", "1.", "\u00e9", "\u0663", "\x00", "\n", "#", "{", "$", "(", ")", "?", ":", "~"]
 
@@ -503,19 +492,15 @@ def test_random_scripts_fail_cleanly_or_run():
     assert min(outcomes.values()) > 200  # else the mixture tests too little
 
 
-@pytest.mark.parametrize("script, hint", [("a =< b", "write <="), ("a => b", "write >="),
-                                          ("a === b", "write =="), ("a !== b", "write !="),
-                                          ("a &&& b", "write &&"), ("a ||| b", "write ||"),
-                                          ("a <> b", "write !="), ("a++", "write a += 1 or a -= 1"),
-                                          ("a--", "write a += 1 or a -= 1"), (")", ""),
-                                          ("a * )", ""), ("a + )", ""), ("a * ;", ""),
-                                          ("a := 'x", "the text has no closing quote"),
-                                          ("a := 5s", "a number is followed by no unit"),
-                                          ('a := "x"', "a text needs single quotes: 'yes'"),
-                                          ("a % 2", "scripts have no remainder"),
-                                          ("a := 1, b := 2", "statements are separated by ;"),
-                                          ("\u00e9", ""),
-                                          ("{a} := 1", "a script names an entry without braces")])
+@pytest.mark.parametrize("script, hint", [
+    ("a =< b", "write <="), ("a => b", "write >="), ("a === b", "write =="),
+    ("a !== b", "write !="), ("a &&& b", "write &&"), ("a ||| b", "write ||"),
+    ("a <> b", "write !="), ("a++", "write a += 1 or a -= 1"), ("a--", "write a += 1 or a -= 1"),
+    (")", ""), ("a * )", ""), ("a + )", ""), ("a * ;", ""),
+    ("a := 'x", "the text has no closing quote"), ("a := 5s", "a number is followed by no unit"),
+    ('a := "x"', "a text needs single quotes: 'yes'"), ("a % 2", "scripts have no remainder"),
+    ("a := 1, b := 2", "statements are separated by ;"), ("\u00e9", ""),
+    ("{a} := 1", "a script names an entry without braces")])
 def test_what_may_be_meant_instead(script, hint):
     with pytest.raises(ScriptSyntaxError) as raised:
         compile_script(script)

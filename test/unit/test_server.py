@@ -374,9 +374,7 @@ def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
 def test_a_port_that_is_taken_is_one_line(show):
     shown = show(Rig())
     warnings = []
-    page = Page("127.0.0.1", shown.port,
-                board_of(shown.rig),
-                warnings.append)
+    page = Page("127.0.0.1", shown.port, board_of(shown.rig), warnings.append)
     assert not page.is_served
     page.close()
     assert warnings == [

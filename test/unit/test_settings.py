@@ -143,9 +143,8 @@ def test_a_mission_is_no_path(tmp_path, value):
     "missionRuns 1_0", "missionRuns \u0661", "missionRuns 1.0"])
 def test_numbers_are_written_plainly(tmp_path, line):
     name, text = line.split()
-    assert faults(tmp_path,
-                  GOOD + line + "\n")[0].split(" (")[0].endswith("{} cannot be \"{}\"".format(
-                      name, text))
+    assert faults(tmp_path, GOOD + line + "\n")[0].split(" (")[0].endswith(
+        "{} cannot be \"{}\"".format(name, text))
 
 
 @pytest.mark.parametrize("text, value", [("1e1", 10.0), (".5", 0.5), ("+2", 2.0), ("3.", 3.0)])
@@ -185,9 +184,8 @@ def test_all_faults_come_at_once(tmp_path):
         "test.ini: the required key asrEnabled is missing (add a line: asrEnabled <true or false>)"]
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["{0}{0}x{0}x", "language{0}x{0}x", "language{0}={0}x{0}x#", "language x{0}#{0}#{0}", "{0}="])
+@pytest.mark.parametrize("line", [
+    "{0}{0}x{0}x", "language{0}x{0}x", "language{0}={0}x{0}x#", "language x{0}#{0}#{0}", "{0}="])
 def test_a_line_of_blanks_takes_no_time(tmp_path, line):
     path = tmp_path / "test.ini"
     path.write_text(GOOD + line.format(" " * 200_000) + "\n")
@@ -269,11 +267,10 @@ def test_faults_of_parameters_name_the_parameter(tmp_path):
 @pytest.mark.parametrize("value", [None, [1], {"a": 1}, b"x", object()])
 def test_a_parameter_of_an_odd_type_is_one_fault(tmp_path, value):
     found = faults(tmp_path, GOOD, {"language": value, "recordDirectory": value})
-    assert found == [
-        "parameter ~{}: {} cannot be of type {} (allowed: {})".format(name, name,
-                                                                      type(value).__name__, allowed)
-        for name, allowed in (("language", "the name of a language, such as English"),
-                              ("recordDirectory", "a folder, nothing, or none"))]
+    assert found == ["parameter ~{}: {} cannot be of type {} (allowed: {})".format(
+                         name, name, type(value).__name__, allowed)
+                     for name, allowed in (("language", "the name of a language, such as English"),
+                                           ("recordDirectory", "a folder, nothing, or none"))]
 
 
 def test_the_settings_of_a_record_are_checked():
@@ -302,17 +299,15 @@ def test_no_argument_is_ignored(tmp_path):
 
 
 def test_arguments_are_kept_from_rospy():
-    given = [
-        "node", "_asrEnabled:=false", "__name:=n", "/a:=/b", "_recordDirectory:=/tmp/a:=b",
-        "_language:=", "--help"]
+    given = ["node", "_asrEnabled:=false", "__name:=n", "/a:=/b", "_recordDirectory:=/tmp/a:=b",
+             "_language:=", "--help"]
     assert settings.split_arguments(given) == (["node", "__name:=n", "/a:=/b", "--help"], {
         "asrEnabled": "false", "recordDirectory": "/tmp/a:=b", "language": ""})
 
 
 def test_a_robot_of_release_1_0_has_a_gaze_value_of_its_own():
-    robots = [
-        settings.defaults(mutualGazeValue=1, robotInterface=robot)
-        for robot in ("D5.4.3", "release-1.0")]
+    robots = [settings.defaults(mutualGazeValue=1, robotInterface=robot) for robot in (
+        "D5.4.3", "release-1.0")]
     assert [robot.gaze_value for robot in robots] == [1, 2]
 
 

@@ -278,12 +278,11 @@ def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, w
     assert "".join(shown.split()) == "".join(text.split())
 
 
-@pytest.mark.parametrize(
-    "line, width, expected",
-    [("aaaa bbbb cccc", 10, "aaaa bbbb\n    cccc"), ("aaaa bbb  ", 10, "aaaa bbb  "),
-     ("aaaa bb-cc", 9, "aaaa\n    bb-cc"), ("aaaaaa", 5, "aaaaa\n    a"), ("aaaaaa", 4, "aaaaaa"),
-     ("aaaaaa", 0, "aaaaaa"), (20 * " ", 10, ""),
-     (12 * "展", 20, 10 * "展" + "\n    " + 2 * "展"), (10 * "展", 20, 10 * "展")])
+@pytest.mark.parametrize("line, width, expected", [
+    ("aaaa bbbb cccc", 10, "aaaa bbbb\n    cccc"), ("aaaa bbb  ", 10, "aaaa bbb  "),
+    ("aaaa bb-cc", 9, "aaaa\n    bb-cc"), ("aaaaaa", 5, "aaaaa\n    a"), ("aaaaaa", 4, "aaaaaa"),
+    ("aaaaaa", 0, "aaaaaa"), (20 * " ", 10, ""), (12 * "展", 20, 10 * "展" + "\n    " + 2 * "展"),
+    (10 * "展", 20, 10 * "展")])
 def test_a_line_is_broken_where_the_terminal_ends(line, width, expected):
     assert fitted(line, width) == expected
 

@@ -316,8 +316,7 @@ def test_what_has_the_same_trouble_is_named_if_it_is_not_too_much():
         if number == 1:
             assert played.robot.alive == "/n0/do and /n1/do are failing"
     assert played.robot.alive == "3 services and 1 topic are failing"
-    assert played.robot.instruction == (
-        "Check /n0/do, /n1/do, /n2/do and /n3/do: they are failing")
+    assert played.robot.instruction == ("Check /n0/do, /n1/do, /n2/do and /n3/do: they are failing")
 
 
 def test_a_robot_that_could_not_drive_home_is_to_be_fetched_until_it_drives():
@@ -374,8 +373,7 @@ def test_retries_of_one_incident_are_one_entry(show, browser):
     incidents = {told["incident"] for told in sentences if told["incident"]}
     assert len(incidents) == 2 and len([told for told in sentences if told["incident"]]) > 4
     for rows in ("[data-incident]", "details"):
-        wait_until(lambda: len(
-            browser.find_elements("css selector", "#transcript " + rows)) == 2)
+        wait_until(lambda: len(browser.find_elements("css selector", "#transcript " + rows)) == 2)
 
 
 # ----------------------------------------------------------------------- the cards of given models
@@ -601,17 +599,16 @@ WHEN = [  # the columns of the table
 # H: the robot is to be taken home. In the tour; the visit failed; it succeeded; the mission waits
 # for a node; the next visitor is awaited; is greeted; has declined; the run has ended. Then the
 # same while the node that drives is gone. A visit does not end in the middle of a step (.)
-FETCHED = {
-    "never drove": ("--------", "--------"), "at home": ("--------", "--------"),
-    "at a stop": ("-H-HH-HH", "-H-HH-HH"),
-    "drives": ("-......H", "-......H"), "drives from home": ("-......H", "-......H"),
-    "drives home": ("-......H", "-......H"),
-    "drive failed": ("-HHHH-HH", "HHHHH-HH"), "home failed": ("-HHHH-HH", "HHHHH-HH"),
-    "recovering": ("-......H", "H......H"), "retried": ("-......H", "-......H"),
-    "home not sent": ("-HHHH-HH", "-HHHH-HH"), "not sent from home": ("--------", "--------"),
-    "never sent": ("--------", "--------"), "not sent from its pose": ("--------", "--------"),
-    "at home, pose set": ("--------", "--------"),
-    "drive failed, pose set": ("-HHHH-HH", "HHHHH-HH")}
+FETCHED = {"never drove": ("--------", "--------"), "at home": ("--------", "--------"),
+           "at a stop": ("-H-HH-HH", "-H-HH-HH"), "drives": ("-......H", "-......H"),
+           "drives from home": ("-......H", "-......H"), "drives home": ("-......H", "-......H"),
+           "drive failed": ("-HHHH-HH", "HHHHH-HH"), "home failed": ("-HHHH-HH", "HHHHH-HH"),
+           "recovering": ("-......H", "H......H"), "retried": ("-......H", "-......H"),
+           "home not sent": ("-HHHH-HH", "-HHHH-HH"),
+           "not sent from home": ("--------", "--------"), "never sent": ("--------", "--------"),
+           "not sent from its pose": ("--------", "--------"),
+           "at home, pose set": ("--------", "--------"),
+           "drive failed, pose set": ("-HHHH-HH", "HHHHH-HH")}
 BACK = replace(gone(), is_well=True, consequence="")
 
 
@@ -761,8 +758,7 @@ def test_the_card_of_a_model(state, expected):
      Card("step", "driving", "", 100.0, 280.0, 1, 1, "the answer of /say", "", "b", 2)),
     (Step("driving", 100.0, 0.0, 3, False, attempt=2, attempts=3, call=8),
      Card("step", "driving", "", 100.0, None, 2, 3, "", "", "the end of the visit", 3)),
-    (Step("waiting", 100.0, 0.0, 2, True),
-     Card("wait", "waiting", "", 100.0, next="b", uid=2))])
+    (Step("waiting", 100.0, 0.0, 2, True), Card("wait", "waiting", "", 100.0, next="b", uid=2))])
 def test_the_card_of_a_step(step, expected):
     state = State(tree=rows(PAIR), steps=(step,), exchanges=(ASKED,))
     assert card(state) == expected
@@ -889,8 +885,7 @@ def nearly_all_calls_fail():
 @pytest.mark.long
 @pytest.mark.timing
 @pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
-def test_nothing_jumps_while_nearly_all_fails(
-        show, browser, screen, monkeypatch, width, height):
+def test_nothing_jumps_while_nearly_all_fails(show, browser, screen, monkeypatch, width, height):
     rig = Rig()
     use_time_of(rig, monkeypatch)
     shown, instructions = show(rig), set()
@@ -1025,6 +1020,5 @@ def test_the_stream_of_a_tour_weighs_little(show):
         for part in iter(lambda: stream.read1(1_000_000), b""):
             sent += len(part)
     told = len(shown.page.board.part("story")["sentences"])
-    print("{} bytes at first, then {} for {} sentences in {:.1f} s".format(
-        first, sent, told, took))
+    print("{} bytes at first, then {} for {} sentences in {:.1f} s".format(first, sent, told, took))
     assert told > 50 and sent < 400 * told

@@ -71,9 +71,8 @@ def test_what_the_terminal_shows():
     now = board.part("now")
     assert now["card"]["what"] in doing and "“Please follow me.”" in doing
     assert now["robot"]["place"] in robot and now["robot"]["alive"] in robot
-    assert rest == [
-        "▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success",
-        "  ▶ FollowMeSpeech #3: running"]
+    assert rest == ["▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success",
+                    "  ▶ FollowMeSpeech #3: running"]
     assert status_tool.lines(read(state_of(board)), True)[-1] == "  · SayGoodByeSpeech #4"
     assert isinstance(rig.requests[0], Say)
 
@@ -81,8 +80,7 @@ def test_what_the_terminal_shows():
 def test_what_is_wrong_is_shown():
     rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
-    rig.report(
-        GONE, HealthChanged("service", "/a/b", "", False, "gone", "it cannot \x1b[2Jdrive"))
+    rig.report(GONE, HealthChanged("service", "/a/b", "", False, "gone", "it cannot \x1b[2Jdrive"))
     state = state_of(board)
     todo, _, wrong = status_tool.lines(read(state), False)[1:4]
     assert todo == "to do: Restart /a/b"
@@ -125,8 +123,7 @@ def test_a_failure_is_shown_with_what_came_of_it():
 
 def test_a_node_that_is_gone_is_told_once_and_what_is_done_again_is_marked():
     rig = one_leaf("<Sequence><LookUpHome/><Fallback><Navigate/><HandleFallBack/></Fallback>"
-                   "</Sequence>",
-                   refusing(GoTo))
+                   "</Sequence>", refusing(GoTo))
     board = board_of(rig)
     rig.tick()
     rig.report(GONE, HealthChanged(

@@ -56,9 +56,8 @@ def test_each_kind_of_visit_is_told_with_its_causes_and_the_record_tells_the_sam
 
 
 def test_visits_that_end_otherwise_have_another_reason():
-    whys = {
-        kind: how_it_ended(Teller(rig_of(kind)).run(RUNS[kind][0]).story.state.visit)
-        for kind in ("tour", "silent", "declined", "no gaze", "unclear", "tablet")}
+    whys = {kind: how_it_ended(Teller(rig_of(kind)).run(RUNS[kind][0]).story.state.visit)
+            for kind in ("tour", "silent", "declined", "no gaze", "unclear", "tablet")}
     assert whys.pop("tablet") == whys["declined"] and len(set(whys.values())) == 5
 
 
@@ -79,8 +78,7 @@ NO_ANSWER = Failure(Cause.NO_ANSWER, "waited 180 s", "/robotNavigation/set_goal"
 def test_how_it_stands_with_each_exhibit_and_why(visitor, answer, states, why):
     visit = Teller(
         Rig(answer=answer or (lambda request: NotImplemented))).run(visitor).story.state.visit
-    assert [(shown.state, in_words(shown.why)) for shown in visit.stops] == list(
-        zip(states, why))
+    assert [(shown.state, in_words(shown.why)) for shown in visit.stops] == list(zip(states, why))
     assert [(shown.number, shown.of, shown.name) for shown in visit.stops] == [
         (1, 2, "exhibit 1"), (2, 2, "exhibit 2")][:len(states)]
 
@@ -159,9 +157,8 @@ def test_a_step_that_is_done_at_another_try_is_told_once_with_what_it_did():
 def test_a_wait_is_over_when_something_else_begins():
     story = Story()
     story.take(1.0, StepStarted(1, "Seen", "a", "waiting for a visitor", "", 5.0, True))
-    story.take(
-        1.0,
-        LeafFinished(1, "Seen", "a", "FAILURE", "", 0.0, Failure(Cause.CONDITION_FALSE, "no face")))
+    story.take(1.0, LeafFinished(1, "Seen", "a", "FAILURE", "", 0.0, Failure(
+        Cause.CONDITION_FALSE, "no face")))
     assert story.state.step.is_wait and DATA.findall(now_of(story.state, 3.0)) == ["2", "5"]
     story.take(3.0, StepStarted(2, "Say", "b", "saying", "hello", 0.0, False))
     story.take(4.0, LeafFinished(2, "Say", "b", "SUCCESS", "", 1.0, None))
@@ -468,44 +465,32 @@ def test_a_visit_with_a_robot_that_cannot_ask_is_not_complete(says, ending):
     assert how_it_ended(story.state.visit).startswith(ending + "; without ")
 
 
-@pytest.mark.parametrize(
-    "events, state, why",
-    [([exhibit("over")], COMPLETED, ""), ([failed(), exhibit("over")], BROKEN_OFF, NOT_REACHED),
-     ([failed(), begins(2), exhibit("over")], COMPLETED, ""),
-     ([failed(), begins(2, is_wait=True),
-       leaf(uid=2), exhibit("over")], BROKEN_OFF, NOT_REACHED),
-     ([begins(2), failed(), leaf(uid=2), exhibit("over")], COMPLETED, ""),
-     ([begins(2), failed(), failed(None, 2, status="IDLE"),
-       exhibit("over")], BROKEN_OFF, NOT_REACHED),
-     ([failed(), leaf(uid=2), exhibit("over")], BROKEN_OFF, NOT_REACHED),
-     ([failed(), leaf(), exhibit("over")], COMPLETED, ""),
-     ([failed(), exhibit("over"), exhibit("begun")], UNDER_WAY, ""),
-     ([failed(), exhibit("over"), exhibit("begun"),
-       exhibit("over")], COMPLETED, ""),
-     ([recovered("given up"), leaf(), exhibit("over")], BROKEN_OFF, THREE_TIMES),
-     ([recovered("done"), exhibit("over")], COMPLETED, ""),
-     ([failed(), recovered("skipped"), exhibit("over")], COMPLETED, ""),
-     ([exhibit("omitted")], UNDER_WAY, ""),
-     ([exhibit("omitted"), recovered("skipped")], LEFT_OUT, THREE_TIMES),
-     ([exhibit("omitted", 2), recovered("skipped")], UNDER_WAY, ""),
-     ([recovered("skipped")], UNDER_WAY, ""),
-     ([exhibit("omitted", 2), recovered("skipped"),
-       recovered("skipped")], UNDER_WAY, ""),
-     ([exhibit("omitted"), recovered("given up")], BROKEN_OFF, THREE_TIMES),
-     ([exhibit("over"), exhibit("omitted"),
-       recovered("skipped")], COMPLETED, ""),
-     ([ARRIVED, LEFT, exhibit("omitted"), recovered("given up")], BROKEN_OFF, HAS_LEFT),
-     ([
-         exhibit("omitted"),
-         recovered("given up"),
-         exhibit("omitted"),
-         recovered("skipped", "budget")], LEFT_OUT, "budget; " + THREE_TIMES),
-     ([
-         exhibit("omitted"),
-         recovered("given up"),
-         exhibit("omitted"),
-         recovered("given up", "budget")], BROKEN_OFF, THREE_TIMES),
-     ([RunFinished("stopped", 0)], BROKEN_OFF, "the robot was stopped")])
+@pytest.mark.parametrize("events, state, why", [
+    ([exhibit("over")], COMPLETED, ""), ([failed(), exhibit("over")], BROKEN_OFF, NOT_REACHED),
+    ([failed(), begins(2), exhibit("over")], COMPLETED, ""),
+    ([failed(), begins(2, is_wait=True), leaf(uid=2), exhibit("over")], BROKEN_OFF, NOT_REACHED),
+    ([begins(2), failed(), leaf(uid=2), exhibit("over")], COMPLETED, ""),
+    ([begins(2), failed(), failed(None, 2, status="IDLE"), exhibit("over")], BROKEN_OFF,
+     NOT_REACHED), ([failed(), leaf(uid=2), exhibit("over")], BROKEN_OFF, NOT_REACHED),
+    ([failed(), leaf(), exhibit("over")], COMPLETED, ""),
+    ([failed(), exhibit("over"), exhibit("begun")], UNDER_WAY, ""),
+    ([failed(), exhibit("over"), exhibit("begun"), exhibit("over")], COMPLETED, ""),
+    ([recovered("given up"), leaf(), exhibit("over")], BROKEN_OFF, THREE_TIMES),
+    ([recovered("done"), exhibit("over")], COMPLETED, ""),
+    ([failed(), recovered("skipped"), exhibit("over")], COMPLETED, ""),
+    ([exhibit("omitted")], UNDER_WAY, ""),
+    ([exhibit("omitted"), recovered("skipped")], LEFT_OUT, THREE_TIMES),
+    ([exhibit("omitted", 2), recovered("skipped")], UNDER_WAY, ""),
+    ([recovered("skipped")], UNDER_WAY, ""),
+    ([exhibit("omitted", 2), recovered("skipped"), recovered("skipped")], UNDER_WAY, ""),
+    ([exhibit("omitted"), recovered("given up")], BROKEN_OFF, THREE_TIMES),
+    ([exhibit("over"), exhibit("omitted"), recovered("skipped")], COMPLETED, ""),
+    ([ARRIVED, LEFT, exhibit("omitted"), recovered("given up")], BROKEN_OFF, HAS_LEFT),
+    ([exhibit("omitted"), recovered("given up"), exhibit("omitted"),
+      recovered("skipped", "budget")], LEFT_OUT, "budget; " + THREE_TIMES),
+    ([exhibit("omitted"), recovered("given up"), exhibit("omitted"),
+      recovered("given up", "budget")], BROKEN_OFF, THREE_TIMES),
+    ([RunFinished("stopped", 0)], BROKEN_OFF, "the robot was stopped")])
 def test_how_an_exhibit_ends(events, state, why):
     story = story_of(START, exhibit("begun"), *events)
     assert [(shown.number, shown.state, in_words(shown.why))
@@ -702,9 +687,8 @@ def test_the_times_of_a_visit_are_those_when_each_thing_happened_first():
     assert (visit.began, visit.arrived, visit.engaged) == (0, 1, 1)
 
 
-@pytest.mark.parametrize(
-    "words",
-    ["1st 2nd 3rd 4th 10th 11th 12th 13th 20th 21st 22nd 23rd 24th 101st 111th 112th 121st"])
+@pytest.mark.parametrize("words", [
+    "1st 2nd 3rd 4th 10th 11th 12th 13th 20th 21st 22nd 23rd 24th 101st 111th 112th 121st"])
 def test_ordinals(words):
     assert [ordinal(int(word[:-2])) for word in words.split()] == words.split()
 
@@ -755,31 +739,25 @@ def texts(value):
         value, str) else sum(map(texts, value), []) if isinstance(value, tuple) else []
 
 
-@pytest.mark.parametrize(
-    "ends", [[
-        LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0, ODD_FAILURE),
-        StopChanged(1, ODD, ODD, 1, 2, ODD, "over")],
-             [
-                 Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, False, "given up", ODD),
-                 PassFinished(1, "FAILURE", 1.0)],
-             [
-                 StopChanged(1, ODD, ODD, 1, 2, ODD, "omitted"),
-                 Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, True, "skipped", ODD)
-             ], [Noticed("error", ODD), PassFinished(1, ODD, 1.0)],
-             [
-                 LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0,
-                              replace(ODD_FAILURE, cause=Cause.CONDITION_FALSE)),
-                 PassFinished(1, "FAILURE", 1.0)]])
+@pytest.mark.parametrize("ends", [
+    [LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0, ODD_FAILURE),
+     StopChanged(1, ODD, ODD, 1, 2, ODD, "over")],
+    [Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, False, "given up", ODD),
+     PassFinished(1, "FAILURE", 1.0)],
+    [StopChanged(1, ODD, ODD, 1, 2, ODD, "omitted"),
+     Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, True, "skipped", ODD)],
+    [Noticed("error", ODD), PassFinished(1, ODD, 1.0)],
+    [LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0, replace(
+         ODD_FAILURE, cause=Cause.CONDITION_FALSE)), PassFinished(1, "FAILURE", 1.0)]])
 def test_no_text_of_a_story_s_records_does_anything_to_what_shows_it(ends):
     story = Story()
-    records = [
-        story.take(1.0, event) for event in [
-            PassStarted(1, 0.0),
-            StopChanged(1, ODD, ODD, 1, 2, ODD, "begun"),
-            LeafFinished(2, ODD, ODD, "SUCCESS", ODD, 1.0, None, LeafSummary(ODD, ODD, ODD, 1.0))
-        ] + ends + [
-            StepStarted(3, ODD, ODD, ODD, ODD, 1.0, False),
-            Recovering(4, ODD, ODD, ODD_FAILURE, 0, 1, ODD)]]
+    records = [story.take(1.0, event)
+               for event in [PassStarted(1, 0.0),
+                             StopChanged(1, ODD, ODD, 1, 2, ODD, "begun"),
+                             LeafFinished(2, ODD, ODD, "SUCCESS", ODD, 1.0, None,
+                                          LeafSummary(ODD, ODD, ODD, 1.0))] + ends
+               + [StepStarted(3, ODD, ODD, ODD, ODD, 1.0, False),
+                  Recovering(4, ODD, ODD, ODD_FAILURE, 0, 1, ODD)]]
     visit = story.state.visit
     records += [how_it_ended(visit), tuple(each.name for each in visit.stops),
                 now_of(story.state, 3.0), tuple(story.state.visit_results)]
@@ -793,13 +771,11 @@ def test_an_exhibit_that_the_visitor_left_was_not_shown_whatever_the_mission_mak
         ends, outcome):
     story = Story()
     for event in [
-            PassStarted(1, 0.0),
-            LeafFinished(7, "x", "x", "SUCCESS", "", 0.0, None,
-                         LeafSummary("visit", "", "arrived")),
-            StopChanged(1, "x", "x", 1, 2, "Arm", "begun"),
-            LeafFinished(7, "x", "x", "FAILURE", "", 0.0, Failure(Cause.CONDITION_FALSE, "no face"),
-                         LeafSummary("visit", "", "left"))
-    ] + ends + [PassFinished(1, outcome, 5.0)]:
+        PassStarted(1, 0.0),
+        LeafFinished(7, "x", "x", "SUCCESS", "", 0.0, None, LeafSummary("visit", "", "arrived")),
+        StopChanged(1, "x", "x", 1, 2, "Arm", "begun"),
+        LeafFinished(7, "x", "x", "FAILURE", "", 0.0, Failure(Cause.CONDITION_FALSE, "no face"),
+                     LeafSummary("visit", "", "left"))] + ends + [PassFinished(1, outcome, 5.0)]:
         story.take(1.0, event)
     assert (story.state.visit.stops[0].state,
             in_words(story.state.visit.stops[0].why)) == (BROKEN_OFF, HAS_LEFT)
@@ -809,11 +785,10 @@ def test_an_exhibit_that_the_visitor_left_was_not_shown_whatever_the_mission_mak
 
 def toured(*steps):
     """Return a mission that goes on to the next exhibit whatever becomes of these steps."""
-    return within(
-        "Sequence", "<RetrieveListOfExhibits/>" +
-        within("Inverter", "KeepRunningUntilFailure", "Sequence",
-               ("<IsListWithExhibit/>" +
-                within("ForceSuccess", "Sequence", "<SelectExhibit/>" + "".join(steps)))))
+    return within("Sequence", "<RetrieveListOfExhibits/>" + within(
+        "Inverter", "KeepRunningUntilFailure", "Sequence",
+        ("<IsListWithExhibit/>" + within(
+            "ForceSuccess", "Sequence", "<SelectExhibit/>" + "".join(steps)))))
 
 
 DRIVES, TELLS = "<Navigate/>", "<DescribeExhibitSpeech name='1'/>"
@@ -832,9 +807,8 @@ LOST_AGAIN = why_failed("Navigate", REFUSED, 3, is_short=True)
     (toured("<IsVisitorDiscovered/>", TELLS), BROKEN_OFF,
      IsVisitorDiscovered.otherwise + ": /faceDetection/data is silent (no message has come)"),
     (toured(within("Parallel success_count='1' failure_count='2'", DRIVES + TELLS)), COMPLETED, ""),
-    (within(
-        "Sequence", "<RetrieveListOfExhibits/><SelectExhibit/>" +
-        within("ForceSuccess", "Sequence", DRIVES + TELLS)), BROKEN_OFF, LOST)])
+    (within("Sequence", "<RetrieveListOfExhibits/><SelectExhibit/>" + within(
+         "ForceSuccess", "Sequence", DRIVES + TELLS)), BROKEN_OFF, LOST)])
 def test_an_exhibit_is_broken_off_where_a_step_failed_and_none_came_after_it(mission, state, why):
     refused = iter([True] * 3)
     rig = one_leaf(mission, lambda request: refusal(request) if (
@@ -968,12 +942,10 @@ CUP = Stop(2, 3, "cup", BROKEN_OFF, HAS_GONE, 1.0, noun="exhibit")
 
 
 @pytest.mark.parametrize("stops, why, words", [
-    ((), None, ""), ((ARM,), None, ""),
-    ((), Reason(DONE_ALL), "complete"),
+    ((), None, ""), ((ARM,), None, ""), ((), Reason(DONE_ALL), "complete"),
     ((), Reason(GAVE_UP, "Go", BUSY, 2), "gave up: Go failed 2 times: refused (/go)"),
     ((), Reason(FAILED, "Go", BUSY, 2), "Go failed 2 times: refused (/go)"),
-    ((), Reason(FAILED), "it failed"),
-    ((ARM,), Reason(DONE_ALL), "complete at stop 1 of 3, arm"),
+    ((), Reason(FAILED), "it failed"), ((ARM,), Reason(DONE_ALL), "complete at stop 1 of 3, arm"),
     ((replace(ARM, number=3),), Reason(DONE_ALL), "complete, 1 of 3 stops completed"),
     ((ARM, replace(CUP, number=3)), Reason(DONE_ALL), "complete, 1 of 3 exhibits completed"),
     ((ARM, CUP), HAS_GONE, "ended at exhibit 2 of 3, cup: the visitor left"),
@@ -1068,8 +1040,7 @@ def test_how_far_a_visit_came():
     (Reason(FAILED, policy="no retry is left"), "no retry is left; it failed"),
     (Reason(FAILED, "Go", BUSY, without="Look"), "Go failed: refused (/go)"),
     (Reason(FAILED, "See", NO_FACE, without="Look"), "no face: went on without Look"),
-    (Reason(FAILED, "See", NO_FACE, 3), "no face"),
-    (Reason(NOTICED, text="so \x1b"), "so \\x1b")])
+    (Reason(FAILED, "See", NO_FACE, 3), "no face"), (Reason(NOTICED, text="so \x1b"), "so \\x1b")])
 def test_why_something_ended(reason, words):
     assert in_words(reason) == words
 
@@ -1101,7 +1072,6 @@ def test_what_is_noticed_of_a_service_in_the_recovery_from_its_failure_is_of_tha
 
 def test_what_belongs_to_one_cause_is_one_incident():
     teller = Teller(Rig(answer=refusing(PerformGesture))).run(visitor_who("yes"))
-    incidents = [
-        each.incident for each in teller.sentences if each.kind in ("failure", "recovery")]
+    incidents = [each.incident for each in teller.sentences if each.kind in ("failure", "recovery")]
     assert all(incidents) and len(set(incidents)) < len(incidents)
     assert {each.incident for each in teller.sentences if each.kind == "said"} == {0.0}

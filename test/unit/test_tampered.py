@@ -26,11 +26,8 @@ def nested(depth):
     return value
 
 
-ODD = [
-    None, True, -1, 0, 10**17, 1e308,
-    float("inf"),
-    float("nan"), "", SCRIPT, "\ud800\0", [], {}, [[]],
-    nested(500)]
+ODD = [None, True, -1, 0, 10**17, 1e308, float("inf"), float("nan"), "", SCRIPT, "\ud800\0", [], {},
+       [[]], nested(500)]
 
 
 KINDS = {kind.__name__ for kind in EVENTS}
@@ -176,9 +173,8 @@ def test_the_record_as_a_whole(change, record, tmp_path, capsys):
 
 
 def test_a_pass_number_is_no_html(record, tmp_path, capsys):
-    lines = [
-        dict(line, event=dict(line["event"], number=SCRIPT))
-        if kind_of(line) == "PassFinished" else line for line in record]
+    lines = [dict(line, event=dict(line["event"], number=SCRIPT)) if kind_of(line) == "PassFinished"
+             else line for line in record]
     assert judged(lines, tmp_path, capsys) == (2, 2)
 
 

@@ -37,8 +37,7 @@ def test_a_long_text_is_cut_in_the_middle():
 def test_lines_and_tabs_stay_where_control_characters_are_shown():
     text = "one\ttwo\nthr\u00e9\u00e9\x1b[H\x1b[J\x1b[K\r\x1b[31m\x1b[2J\x9b\x00\u202e"
     shown = "\\x1b[31m\\x1b[2J\\x9b\\x00\\u202e"
-    assert without_controls(text) == (
-        "one\ttwo\nthr\u00e9\u00e9\\x1b[H\\x1b[J\\x1b[K\\r" + shown)
+    assert without_controls(text) == ("one\ttwo\nthr\u00e9\u00e9\\x1b[H\\x1b[J\\x1b[K\\r" + shown)
     assert without_controls(text, redraws=True) == (
         "one\ttwo\nthr\u00e9\u00e9\x1b[H\x1b[J\x1b[K\r" + shown)
 
@@ -52,9 +51,8 @@ def test_every_way_to_save_a_text_file_is_the_same_text(tmp_path, data):
     assert read_text(str(path)) == "kéy 1\nb 2\n"
 
 
-@pytest.mark.parametrize(
-    "data",
-    [b"\xff", b"a\xc3", b"\xff\xfe\x00", "\ud800".encode("utf-8", "surrogatepass"), b"a\0b"])
+@pytest.mark.parametrize("data", [
+    b"\xff", b"a\xc3", b"\xff\xfe\x00", "\ud800".encode("utf-8", "surrogatepass"), b"a\0b"])
 def test_what_is_not_utf_8_text_is_refused(tmp_path, data):
     path = tmp_path / "a.ini"
     path.write_bytes(data)

@@ -22,11 +22,10 @@ PERIOD, LIMIT = 0.01, 5.0  # seconds of the tree's clock
 CONDITIONS = ("x == 1", "x != 1", "x &lt; 2", "true", "false")
 IN_ORDER = ("Sequence", "Fallback", "AsyncFallback", "SequenceWithMemory",
             "ReactiveSequence", "ReactiveFallback", "TryCatch", "Parallel", "ParallelAll")
-AROUND = ("Inverter", "ForceSuccess", "KeepRunningUntilFailure", "RunOnce",
-          "Repeat num_cycles='2'", "RetryUntilSuccessful num_attempts='2'",
-          "Precondition if='x == 1' else='RUNNING'", "Delay delay_msec='170'", "Timeout msec='790'",
-          "SkipUnlessUpdated entry='x'", "WaitValueUpdate entry='x'",
-          "LoopInt queue='1;2' if_empty='SKIPPED'")
+AROUND = ("Inverter", "ForceSuccess", "KeepRunningUntilFailure", "RunOnce", "Repeat num_cycles='2'",
+          "RetryUntilSuccessful num_attempts='2'", "Precondition if='x == 1' else='RUNNING'",
+          "Delay delay_msec='170'", "Timeout msec='790'", "SkipUnlessUpdated entry='x'",
+          "WaitValueUpdate entry='x'", "LoopInt queue='1;2' if_empty='SKIPPED'")
 LEAVES = ("Sleep msec='310'", "Sleep msec='1130'", "Endless", "Script code='x := 1'",
           "Script code='x := 2'", "AlwaysSuccess", "AlwaysFailure", "ScriptCondition code='x == 1'",
           "WasEntryUpdated entry='x'")

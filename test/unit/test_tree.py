@@ -247,19 +247,16 @@ def test_a_substitute_that_does_not_exist_is_a_fault_of_the_node():
     assert "the substitute Slep is not a node type" in fault.text
 
 
-@pytest.mark.parametrize("body, rest, code, words", [
-    pytest.param(*case, id=case[2]) for case in [
-        ("<Inverter>" * 10000 + "<AlwaysSuccess/>" + "</Inverter>" * 10000, "", "too-large",
-         "2040"),
-        ("<SubTree ID='T0'/>", "".join(
-            "<BehaviorTree ID='T{0}'><Sequence><SubTree ID='T{1}'/><SubTree ID='T{1}'/></Sequence>"
-            "</BehaviorTree>"
-            .format(n, n + 1)
-            for n in range(40)) + "<BehaviorTree ID='T40'><AlwaysSuccess/></BehaviorTree>",
-         "too-large", "250000"),
-        ("<SubTree ID='A'/>",
-         "<BehaviorTree ID='A'><Inverter><SubTree ID='B'/></Inverter></BehaviorTree>"
-         "<BehaviorTree ID='B'><SubTree ID='A'/></BehaviorTree>", "tree-circle", "A > B > A")]])
+@pytest.mark.parametrize("body, rest, code, words", [pytest.param(*case, id=case[2]) for case in [
+    ("<Inverter>" * 10000 + "<AlwaysSuccess/>" + "</Inverter>" * 10000, "", "too-large", "2040"),
+    ("<SubTree ID='T0'/>",
+     "".join("<BehaviorTree ID='T{0}'><Sequence><SubTree ID='T{1}'/><SubTree ID='T{1}'/></Sequence>"
+             "</BehaviorTree>".format(n, n + 1)
+             for n in range(40)) + "<BehaviorTree ID='T40'><AlwaysSuccess/></BehaviorTree>",
+     "too-large", "250000"),
+    ("<SubTree ID='A'/>",
+     "<BehaviorTree ID='A'><Inverter><SubTree ID='B'/></Inverter></BehaviorTree>"
+     "<BehaviorTree ID='B'><SubTree ID='A'/></BehaviorTree>", "tree-circle", "A > B > A")]])
 def test_what_would_never_end_is_a_fault(body, rest, code, words):
     with pytest.raises(MissionError) as raised:
         load(body, rest)
@@ -298,8 +295,7 @@ def test_includes_that_cannot_be(tmp_path, path, code):
     main = tmp_path / "main.xml"
     main.write_text(
         "<root BTCPP_format='4'>\n <include path='{}'/>\n <BehaviorTree ID='M'><AlwaysSuccess/></"
-        "BehaviorTree>"
-        "</root>".format(path))
+        "BehaviorTree>" "</root>".format(path))
     with pytest.raises(MissionError) as raised:
         load_mission(str(main), REGISTRY)
     fault, = raised.value.faults

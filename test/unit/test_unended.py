@@ -33,10 +33,9 @@ MAY_DRIVE = "may still be driving to Pepper: keep the stop button at hand"
 
 @pytest.mark.parametrize("events, expected", [
     ([], ""), ([LOOKS, FIRST], BY_HAND), ([LOOKS], BY_HAND), ([LOOKS, REFUSED], BY_HAND),
-    ([LOOKS, MOVES, FIRST, SECOND], BOTH),
-    ([LOOKS, FIRST, STILL, REFUSED], BY_HAND), ([LOOKS, FIRST, STILL, FIRST], ""),
-    ([LOOKS, MOVES, OFF], ""), ([STILL, STIFF, FIRST, SECOND], ""),
-    (DRIVES, MAY_DRIVE), ([*DRIVES, THIRD], ""),
+    ([LOOKS, MOVES, FIRST, SECOND], BOTH), ([LOOKS, FIRST, STILL, REFUSED], BY_HAND),
+    ([LOOKS, FIRST, STILL, FIRST], ""), ([LOOKS, MOVES, OFF], ""),
+    ([STILL, STIFF, FIRST, SECOND], ""), (DRIVES, MAY_DRIVE), ([*DRIVES, THIRD], ""),
     ([*DRIVES, Answered(3, Failure(Cause.NO_ANSWER, "", "/c"))], MAY_DRIVE),
     ([LOOKS, *DRIVES, FIRST], f"{BY_HAND}; {MAY_DRIVE}")])
 def test_what_may_be_on_or_under_way_after_a_run_that_was_killed(events, expected):

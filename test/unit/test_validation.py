@@ -95,10 +95,9 @@ def test_mistakes_with_stubs_are_told(tmp_path, old, new, code):
 
 
 def test_what_the_robot_provides_is_not_asked_for(file):
-    path = file(
-        "m.xml", TREE.format("Main", '<FixtureDrive goal="{goal}"/>'),
-        '<TreeNodesModel><Action ID="FixtureDrive"><input_port '
-        'name="goal"/></Action></TreeNodesModel>')
+    path = file("m.xml", TREE.format("Main", '<FixtureDrive goal="{goal}"/>'),
+                '<TreeNodesModel><Action ID="FixtureDrive"><input_port '
+                'name="goal"/></Action></TreeNodesModel>')
     assert told(path) == []
     assert said(path) == [
         "m.xml: checked, 1 node, 0 warnings; not a mission of this robot, which lacks 1 node type "
@@ -169,8 +168,7 @@ def test_of_many_stubs_the_first_are_named(count, rest):
     names = tuple("Node{}".format(number) for number in range(1, count + 1))
     assert str(Judgement("m.xml", nodes=30, stubs=names)) == (
         "m.xml: checked, 30 nodes, 0 warnings; not a mission of this robot, which lacks {} node "
-        "types (taken as stubs): {}{}"
-        .format(count, ", ".join(names[:20]), rest))
+        "types (taken as stubs): {}{}".format(count, ", ".join(names[:20]), rest))
 
 
 @pytest.mark.parametrize("port, is_told", [
@@ -186,18 +184,14 @@ def test_ports_of_a_palette_may_be_optional(file, port, is_told):
     assert told(path) == [("m.xml", 2, "port-missing")] * is_told
 
 
-@pytest.mark.parametrize("type_name, value, codes",
-                         [("unsigned int", "2 min", ["number-cut-short"]),
-                          ("int", "fast", ["wrong-literal"]),
-                          ("double", "2,5", ["number-cut-short"]),
-                          ("bool", "yes", ["wrong-literal"]), ("geometry_msgs::Pose", "1;2", []),
-                          ("std::string", "2 min", [])])
+@pytest.mark.parametrize("type_name, value, codes", [
+    ("unsigned int", "2 min", ["number-cut-short"]), ("int", "fast", ["wrong-literal"]),
+    ("double", "2,5", ["number-cut-short"]), ("bool", "yes", ["wrong-literal"]),
+    ("geometry_msgs::Pose", "1;2", []), ("std::string", "2 min", [])])
 def test_types_of_a_palette_are_those_of_the_library(file, type_name, value, codes):
-    path = file(
-        "m.xml", TREE.format("Main", '<FixtureDrive how="{}"/>'.format(value)),
-        '<TreeNodesModel><Action ID="FixtureDrive"><input_port name="how" '
-        'type="{}"/></Action></TreeNodesModel>'
-        .format(type_name))
+    path = file("m.xml", TREE.format("Main", '<FixtureDrive how="{}"/>'.format(value)),
+                '<TreeNodesModel><Action ID="FixtureDrive"><input_port name="how" '
+                'type="{}"/></Action></TreeNodesModel>'.format(type_name))
     assert [code for _, _, code in told(path)] == codes
 
 
@@ -213,20 +207,17 @@ def test_what_an_older_version_had_is_no_stub(file):
     assert [code for _, _, code in told(path)] == ["unknown-node"]
 
 
-@pytest.mark.parametrize("word, other, is_so", [("paht", "path", True), ("pat", "path", True),
-                                                ("paath", "path", True), ("bath", "path", True),
-                                                ("goal", "goals", False), ("pose1", "pose2", False),
-                                                ("goal", "path", False), ("path", "path", False),
-                                                ("apth", "path", True),
-                                                ("goal_pose", "pose", False)])
+@pytest.mark.parametrize("word, other, is_so", [
+    ("paht", "path", True), ("pat", "path", True), ("paath", "path", True), ("bath", "path", True),
+    ("goal", "goals", False), ("pose1", "pose2", False), ("goal", "path", False),
+    ("path", "path", False), ("apth", "path", True), ("goal_pose", "pose", False)])
 def test_what_is_a_misspelling(word, other, is_so):
     assert is_misspelling(word, other) is is_so
 
 
 def test_a_misspelling_is_one_edit():
-    words = {
-        "".join(letters) for length in range(5)
-        for letters in itertools.product("abc", repeat=length)}
+    words = {"".join(letters) for length in range(5)
+             for letters in itertools.product("abc", repeat=length)}
     for word in words:
         edits = set()
         for at in range(len(word) + 1):
@@ -392,8 +383,7 @@ def test_a_palette_that_cannot_be_read_is_told(tmp_path, file):
 def test_a_warning_may_be_left_out_and_a_fault_not(file, capsys):
     path = file("m.xml", TREE.format("Main", '<Sequence><Sleep msec="2 min"/></Sequence>'))
     assert cli.validate(["--ignore", "number-cut-short", path]) == 0
-    assert capsys.readouterr().out.endswith(
-        "\n{}: can be run, 2 nodes, 0 warnings\n".format(path))
+    assert capsys.readouterr().out.endswith("\n{}: can be run, 2 nodes, 0 warnings\n".format(path))
     path = file("m.xml", TREE.format("Main", "<Slep/>"))
     assert cli.validate(["--ignore", "unknown-node", path]) == 2
 

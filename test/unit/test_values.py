@@ -189,15 +189,9 @@ def test_how_a_message_quotes_a_text(text, line):
 
 
 @pytest.mark.parametrize("type_name, text, rest", [
-    ("int", "2 min", "min"),
-    ("int", "12", ""),
-    ("int", "x", ""),
-    ("double", "1e", "e"),
-    ("string", "2 min", ""),
-    ("vec_int", "1;2.5;3 x", ".5"),
-    ("vec_double", "1.5;2", ""),
-    ("vec_int", "json:[1.5]", ""),
-    ("vec_bool", "1 x", "")])
+    ("int", "2 min", "min"), ("int", "12", ""), ("int", "x", ""), ("double", "1e", "e"),
+    ("string", "2 min", ""), ("vec_int", "1;2.5;3 x", ".5"), ("vec_double", "1.5;2", ""),
+    ("vec_int", "json:[1.5]", ""), ("vec_bool", "1 x", "")])
 def test_what_is_passed_over_after_a_number(type_name, text, rest):
     assert values.unread(text, type_name) == rest
 

@@ -65,9 +65,8 @@ def test_the_next_visitor_comes_to_a_robot_that_stirs(state, is_here):
 
 
 def test_messages_on_topics_wake_nobody():
-    assert not after(ENGAGES,
-                     JournalEntry(0.0, "faceDetection", "/faceDetection/data", 0,
-                          {"face_label_id": []})).is_here
+    assert not after(ENGAGES, JournalEntry(
+        0.0, "faceDetection", "/faceDetection/data", 0, {"face_label_id": []})).is_here
 
 
 def test_a_visitor_comes_even_if_the_scanning_failed():

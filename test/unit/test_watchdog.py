@@ -191,12 +191,11 @@ def test_a_service_and_its_action_stand_in_for_each_other(master, watch, offered
 
 
 @pytest.mark.parametrize("unanswered, slow, forgotten, expected", [
-    (1, 3, (), []),
-    (2, 0, (), [(False, "does not answer")]),
-    (2, 4, (SPEECH.name,), [(False, "does not answer")]),
-    (0, 4, (), [(False, "answers slowly")]), (0, 0, ("/other",), []),
-    (0, 0, (SPEECH.name,), [(False, "is a new one, or its memory was cleared: it does not know "
-                                    "textToSpeech")])])
+    (1, 3, (), []), (2, 0, (), [(False, "does not answer")]),
+    (2, 4, (SPEECH.name,), [(False, "does not answer")]), (0, 4, (), [(False, "answers slowly")]),
+    (0, 0, ("/other",), []),
+    (0, 0, (SPEECH.name,),
+     [(False, "is a new one, or its memory was cleared: it does not know " "textToSpeech")])])
 def test_the_master(master, watch, directory, unanswered, slow, forgotten, expected):
     watched = watch()
     watched.monitor.include([SPEECH], may_lack=True)

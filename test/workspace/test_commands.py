@@ -9,10 +9,9 @@ import time
 
 import pytest
 
-pytestmark = [
-    pytest.mark.long,
-    pytest.mark.skipif("ROS_PACKAGE_PATH" not in os.environ,
-                       reason="needs the workspace's shell: source build/devel/setup.bash")]
+pytestmark = [pytest.mark.long, pytest.mark.skipif(
+    "ROS_PACKAGE_PATH" not in os.environ,
+    reason="needs the workspace's shell: source build/devel/setup.bash")]
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 SERVES = {  # what goes on until it is stopped, and what it prints when it is up

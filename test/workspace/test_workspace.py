@@ -195,10 +195,9 @@ def test_beside_a_robot_whose_package_has_the_same_name(home, workspace):
     assert code == 1 and "not made by this command" in text and not (robot /
                                                                      "src/unit_tests").exists()
     Shell(home).do("cd {} && catkin_make".format(robot), BUILD_LIMIT)
-    started = [
-        ours.start(
-            "roslaunch unit_tests simulatedRobot.launch use_real_textToSpeech:=true failureRate:=0 "
-            "visitorBehaviour:=declines arrivalRate:=6000")]
+    started = [ours.start(
+        "roslaunch unit_tests simulatedRobot.launch use_real_textToSpeech:=true failureRate:=0 "
+        "visitorBehaviour:=declines arrivalRate:=6000")]
     try:
         ours.do("until rostopic list >/dev/null 2>&1; do sleep 0.2; done")
         started.append(theirs.start("rosrun cssr_system textToSpeech"))

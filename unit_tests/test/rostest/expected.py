@@ -58,9 +58,7 @@ FAREWELL = [say("MaybeAnotherTimeSpeech")]
 def visit(exhibit):
     """Return the requests of the subtree VisitExhibit."""
     return ([say("FollowMeSpeech")] + drive(exhibit) + AWAIT_MUTUAL_GAZE + [
-        describe(exhibit.description1),
-        point(exhibit),
-        attend("social"),
+        describe(exhibit.description1), point(exhibit), attend("social"),
         describe(exhibit.description2)])
 
 

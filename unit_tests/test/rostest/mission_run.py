@@ -69,6 +69,5 @@ class MissionRun(unittest.TestCase):
     def published(self, node):
         """Return the changes of what a node published."""
         lines = [line for line in self.journal if line.node == node and line.call == 0]
-        return [
-            line for before, line in zip([None] + lines, lines)
-            if before is None or before.content != line.content]
+        return [line for before, line in zip([None] + lines, lines) if before is None
+                or before.content != line.content]

@@ -18,14 +18,8 @@ def recognition(state):
 
 SET_POSE = ("robotLocalization", tuple(START.location))
 PREPARE = [recognition("English"), SET_POSE, recognition("false")]
-WELCOME = [
-    animate("enabled"),
-    attend("scanning"),
-    animate("disabled"),
-    iconic(1),
-    say(4),
-    attend("seeking"),
-    attend("social")]
+WELCOME = [animate("enabled"), attend("scanning"), animate("disabled"), iconic(1), say(4),
+           attend("seeking"), attend("social")]
 QUESTION = [say(5), recognition("true"), recognition("false")]
 
 

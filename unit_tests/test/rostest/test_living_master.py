@@ -13,8 +13,7 @@ from launched import LIMIT, Launched
 
 STARTS = " starts, "  # in the sentence about a mission that has started
 PATIENT = "startupTimeout:=90"  # ten processes start at once, perhaps on a busy machine
-QUICK = ("scenario:=declines", "failureRate:=0", "arrivalRate:=3000",
-         "callTimes:=none", PATIENT)
+QUICK = ("scenario:=declines", "failureRate:=0", "arrivalRate:=3000", "callTimes:=none", PATIENT)
 
 
 class TestLivingMaster(Launched):
@@ -59,8 +58,7 @@ class TestLivingMaster(Launched):
         self.assertEqual(code, 1, printed)
         self.assertIn(
             "data/lab_tour.xml: 222 nodes; language English; speech recognition on; verbose mode "
-            "off",
-            printed)
+            "off", printed)
         self.assertNotIn("override", printed)
 
     def test_arguments_count_for_their_own_launch_alone(self):

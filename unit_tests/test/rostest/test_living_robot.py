@@ -36,8 +36,7 @@ class LivingRobot(Launched):
         for path in glob.glob("/proc/[0-9]*/environ"):
             try:
                 with open(path, "rb") as file:
-                    is_ours = "ROS_HOME={}".format(
-                        self.home).encode() in file.read().split(b"\0")
+                    is_ours = "ROS_HOME={}".format(self.home).encode() in file.read().split(b"\0")
                 if is_ours:
                     os.kill(int(path.split("/")[2]), signal.SIGKILL)
             except OSError:
@@ -117,8 +116,7 @@ class TestBeforeItStarts(LivingRobot):
         for name, resource, node in (("nav_stack", GOAL, "robotNavigation"),
                                      ("recogniser", "/speechEvent/text", "speechEvent")):
             living = self.stand_in(name, resource)
-            self.assert_refuses(TEST,
-                                self.place(living, "/" + name) + (resource, ),
+            self.assert_refuses(TEST, self.place(living, "/" + name) + (resource,),
                                 "use_real_{}:=true".format(node))
             living.terminate()
             living.wait(LIMIT)
@@ -134,9 +132,8 @@ class TestBeforeItStarts(LivingRobot):
 
     def test_a_living_mission_is_not_displaced(self):
         controller = self.stand_in("behaviorController")
-        self.assertEqual(
-            self.assert_refuses(TEST, self.place(controller, "/behaviorController"),
-                                "ROS_MASTER_URI"), 2)
+        self.assertEqual(self.assert_refuses(TEST, self.place(controller, "/behaviorController"),
+                                             "ROS_MASTER_URI"), 2)
         self.start_robot()  # for it
         self.assertIsNone(controller.poll())
 

@@ -10,9 +10,8 @@ import rostest
 from whole_test import HERE, WholeTest, run_tests
 
 EXAMPLE = os.path.join(HERE, "../../../examples/receptionist")
-PATHS = {name: os.pathsep.join([folder, os.environ.get(name, "")])
-         for name, folder in (("ROS_PACKAGE_PATH", EXAMPLE),
-                              ("PYTHONPATH", os.path.join(EXAMPLE, "src")))}
+PATHS = {name: os.pathsep.join([folder, os.environ.get(name, "")]) for name, folder in (
+    ("ROS_PACKAGE_PATH", EXAMPLE), ("PYTHONPATH", os.path.join(EXAMPLE, "src")))}
 MISSION = ("scenarioSpecification:=receptionist", "speed:=5")
 VISITS = (("engages", "true"), ("engages", "false"), ("unclear", "true"), ("noGaze", "true"))
 

@@ -45,8 +45,7 @@ class TestRelease10Scenarios(unittest.TestCase):
             result = self.results[name]
             self.assertEqual(result.code, 0,
                              "{}\n{}".format(name, "\n".join(result.report) or result.printed))
-            self.assertEqual([visit.outcome for visit in result.run.visits],
-                             [outcome], name)
+            self.assertEqual([visit.outcome for visit in result.run.visits], [outcome], name)
 
     def test_a_tour_is_given_to_those_who_want_one(self):
         toured = {name for name in RUNS if "SelectExhibit" in self.nodes(name)}
@@ -72,10 +71,9 @@ class TestRelease10Scenarios(unittest.TestCase):
                                      ("PerformDeicticGesture", "refused", "done")])
 
     def test_the_start_says_once_what_the_robot_lacks(self):
-        lines = [
-            line for line in self.results["faults"].printed.splitlines()
-            if "/speechEvent/set_language" in line and "behaviorController:" in line and
-            "parameters" not in line]
+        lines = [line for line in self.results["faults"].printed.splitlines()
+                 if "/speechEvent/set_language" in line and "behaviorController:" in line
+                 and "parameters" not in line]
         self.assertEqual(len(lines), 1, lines)
 
 

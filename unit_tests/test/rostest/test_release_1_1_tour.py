@@ -24,8 +24,7 @@ class TestRelease11(WholeTest):
         cls.result = run_test(*GIVEN)
 
     def test_a_visitor_sees_the_whole_tour(self):
-        self.assertEqual(self.result.code, 0,
-                         "\n".join(self.result.report) or self.result.printed)
+        self.assertEqual(self.result.code, 0, "\n".join(self.result.report) or self.result.printed)
         visit, = self.result.run.visits
         self.assertEqual((visit.outcome, len(visit.stops)), ("SUCCESS", 5))
         drives = [event for _, event in of(self.result.run.lines, Asked)

@@ -17,9 +17,8 @@ class TestScenarios(WholeTest):
             "gestureExecution:3:crash", *CLEAN)
         self.assert_passed(result, "SUCCESS")
         self.assertIn("4 of ", result.report[-1])
-        causes = {
-            failed.node: failed.failure.cause.value for failed in result.run.failures
-            if not failed.attempt}
+        causes = {failed.node: failed.failure.cause.value for failed in result.run.failures
+                  if not failed.attempt}
         self.assertEqual([causes[node] for node in ("Navigate", "LookUpEntrance")],
                          ["connection-lost", "unusable-answer"])
 

@@ -49,8 +49,7 @@ class TestTwoRobots(Launched):
         for robot, test in tests.items():
             self.assertEqual(test.wait(LIMIT), 0, self.printed(robot))
             self.assert_is_of(robot)
-        pages = [re.search(r"page: (http://\S+)", self.printed(robot)).group(1)
-                 for robot in ROBOTS]
+        pages = [re.search(r"page: (http://\S+)", self.printed(robot)).group(1) for robot in ROBOTS]
         self.assertNotEqual(*pages)
 
     def assert_is_of(self, robot):

@@ -16,9 +16,8 @@ from mission_run import MissionRun, told
 
 NINE = ("/animateBehavior /overtAttention /gestureExecution /textToSpeech /robotNavigation "
         "/knowledgeBase /tabletEvent /speechEvent /faceDetection").split()
-NODES_OF_RELEASE = {
-    "/animateBehavior", "/overtAttention", "/gestureExecution", "/textToSpeech", "/robotNavigation",
-    "/robotLocalization", "/tabletEvent", "/speechEvent"}
+NODES_OF_RELEASE = {"/animateBehavior", "/overtAttention", "/gestureExecution", "/textToSpeech",
+                    "/robotNavigation", "/robotLocalization", "/tabletEvent", "/speechEvent"}
 
 
 class TestLabTourByVoice(MissionRun):
@@ -147,9 +146,8 @@ class TestRelease10ByVoice(MissionRun):
         self.assertLessEqual({("scanning", 2), ("social", 2), ("seeking", 2)}, told)
 
     def test_nothing_is_heard_while_recognition_is_off(self):
-        switched = [
-            line for line in self.requests
-            if line.node == "speechEvent" and "status" in line.content]
+        switched = [line for line in self.requests if line.node == "speechEvent"
+                    and "status" in line.content]
         on, off = (next(line.time for line in switched[1:] if line.content["status"] == status)
                    for status in ("true", "false"))
         heard = [line for line in self.published("speechEvent") if line.time > switched[0].time]

@@ -58,9 +58,8 @@ def run_test(*arguments, **environment):
                        if usual.partition(":=")[0] not in names)
     with tempfile.TemporaryDirectory() as folder:
         report = os.path.join(folder, "report.dat")
-        environment = {
-            **os.environ, "ROS_MASTER_URI": "http://localhost:{}".format(free_port()),
-            "ROS_HOME": folder, "ROS_TEST_RESULTS_DIR": folder, **environment}
+        environment = {**os.environ, "ROS_MASTER_URI": "http://localhost:{}".format(free_port()),
+                       "ROS_HOME": folder, "ROS_TEST_RESULTS_DIR": folder, **environment}
         for name in ("ROS_LOG_DIR", "ROS_NAMESPACE"):
             environment.pop(name, None)
         done = subprocess.run(

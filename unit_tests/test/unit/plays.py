@@ -71,8 +71,7 @@ def of_test_with(of_test, **test):
 
 def changed(before, change):
     """Return facts whose record is made of the lines that ``change`` returns for each of its."""
-    return before._replace(
-        run=Run(after for line in before.run.lines for after in change(line)))
+    return before._replace(run=Run(after for line in before.run.lines for after in change(line)))
 
 
 def from_then_on(time, seconds):

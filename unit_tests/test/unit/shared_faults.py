@@ -94,13 +94,12 @@ def moved(change):
 EXCHANGED = moved(lambda place: place._replace(x=place.y, y=place.x))
 RADIANS = moved(lambda place: place._replace(theta_deg=math.radians(place.theta_deg)))
 MILLIMETRES = moved(lambda place: place._replace(x=place.x * 1000.0, y=place.y * 1000.0))
-PLACES = {
-    "x and y exchanged": EXCHANGED, "its angle in radians": RADIANS,
-    "millimetres for metres": MILLIMETRES,
-    "its descriptions exchanged": lambda place: place._replace(
-        description1=place.description2, description2=place.description1),
-    "no gesture target": lambda place: place._replace(gesture=requests.Point(0.0, 0.0, 0.0)),
-    "no name": lambda place: place._replace(name="")}
+PLACES = {"x and y exchanged": EXCHANGED, "its angle in radians": RADIANS,
+          "millimetres for metres": MILLIMETRES,
+          "its descriptions exchanged": lambda place: place._replace(
+              description1=place.description2, description2=place.description1),
+          "no gesture target": lambda place: place._replace(gesture=requests.Point(0.0, 0.0, 0.0)),
+          "no name": lambda place: place._replace(name="")}
 for what, change in PLACES.items():
     fault("a place is read from an answer with " + what, on_place(change))
 
@@ -158,9 +157,8 @@ def with_phrases(change):
 
 
 def with_meaning(**lists):
-    return with_phrases(lambda found: dataclasses.replace(
-        found, meanings={**found.meanings, **{name: change(found.meanings)
-                                              for name, change in lists.items()}}))
+    return with_phrases(lambda found: dataclasses.replace(found, meanings={**found.meanings, **{
+        name: change(found.meanings) for name, change in lists.items()}}))
 
 
 SHOWN_TO = {"MaybeAnotherTimeSpeech": "declines", "SayYesNoSpeech": "silent"}
@@ -314,9 +312,8 @@ SKIPPED_TOUR = (("<IsVisitorResponseYes/>", "<AlwaysSuccess/>"), (
 """What is replaced in the lab tour, so that a script asks for the visitor's answer."""
 
 fault("> for >=", lambda: mock.patch.dict(operators._OF_NUMBERS, {">=": operator.gt}), edits=ASKED)
-fault("_skipIf is ignored", wrapped(
-    Interception, "_check_before", lambda method, self, node: None), "declines",
-      edits=SKIPPED_TOUR)
+fault("_skipIf is ignored", wrapped(Interception, "_check_before", lambda method, self, node: None),
+      "declines", edits=SKIPPED_TOUR)
 fault("one attempt more", attempts(1), "silent")
 fault("one attempt less", attempts(-1), "silent")
 

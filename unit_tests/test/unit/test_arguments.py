@@ -131,15 +131,13 @@ def test_a_simulated_node_names_each_word_that_it_does_not_read():
 
 
 def test_every_value_that_is_not_allowed_is_named():
-    told = faults(
-        check, {
-            "failureRate": "2", "monitorPort": "99999", "verboseMode": "yes",
-            "use_real_speechEvent": "x", "recordDirectory": "none"})
+    told = faults(check, {
+        "failureRate": "2", "monitorPort": "99999", "verboseMode": "yes",
+        "use_real_speechEvent": "x", "recordDirectory": "none"})
     assert [fault.partition(":")[0] for fault in told] == [
         "argument failureRate", "argument verboseMode", "argument monitorPort",
         "argument use_real_speechEvent", "argument recordDirectory"]
-    assert all(value in fault
-               for value, fault in zip(('"2"', '"yes"', '"99999"', '"x"'), told))
+    assert all(value in fault for value, fault in zip(('"2"', '"yes"', '"99999"', '"x"'), told))
 
 
 def test_a_language_without_phrases_is_named_beside_a_value_that_is_not_allowed():
@@ -176,7 +174,6 @@ def test_the_controller_gets_its_own_keys_and_what_the_test_needs():
     words = controller_words("behaviorController", "__name:=b", language="X", failureRate="0",
                              recordDirectory="/copy", **given)
     assert words[:2] == ["behaviorController", "__name:=b"]
-    assert sorted(words[2:]) == [
-        "_language:=X", "_missionRuns:=2", "_recordDirectory:=/folder", "_startupTimeout:=30",
-        "_verboseMode:=true"]
+    assert sorted(words[2:]) == ["_language:=X", "_missionRuns:=2", "_recordDirectory:=/folder",
+                                 "_startupTimeout:=30", "_verboseMode:=true"]
     assert "_startupTimeout:=5" in controller_words("c", startupTimeout="5")

@@ -18,9 +18,8 @@ def test_the_file_that_comes_with_the_package_shows_the_defaults():
     assert found.failure_rate == 0.1  # document, table 5
     assert found.arrival_rate == 60
     assert (found.visitor_behaviour, found.mission_runs, found.random_seed) == ("engages", 1, None)
-    assert {
-        name: value for name, value in values_of(found).items()
-        if defaults[name] not in (REQUIRED, value)} == {}
+    assert {name: value for name, value in values_of(found).items()
+            if defaults[name] not in (REQUIRED, value)} == {}
 
 
 @pytest.mark.parametrize("given, field, value", (

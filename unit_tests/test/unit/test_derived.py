@@ -28,9 +28,8 @@ def test_each_derived_file_is_up_to_date(derive):
 
 def test_a_value_that_a_configuration_gives_stays_and_what_is_new_is_added(derive):
     now = "topicMaxAge  3   # seconds\nlanguage\nforgotten 1\n"
-    lines = {
-        line.split()[0]: line.split("#")[0].split()[1:]
-        for line in derive.key_lines(derive.settings.KEYS)(now).split("\n")}
+    lines = {line.split()[0]: line.split("#")[0].split()[1:]
+             for line in derive.key_lines(derive.settings.KEYS)(now).split("\n")}
     assert (lines["topicMaxAge"], lines["language"], lines["missionRuns"]) == (["3"], [], ["0"])
     assert set(lines) == {key.name for key in derive.settings.KEYS
                           } - {"scenarioSpecification", "verboseMode", "asrEnabled"}
@@ -45,10 +44,9 @@ def test_a_part_that_is_not_marked_is_named(derive):
 
 
 def test_a_port_is_shown_with_its_default(derive, monkeypatch):
-    ports = tuple(
-        Port(name, default=default)
-        for name, default in (("entry", "{@entry}"), ("other", "{@entry}"), ("local", "{there}"),
-                              ("literal", "45"), ("needed", None)))
+    ports = tuple(Port(name, default=default) for name, default in (
+        ("entry", "{@entry}"), ("other", "{@entry}"), ("local", "{there}"), ("literal", "45"),
+        ("needed", None)))
     monkeypatch.setattr(derive.leaves, "specs",
                         lambda: [MissionSpec("Bow", Kind.ACTION, None, ports, "Bows.")])
     assert derive.nodes(Kind.ACTION).splitlines()[2:] == [

@@ -178,9 +178,8 @@ def objected(answered=None, cause=None, got=None, dropped=None, request=Say("a")
         dict(kind="service", name=service.name, node=service.node, is_well=False, status="-",
              consequence="-", respect="gone"), **fields))) for at, fields in health]
     test = dataclasses.replace(known.test, absent_services=absent)
-    judged = known._replace(
-        run=Run([*changes, Line(BEGAN + ends, Noticed("info", "-"))]), journal=sorted(journal),
-        test=test, **of_test)
+    judged = known._replace(run=Run([*changes, Line(BEGAN + ends, Noticed("info", "-"))]),
+                            journal=sorted(journal), test=test, **of_test)
     signs = SimpleNamespace(waiting={}, searches=[])
     return list(JournalCheck(judged, SimpleNamespace(
         queries={0: query}, offset=None, signs=signs, differs_at=0.0)).objections())
@@ -340,16 +339,14 @@ def objection(topic, said, has_sign=False, crash=None, interface="D5.4.3", **sea
     """Return the objection to a search at ``NOW`` for the value 1; the times of what was said, of a
     crash and of the search are seconds from then on."""
     node = topic.split("/")[1]
-    lines = [JournalEntry(BEGAN + NOW + at, node, topic, 0,
-                          {"state": "seeking", "value": value, "data": str(value)})
-             for at, value in said]
+    lines = [JournalEntry(BEGAN + NOW + at, node, topic, 0, {
+                 "state": "seeking", "value": value, "data": str(value)}) for at, value in said]
     if crash is not None:
         lines.insert(0, JournalEntry(BEGAN + NOW + crash, node, "-", 1, {}, "crash"))
     given = dict(after=-50.0, newest=0.0, until=0.0, began=BEGAN - NOW)
     times = {name: NOW + seconds for name, seconds in dict(given, **search).items()}
-    looked = SignSearch(
-        SimpleNamespace(registration_id="Look"), topic, at=NOW, has_sign=has_sign,
-        is_sign=lambda value: getattr(value, "value", value) in (1, "1"), **times)
+    looked = SignSearch(SimpleNamespace(registration_id="Look"), topic, at=NOW, has_sign=has_sign,
+                        is_sign=lambda value: getattr(value, "value", value) in (1, "1"), **times)
     world = stage(robotInterface=interface).world
     messages = JournalMessages(facts()._replace(journal=lines, world=world), topic, BEGAN)
     return messages.objection(looked, 2.0).partition(": ")[0]
@@ -398,10 +395,9 @@ def test_a_state_that_was_a_sign_and_is_over_is_none(interface, newer, is_over):
 
 @pytest.mark.parametrize("is_waiting", [True, False])
 def test_a_search_that_goes_on_lasts_until_the_end_of_the_run(is_waiting):
-    search = SignSearch(
-        SimpleNamespace(registration_id="Look"), STATE, at=NOW,
-        after=0.0, newest=0.0, until=NOW, began=BEGAN, has_sign=False,
-        is_sign=lambda status: status.value == 1)
+    search = SignSearch(SimpleNamespace(registration_id="Look"), STATE, at=NOW, after=0.0,
+                        newest=0.0, until=NOW, began=BEGAN, has_sign=False,
+                        is_sign=lambda status: status.value == 1)
     said = JournalEntry(BEGAN + NOW + 1.0, "overtAttention", STATE, 0,
                         {"state": "seeking", "value": 1})
     signs = SimpleNamespace(waiting={5: search} if is_waiting else {}, searches=[search])

@@ -98,8 +98,7 @@ def test_a_request_that_is_halted_ends_and_its_answer_is_awaited_no_more():
     def at_the_tick(line):
         """The timer was due just after the wait for it, so that the traversal ran it."""
         if isinstance(line.event, Tick) and line.event.changes[:1] == [(3, "F")]:
-            line = replace(line, event=replace(
-                line.event, changes=[(4, "-"), *line.event.changes]))
+            line = replace(line, event=replace(line.event, changes=[(4, "-"), *line.event.changes]))
         return [line]
     assert ends(of_test, "WelcomeSpeech") == ["IDLE"]
     for each in (of_test, changed(of_test, at_the_tick)):
@@ -278,10 +277,9 @@ ASKED_AGAIN = [
     '<ReactiveFallback><IsYesNoUttered/><Sleep msec="4000"/></ReactiveFallback>',
     '<WhileDoElse><IsYesNoUttered/><AlwaysSuccess/><Sleep msec="4000"/></WhileDoElse>',
     '<ReactiveFallback><Inverter><IsYesNoUttered/></Inverter><AlwaysSuccess/></ReactiveFallback>']
-WAITS = [
-    '<ReactiveSequence><AlwaysSuccess/><IsYesNoUttered/></ReactiveSequence>',
-    '<WhileDoElse><AlwaysSuccess/><IsYesNoUttered/><AlwaysSuccess/></WhileDoElse>',
-    '<Sequence><IsYesNoUttered/><AlwaysSuccess/></Sequence>']
+WAITS = ['<ReactiveSequence><AlwaysSuccess/><IsYesNoUttered/></ReactiveSequence>',
+         '<WhileDoElse><AlwaysSuccess/><IsYesNoUttered/><AlwaysSuccess/></WhileDoElse>',
+         '<Sequence><IsYesNoUttered/><AlwaysSuccess/></Sequence>']
 
 
 @pytest.mark.parametrize("steps, is_asked_again", [
@@ -378,8 +376,7 @@ def test_a_substitute_does_what_its_own_node_does(substitute, more, outcome):
     with policy(POLICY.format(substitute)):
         of_test = of_mission(STEP, ["textToSpeech:1", "textToSpeech:2", *more])
     asked = [type(event.request).__name__ for _, event in times(of_test, Asked)]
-    assert asked[:3] == ["Say", "Say", "Say" if substitute == "QueryTourSpeech" else
-                         "SetAttention"]
+    assert asked[:3] == ["Say", "Say", "Say" if substitute == "QueryTourSpeech" else "SetAttention"]
     assert [recovery.outcome for recovery in of_test.run.recoveries] == [outcome]
     assert objections(of_test) == ()
 

@@ -29,8 +29,7 @@ CONTROLLER_ALONE = os.path.join(folders.share(), "launch", "behaviorController.l
 @pytest.fixture(autouse=True)
 def packages(monkeypatch):
     """Let roslaunch find the packages also outside of a workspace."""
-    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(
-        (folders.share(), test_folders.share())))
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join((folders.share(), test_folders.share())))
     monkeypatch.setattr(substitution_args, "_rospack", None)
 
 
@@ -68,9 +67,8 @@ def test_what_is_not_given_is_left_to_the_configuration(path):
 
 @pytest.mark.parametrize("path", (WHOLE_TEST, ROBOT, CONTROLLER_ALONE))
 def test_nothing_is_put_on_the_master(path):
-    assert {
-        name for name in load(path, "asrEnabled:=false", "failureRate:=0.5").params
-        if "/ros" not in name} == set()
+    assert {name for name in load(path, "asrEnabled:=false", "failureRate:=0.5").params
+            if "/ros" not in name} == set()
 
 
 @pytest.mark.parametrize("path", (WHOLE_TEST, ROBOT, CONTROLLER_ALONE))
@@ -100,9 +98,8 @@ def test_zero_and_false_are_values():
 def test_short_names_stand_for_their_keys():
     report = given_to(WHOLE_TEST, *("{}:=x".format(short)
                                     for short in configuration.SHORT))["behaviorControllerTest"]
-    assert {key: report[key]
-            for key in configuration.SHORT.values()
-            } == dict.fromkeys(configuration.SHORT.values(), "x")
+    assert {key: report[key] for key in configuration.SHORT.values()} == dict.fromkeys(
+        configuration.SHORT.values(), "x")
 
 
 def test_a_real_node_is_not_started_and_the_report_knows():

@@ -106,10 +106,9 @@ options.read(options.of_process())
     ("release-1.0", {"cultureKnowledgeBase.dat", "cultureKnowledgeBaseConfiguration.ini",
                      "environmentKnowledgeBase.dat", "environmentKnowledgeBaseConfiguration.ini"})])
 def test_a_process_reads_each_of_its_files_once(robot, files):
-    done = subprocess.run(
-        [sys.executable, "-B", "-c", READ_FILES, "_robotInterface:=" + robot],
-        env=dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path))), timeout=60,
-        stdout=subprocess.PIPE, universal_newlines=True, check=True)
+    done = subprocess.run([sys.executable, "-B", "-c", READ_FILES, "_robotInterface:=" + robot],
+                          env=dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path))),
+                          timeout=60, stdout=subprocess.PIPE, universal_newlines=True, check=True)
     opened = [os.path.basename(path) for path in done.stdout.splitlines()
               if path.endswith((".ini", ".json", ".dat"))]
     assert sorted(opened) == sorted(files | {
@@ -247,10 +246,9 @@ def test_a_place_needs_a_name_and_a_location_alone(tmp_path):
 def test_a_node_whose_types_are_not_built_says_so_in_one_line():
     path = os.pathsep.join(
         os.path.join(REPOSITORY, *parts) for parts in (("src", ), ("unit_tests", "src")))
-    done = subprocess.run(
-        [sys.executable,
-         os.path.join(REPOSITORY, "unit_tests", "nodes", "faceDetection")],
-        env=dict(os.environ, PYTHONPATH=path), timeout=60, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, universal_newlines=True)
+    done = subprocess.run([sys.executable, os.path.join(
+                              REPOSITORY, "unit_tests", "nodes", "faceDetection")],
+                          env=dict(os.environ, PYTHONPATH=path), timeout=60, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, universal_newlines=True)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (4, "", 1)
     assert done.stderr.startswith("faceDetection: ") and "cssr_system" in done.stderr

@@ -110,11 +110,10 @@ def test_the_requests_of_a_tour_are_those_of_the_document():
         ("Yes", "No"))
 
 
-@pytest.mark.parametrize("text, answer", [("Yes", "yes"), ("yes please", "yes"), ("No", "no"),
-                                          ("not good", "no"), ("no, yes", "no"), ("goodbye", None),
-                                          ("I know", None), ("Error: yes", None), ("", None),
-                                          (" error yes", None), ("yesterday", None),
-                                          ("well, YES!", "yes"), ("yes no", "no")])
+@pytest.mark.parametrize("text, answer", [
+    ("Yes", "yes"), ("yes please", "yes"), ("No", "no"), ("not good", "no"), ("no, yes", "no"),
+    ("goodbye", None), ("I know", None), ("Error: yes", None), ("", None), (" error yes", None),
+    ("yesterday", None), ("well, YES!", "yes"), ("yes no", "no")])
 def test_a_spoken_answer_is_whole_words_with_no_first(text, answer):
     assert reference.spoken(ENGLISH, text) == answer
 

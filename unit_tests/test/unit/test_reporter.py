@@ -118,8 +118,7 @@ def test_a_run_without_an_end_has_no_verdict(tmp_path):
     assert test_node.read_verdict(str(tmp_path)) is None
 
 
-def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(
-        tmp_path, monkeypatch):
+def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(tmp_path, monkeypatch):
     def stand_still(*_):
         time.sleep(0.4)
         (tmp_path / controller.EXIT_CODE).write_text("0\n")

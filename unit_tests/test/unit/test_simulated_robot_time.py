@@ -93,8 +93,7 @@ def test_the_journal_gets_the_times_of_the_record():
 
 
 @pytest.mark.parametrize("seconds, speed, is_late", [
-    (0.5, 1.0, False), (5.0, 1.0, True), (5.0, 10.0, False), (15.0, 10.0, True),
-    (5.0, 0.1, True)])
+    (0.5, 1.0, False), (5.0, 1.0, True), (5.0, 10.0, False), (15.0, 10.0, True), (5.0, 0.1, True)])
 def test_what_a_process_takes_is_allowed_for_times_the_speed(seconds, speed, is_late):
     sound = of_mission("<WelcomeSpeech/><Sleep msec='3000'/><WelcomeSpeech/>")
     assert Verdict(sound).passed

@@ -113,20 +113,17 @@ def test_a_speech_that_is_late_for_its_words_is_slow_until_one_is_in_time_again(
 
 
 def test_a_call_that_was_answered_is_neither_slow_nor_failing():
-    played = play(
-        of_text(
-            M.format('<Sequence>{}<Sleep msec="100000"/></Sequence>'.format("<WelcomeSpeech/>" *
-                                                                            3))))
+    played = play(of_text(M.format(
+        '<Sequence>{}<Sleep msec="100000"/></Sequence>'.format("<WelcomeSpeech/>" * 3))))
     assert played.exit_code == 0 and changes_of_health(played) == []
 
 
 def test_a_node_that_has_crashed_is_not_reachable_until_it_is_back():
     played = play(
-        of_text(
-            M.format(
-                '<Sequence>{}<Sleep msec="2000"/><WelcomeSpeech/><Sleep msec="200"/></Sequence>'.
-                format("<ForceSuccess><WelcomeSpeech/></ForceSuccess>" * 2))),
-        planned_faults=(PlannedFault("textToSpeech", 1, "crash"), ))
+        of_text(M.format(
+            '<Sequence>{}<Sleep msec="2000"/><WelcomeSpeech/><Sleep msec="200"/></Sequence>'.format(
+                "<ForceSuccess><WelcomeSpeech/></ForceSuccess>" * 2))),
+        planned_faults=(PlannedFault("textToSpeech", 1, "crash"),))
     causes = [event.failure and event.failure.cause.value for event in of(LeafFinished, played)]
     assert causes == ["connection-lost", "not-reachable", None]
     assert changes_of_health(played) == [(0.1, "gone: not reachable: connection refused"),
@@ -179,9 +176,8 @@ def test_a_mission_that_ends_with_its_time_was_in_time():
 
 def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_second():
     loop = '<KeepRunningUntilFailure><Script code="x := 1"/></KeepRunningUntilFailure>'
-    ticks = [
-        event.at for _, event in play(of_text(M.format(loop)), test_timeout=60.0).events
-        if isinstance(event, Tick)]
+    ticks = [event.at for _, event in play(of_text(M.format(loop)), test_timeout=60.0).events
+             if isinstance(event, Tick)]
     assert ticks[-1] - ticks[-21] == pytest.approx(5.0)
 
 
@@ -214,9 +210,8 @@ def test_a_visitor_is_present_from_the_first_request_to_the_drive_home():
     played = play()
     home = LAB_TOUR.world.knowledge.home.location
     requests = [line for line in played.journal if line.call and line.time < played.ended]
-    left, = [
-        line.time for line in requests
-        if line.content.get("goal_x") == home.x and line.content["goal_y"] == home.y]
+    left, = [line.time for line in requests if line.content.get("goal_x") == home.x
+             and line.content["goal_y"] == home.y]
     assert played.presence == [(requests[0].time, True), (left, False)]
     assert [at for at, _ in played.asked] == sorted(at for at, _ in played.asked)
     assert [type(request)
@@ -263,8 +258,7 @@ def test_a_run_that_ends_by_itself_asks_for_the_safe_state_which_is_not_the_miss
 def test_a_pass_that_gives_up_with_its_node_gone_waits_for_it():
     body = '<Sequence><LookUpHome/><Navigate/></Sequence>'
     on = of_text(M.format(body))
-    played = play(on, planned_faults=(PlannedFault("robotNavigation", 1, "crash"), ),
-                  mission_runs=2)
+    played = play(on, planned_faults=(PlannedFault("robotNavigation", 1, "crash"),), mission_runs=2)
     crashed, = [line.time for line in played.journal if line.fault == "crash"]
     second = [at for at, event in played.events if isinstance(event, PassStarted)][1]
     assert [event.awaited for event in of(Paused, played)] == ["/robotNavigation"]

@@ -69,8 +69,7 @@ def in_a_simulated_run(line):
 def test_the_guide_quotes_what_a_test_prints():
     of_test = plays.facts(failure_rate=0.1, random_seed=1, arrival_rate=inf)._replace(
         expected=leaves_reached(plays.stage(), ENGAGES))
-    told = [str(Verdict(of_test)), *Report(of_test, "title").visitors,
-            *summary_lines(of_test)]
+    told = [str(Verdict(of_test)), *Report(of_test, "title").visitors, *summary_lines(of_test)]
     quoted = text_of("testers_guide.md").partition("## What a test prints")[2].partition("```")[2]
     wanted = [line for line in quoted.partition("```")[0].splitlines()
               if re.match(r"PASSED|pass 1|coverage| +\d+ (of|branches)", line)]

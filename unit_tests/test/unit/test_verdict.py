@@ -190,10 +190,9 @@ def test_a_message_that_nobody_published():
 def test_a_sign_that_was_not_seen():
     of_test = facts(visitor_behaviour="noGaze")
     seeking = next(line.time for line in calls(of_test) if line.content.get("state") == "seeking")
-    lines = [
-        line._replace(content={"state": "seeking", "value": 1})
-        if line.node == "overtAttention" and not line.call and line.time > seeking + 2 else line
-        for line in of_test.journal]
+    lines = [line._replace(content={"state": "seeking", "value": 1}) if line.node
+             == "overtAttention" and not line.call and line.time > seeking + 2 else line
+             for line in of_test.journal]
     assert_objects(of_test._replace(journal=lines), "IsMutualGazeDiscovered did not see")
 
 
@@ -291,8 +290,7 @@ def test_a_part_of_the_safe_state_that_is_refused_is_asked_for_again():
             return []
         if isinstance(event, SafeStateReported):
             failed = Failure(Cause.REFUSED, "-", event.parts[0].service)
-            event = replace(event, parts=(replace(event.parts[0], failure=failed),
-                                          event.parts[1]))
+            event = replace(event, parts=(replace(event.parts[0], failure=failed), event.parts[1]))
         return [Line(line.time, event)]
     assert_objects(changed(of_test, without_it), "attention off, refused, and 0.9 s were left")
 

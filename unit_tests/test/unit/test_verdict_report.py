@@ -151,10 +151,9 @@ def test_a_fault_of_a_request_that_is_not_on_record_has_its_row():
     more = [line._replace(time=at, call=90 + number)
             for number, at in enumerate([line.time - 1.0, second])]
     of_test = of_test._replace(journal=sorted([*of_test.journal, *more]))
-    assert told(of_test) == [
-        ("", "textToSpeech:90", "refused", "not on record"),
-        ("WelcomeSpeech", "textToSpeech:1", "refused", "done by retry 1"),
-        ("", "textToSpeech:91", "refused", "not on record")]
+    assert told(of_test) == [("", "textToSpeech:90", "refused", "not on record"),
+                             ("WelcomeSpeech", "textToSpeech:1", "refused", "done by retry 1"),
+                             ("", "textToSpeech:91", "refused", "not on record")]
     assert [row.visitor for row in rows(of_test)] == [1, 1, 2]
 
 

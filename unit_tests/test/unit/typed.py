@@ -8,12 +8,11 @@ from behavior_controller.run.history import Run
 HANDLER = 900
 """The number of the first HandleFallBack of a record that shows no tree."""
 
-REST = {
-    "RunStarted": {"mission": "-", "leaves": [], "settings": {},
-                   "sources": {}}, "TreeShown": {"id": "T", "nodes": []},
-    "HealthChanged": {"consequence": "",
-                      "kind": "service"}, "LeafFinished": {"uid": 1, "failure": None},
-    "PassStarted": {"at": 0.0}, "Tick": {"at": 0.0, "first": True}}
+REST = {"RunStarted": {"mission": "-", "leaves": [], "settings": {}, "sources": {}},
+        "TreeShown": {"id": "T", "nodes": []},
+        "HealthChanged": {"consequence": "", "kind": "service"},
+        "LeafFinished": {"uid": 1, "failure": None}, "PassStarted": {"at": 0.0},
+        "Tick": {"at": 0.0, "first": True}}
 SOURCES = {"documents": [], "phrases": ["", ""], "policy": ["", ""], "interface": "D5.4.3"}
 
 
