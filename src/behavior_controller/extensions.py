@@ -21,6 +21,7 @@ from xml.etree import ElementTree
 from behavior_controller import exit_codes
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.foreign_code import described, place
+from behavior_controller.interpreter import frame_of
 from behavior_controller.ros_packages import MANIFEST, package_folders, package_name
 from behavior_controller.text import Unreadable, bracketed, did_you_mean, read_bytes
 
@@ -143,7 +144,7 @@ def _watch(thread: int) -> None:
     error: Optional[BrokenExtension] = None
     while error is None:
         time.sleep(WATCH_INTERVAL)
-        frame = sys._current_frames().get(thread)
+        frame = frame_of(thread)
         under_way = (*_under_way, *frames_of_packages(frame)[-1:])[:1]
         checks = checks + 1 if under_way and under_way == before else 0
         before = under_way

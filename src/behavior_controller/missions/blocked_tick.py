@@ -1,12 +1,12 @@
 """Reports a leaf whose code blocks the tick thread: the tree stands still then, and nothing else
 can report it."""
-import sys
 import threading
 import time
 from typing import Callable, Optional, Set, Tuple
 
 from behavior_controller.bt.engine.failure import node_on
 from behavior_controller.foreign_code import place
+from behavior_controller.interpreter import frame_of
 from behavior_controller.missions.runner import Runner
 
 INTERVAL = 0.25
@@ -66,7 +66,7 @@ class BlockedTickMonitor:
 
     def _leaf(self) -> Tuple[int, str]:
         """Return number and place of the leaf in whose code the tick thread is, or ``NO_LEAF``."""
-        node, frame = node_on(sys._current_frames().get(self._tick_thread))
+        node, frame = node_on(frame_of(self._tick_thread))
         if node is None or frame is None:
             return NO_LEAF
         return node.uid, "{}the leaf '{}' [{}] has not returned from {}".format(

@@ -1,6 +1,5 @@
 """Runs work that may hang (a frozen master, a dead disk) on a separate thread, and waits for it
 with a limit."""
-import sys
 import threading
 import time
 from concurrent.futures import Future
@@ -9,6 +8,7 @@ from typing import Any, Callable, Iterable, Optional, Tuple
 
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.interpreter import frame_of
 from behavior_controller.ros.shortage import SHORTAGE
 
 
@@ -73,7 +73,7 @@ def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bo
         if is_stopped():
             raise Stopped("stopped")
         if now >= deadline:
-            raise Late(f"not done in {seconds:g} s", sys._current_frames().get(thread.ident or 0))
+            raise Late(f"not done in {seconds:g} s", frame_of(thread.ident))
         if now >= slow_at:
             is_slow()
             slow_at = deadline

@@ -1,13 +1,11 @@
 """A mission file as elements with their places, and the files that it includes. The only user of
 lxml."""
 import bisect
-import contextlib
-import gc
 import itertools
 import os
 import re
 import types
-from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Union
+from typing import Any, Dict, List, Optional, Set, Tuple, Union
 
 from lxml import etree
 
@@ -18,6 +16,7 @@ from behavior_controller.bt.loader.xml_repair import (
 from behavior_controller.ros_packages import package_folder
 from behavior_controller.errors import Fault, MissionError, attempt
 from behavior_controller.foreign_code import described
+from behavior_controller.interpreter import garbage_collection_paused
 from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes
 
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
@@ -192,19 +191,6 @@ def _decoded(data: bytes, file: str) -> str:
         wrong = f"byte 0x{data[error.start]:02x} is not {encoding}"
         fault = MarkupFault(rules.NOT_TEXT, wrong, len(before.text), AS_UTF_8)
         raise MissionError([before.fault(fault)]) from error
-
-
-@contextlib.contextmanager
-def garbage_collection_paused() -> Iterator[None]:
-    """Keep Python's garbage collector from scanning a growing mission, which has no garbage, again
-    and again."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def _parsed(clean: str, document: Document) -> Element:

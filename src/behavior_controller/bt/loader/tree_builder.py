@@ -19,12 +19,13 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.values.blackboard import Blackboard, Entry
-from behavior_controller.bt.loader.document import Document, Element, garbage_collection_paused
+from behavior_controller.bt.loader.document import Document, Element
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.values.values import GENERIC, TEXT, ValueFault
 from behavior_controller.bt.engine.node_types import Registry, class_fault
 from behavior_controller.bt.engine.registry import Kind, NodeSpec, Port
 from behavior_controller.errors import Fault, FaultsFound, MissionError
+from behavior_controller.interpreter import garbage_collection_paused
 from behavior_controller.text import Source
 
 MAX_TREE_DEPTH = 2_500  # levels of the unfolded tree; a tick takes up to four Python frames a level

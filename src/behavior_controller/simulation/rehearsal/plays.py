@@ -11,10 +11,11 @@ from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Ma
                     Optional, Sequence, Set, Tuple)
 
 from behavior_controller.bt.engine.node import Node
-from behavior_controller.bt.loader.document import garbage_collection_paused, read, with_includes
+from behavior_controller.bt.loader.document import read, with_includes
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.settings import defaults
 from behavior_controller.folders import mission_name
+from behavior_controller.interpreter import garbage_collection_paused
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Prompt, Request
 from behavior_controller.text import clean, count
