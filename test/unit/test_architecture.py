@@ -52,7 +52,7 @@ LAYERS = [
     ["output_files"],
     ["errors", "exit_codes", "ros_arguments"],
     ["ros_packages"],
-    ["text", "foreign_code", "folders", "thread_check"]]
+    ["text", "foreign_code", "folders", "thread_check", "interpreter"]]
 ROS = {"actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph",
        "roslaunch", "roslib", "rosnode", "rospy", "rosservice", "rostopic", "std_msgs"}
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
@@ -260,7 +260,8 @@ def test_no_two_public_classes_have_one_name():
 
 def test_the_engine_knows_neither_ros_nor_this_robot():
     below = tuple(PRODUCT + inner for inner in (
-        ".bt", ".errors", ".foreign_code", ".ros_packages", ".text", ".thread_check"))
+        ".bt", ".errors", ".foreign_code", ".interpreter", ".ros_packages", ".text",
+        ".thread_check"))
     assert [(name, other) for name in OURS if name.startswith(PRODUCT + ".bt.")
             for other in imports(name)
             if outer(other) == PRODUCT and not other.startswith(below)] == []

@@ -1,10 +1,11 @@
-"""The frame of another thread, beside garbage and threads that end."""
+"""The frame of a thread, beside garbage and threads that end."""
+import gc
 import subprocess
 import sys
 import threading
 import traceback
 
-from behavior_controller.interpreter import frame_of
+from behavior_controller.interpreter import frame_of, garbage_collection_paused
 
 BESIDE_GARBAGE = """
 import gc, threading, time, _thread, weakref
@@ -55,3 +56,11 @@ def test_the_frame_is_the_one_that_the_thread_executes():
 
 def test_garbage_and_threads_that_end_do_not_stop_the_program():
     subprocess.run([sys.executable, "-c", BESIDE_GARBAGE], check=True, timeout=30)
+
+
+def test_the_collector_is_left_as_it_was():
+    for switch in (gc.disable, gc.enable):
+        switch()
+        with garbage_collection_paused():
+            assert not gc.isenabled()
+        assert gc.isenabled() == (switch is gc.enable)
