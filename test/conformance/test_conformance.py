@@ -12,6 +12,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 MAY_DIFFER = json.loads(Path(os.path.join(HERE, "may_differ.json")).read_text("utf-8"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vectors, count", [("hand", 837), ("random.jsonl.xz", 2000)])
 def test_every_recorded_case(vectors, count):
     cases = list(conformance.cases(os.path.join(HERE, vectors)))

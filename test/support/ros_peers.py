@@ -158,13 +158,14 @@ def hang(connection):
 
 
 class Service(TcprosPeer):
-    """Offers a declared service; ``requests`` are those that came.
+    """Offers a declared service; ``requests`` are those that came, after ``handshakes``.
 
     Each takes the next of ``answers``: bytes, or ``HANG``. After the last one the answer is "done".
     """
 
     def __init__(self, master, service, *answers):
         self.requests, self.answers, self._usual = [], list(answers), answer_of(service)
+        self.handshakes = 0
         kind = TYPES[service]
         self._header = {"callerid": "/robot", "type": kind._type, "md5sum": kind._md5sum}
         super().__init__(self._carry_out)
@@ -172,6 +173,7 @@ class Service(TcprosPeer):
 
     def _carry_out(self, connection):
         shake_hands(connection, **self._header)
+        self.handshakes += 1
         for request in iter(lambda: read_block(connection), b""):
             self.requests.append(request)
             answer = self.answers.pop(0) if self.answers else self._usual

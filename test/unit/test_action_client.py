@@ -122,6 +122,7 @@ DONE, REFUSED = done(GoalStatus.SUCCEEDED, navigation_goal_success=1), done(
     GoalStatus.SUCCEEDED, navigation_goal_success=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("states, why, expected, is_cancelled", [
     ([DONE], "", Answer(), False),
     ([UNSEEN, ACTIVE, ACTIVE, awaited(GoalStatus.SUCCEEDED), DONE], "", Answer(), False),
@@ -375,6 +376,7 @@ def test_a_topic_that_is_published_is_heard_instead_unless_the_action_is_preferr
         until(lambda: listens.heard == ["yes"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal, words, message", [
     (Goal(done(GoalStatus.ABORTED), why="no microphone"), "aborted (no microphone)", True),
     (Goal(done(GoalStatus.LOST)), "its server does not know the goal any more", True),

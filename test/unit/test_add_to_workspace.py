@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 MANIFEST = "<package>\n<name>\n  cssr_system\n</name>\n{}</package>\n"
 ODD = "ä b, c*?d=e@f+g%h~i!j^k"

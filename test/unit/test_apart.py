@@ -32,6 +32,7 @@ def test_the_end_of_the_work_ends_the_wait_at_once(monkeypatch):
     assert time.monotonic() - began < 8.0
 
 
+@pytest.mark.slow
 def test_slow_work_is_told_once(monkeypatch):
     monkeypatch.setattr(timeouts, "NOTICE_AFTER", 0.3)
     wake, told = WakeUp(), []

@@ -19,6 +19,8 @@ from behavior_controller import leaves
 from behavior_controller.bt import builtin_specs
 from behavior_controller.config import phrases
 
+pytestmark = pytest.mark.slow
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PRODUCT = "behavior_controller"
 

@@ -35,6 +35,7 @@ def test_the_number_of_recorded_traces(document):
         r"{:,} (?:recorded )?traces".format(sum(map(int, counts))), text_of(document))
 
 
+@pytest.mark.slow
 def test_the_quoted_rehearsal(capsys):
     with open(os.path.join(ROOT, "docs", "authors_guide.md"), encoding="utf-8") as file:
         command, *quoted = re.search(r"\$ .* rehearseMission (.*\n[^`]*)```", file.read()).group(

@@ -74,6 +74,7 @@ def test_the_tree_has_the_nodes_of_the_mission_with_their_names_and_types():
         [node for node in rig.tree.nodes if node.registration_id == "SubTree"])
 
 
+@pytest.mark.slow
 def test_a_tree_of_many_levels_is_data_that_json_carries():
     rig = one_leaf("<Inverter>" * 1900 + "<WelcomeSpeech/>" + "</Inverter>" * 1900)
     before = sys.getrecursionlimit()
@@ -157,6 +158,7 @@ def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before,
             if board.versions[name] != versions[name]] == changed.split()
 
 
+@pytest.mark.slow
 def test_a_part_changes_with_each_field_of_the_model_that_it_shows(tmp_path, monkeypatch):
     read = set()
 
@@ -471,6 +473,7 @@ def test_calls_are_counted():
     assert shown.calls["/say"] == (3, 2, 1.0)
 
 
+@pytest.mark.slow
 def test_there_is_a_sign_of_life_every_second_though_nothing_happens():
     board = board_of(one_leaf("<Sleep msec='9000'/>"))
     board.refresh()

@@ -571,6 +571,7 @@ def test_a_long_name_is_compared_with_no_other(length, is_compared):
     assert (name + "y?" in checked(text).faults[0].hint) is is_compared
 
 
+@pytest.mark.slow
 def test_thousands_of_trees_that_call_each_other_are_no_trouble():
     trees = "".join(
         '<BehaviorTree ID="T{0}"><Sequence><SubTree ID="T{1}"/>{2}</Sequence></BehaviorTree>'.
@@ -582,6 +583,7 @@ def test_thousands_of_trees_that_call_each_other_are_no_trouble():
     assert len(errors(found)) == MOST_FINDINGS + 1 and not found.faults[-1].line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bodies", [
     ['<SubTree ID="U{}"/>'.format(number) for number in range(5000)],
     ["<Navigat{}/>".format(number) for number in range(5000)],

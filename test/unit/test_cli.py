@@ -56,6 +56,7 @@ MAINS = {"validateMission": cli.validate, "exportNodeModel": cli.export_node_mod
          "replayMission": replay_cli.main}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("main", MAINS.values(), ids=MAINS)
 def test_a_word_that_no_tool_reads_is_refused(main, capsys):
     with pytest.raises(SystemExit) as end:
@@ -249,6 +250,7 @@ def test_a_project_beside_missions_has_these(file, tmp_path):
     assert re.findall('<include path="(.*)"/>', path.read_text()) == ["mine.xml"]
 
 
+@pytest.mark.slow
 def test_a_file_that_is_no_project_is_not_overwritten(file, tmp_path, capsys):
     project = str(tmp_path / "p.btproj")
     for _ in range(2):  # a project may be written again
@@ -360,6 +362,7 @@ def run(name, *arguments, **environment):
                           env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
 
 
+@pytest.mark.slow
 def test_the_executable_tells_by_its_exit_code(file):
     done = run("validateMission", LAB_TOUR)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -401,6 +404,7 @@ def in_shell(tool, redirection, *arguments):
     return done.returncode, done.stdout.decode(), done.stderr.decode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool, redirection", [
     ("validateMission", ">&-"), ("replayMission", "2>&-"), ("missionViewer", "<&- >&- 2>&-")])
 def test_a_closed_stream_changes_nothing_but_what_is_seen(tool, redirection):
@@ -411,6 +415,7 @@ def test_a_closed_stream_changes_nothing_but_what_is_seen(tool, redirection):
     assert err.count("\n") == (code != 0 and "2>&-" not in redirection)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool", ["validateMission", "exportNodeModel"])
 def test_a_full_disk_is_one_line_and_exit_code_1(tool):
     code, _, err = in_shell(tool, "> /dev/full", *TOOLS[tool][0])
@@ -426,11 +431,13 @@ def test_a_reader_that_goes_away_ends_a_tool_in_silence(file):
     assert (code, out.count("\n"), err) == (0, 1, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool", ["validateMission", "missionViewer"])
 def test_a_wrong_call_is_exit_code_2_with_every_stream(tool):
     assert in_shell(tool, "2>&-", "--nonsense") == (2, "", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool", MAINS)
 def test_the_version_is_the_manifests(tool, capsys):
     manifest = etree.parse(os.path.join(folders.share(), "package.xml"))
@@ -466,6 +473,7 @@ def run_with_py_trees(folder, version, arguments):
                           universal_newlines=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command, arguments", [
     ("validateMission", [os.path.join(EXECUTABLES, "validateMission"), LAB_TOUR]),
     ("exportNodeModel", [os.path.join(EXECUTABLES, "exportNodeModel")]),
@@ -488,6 +496,7 @@ def test_the_status_in_the_terminal_needs_no_py_trees(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version, is_refused", [
     ("2.1.6", True), ("2.2.0", False), ("2.10.0", False), ("10.0.0", False)])
 def test_which_py_trees_is_too_old(tmp_path, version, is_refused):

@@ -92,6 +92,7 @@ def test_a_jump_is_told_once(robot_lines, jump, by, words):
     assert len(told) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", JUMPS)
 @pytest.mark.parametrize("moment", ["before", "in a drive", "between visits"])
 def test_the_page_shows_now_and_the_past_in_order(show, jump, by, moment):  # noqa: F811
@@ -141,6 +142,7 @@ def test_the_time_of_day_is_that_of_the_clock_as_it_is_set(jump):
     assert events.clock_shift() == -2 * HOUR
 
 
+@pytest.mark.slow
 def test_the_page_counts_by_itself_whatever_the_clocks_are(show, browser, jump):  # noqa: F811
     shown = show(Rig())
     shown.run_until(is_second_text)

@@ -204,6 +204,7 @@ def test_a_terminal_that_lacks_a_character_gets_its_escape(program):
     assert program.stdout.text == "H\\xf4tel"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", ["run", "run_node"])
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&-", "<&- >&- 2>&-", ""])
 def test_closed_streams_are_open_and_nothing_else(tmp_path, runs, closed):

@@ -94,6 +94,7 @@ def test_a_reported_failure_is_none_where_that_means_something(method, fails):
             assert ask(uri, method, seconds=5.0) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", SANE)
 def test_a_value_of_another_shape_is_trouble(method):
     for value in GARBAGE:
@@ -114,6 +115,7 @@ def test_an_answer_that_is_no_triple_is_trouble(answer):
         ask(uri, "lookupNode", "/n", seconds=5.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RAW)
 def test_what_is_no_answer_at_all_is_trouble(name):
     with peer(RAW[name]) as uri, pytest.raises(Trouble):
@@ -135,6 +137,7 @@ def test_an_address_at_which_nothing_can_answer_is_trouble(uri):
         ask(uri, "lookupNode", "/n", seconds=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("data, gap, fault", [
     (answered([1, "ok", SANE["getSystemState"]]), 0.05, "answers slowly"),
     (b"", 0.05, "does not answer")])

@@ -101,6 +101,7 @@ def test_in_verbose_mode_a_leaf_is_told_with_what_it_said(told, console):
                     "behaviorController: WelcomeSpeech (a/b): SUCCESS, /say, 1.250 s, said “Hello”"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", RUNS)
 def test_the_terminal_tells_each_kind_of_visit_in_the_sentences_of_the_story(told, console, kind):
     visitor, _, _, runs, _ = RUNS[kind]

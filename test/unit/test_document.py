@@ -299,6 +299,7 @@ def test_a_lone_surrogate_in_a_text():
 # ------------------------------------------------------------------------------------------- limits
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, text, code", [
     ("nested 10,000 deep", mission("<Inverter>" * 10_000 + LEAF + "</Inverter>" * 10_000),
      "too-large"),
@@ -357,6 +358,7 @@ def test_what_is_as_long_as_allowed_is_not_what_is_wrong():
     assert fault.code == "attribute-value"
 
 
+@pytest.mark.slow
 def test_the_number_of_tags_has_an_end():
     tags = "<root>{}</root>".format("<a/>" * 399_998)
     assert repaired(tags) == tags
@@ -422,6 +424,7 @@ def test_a_file_of_100_mb_is_not_read(tmp_path):
     assert "100000000" in unreadable(path).text
 
 
+@pytest.mark.slow
 def test_the_size_of_a_file_has_an_end(tmp_path):
     path = tmp_path / "large.xml"
     path.write_text("<root>{}</root>".format(" " * (10_000_000 - len("<root></root>"))))
@@ -541,6 +544,7 @@ def test_a_chain_of_includes_has_an_end(tmp_path, length, faults):
     assert [fault.code for fault in found] == ["too-large"] * faults
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number, faults", [(500, 0), (501, 1), (503, 3)])
 def test_the_number_of_included_files_has_an_end(tmp_path, number, faults):
     names = ["f{}".format(i) for i in range(number)]

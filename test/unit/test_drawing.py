@@ -13,6 +13,8 @@ from behavior_controller.cli import create_tree
 from behavior_controller.leaves import data
 from behavior_controller.config.node_facts import whole_mission
 
+pytestmark = pytest.mark.slow
+
 SOURCES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "src")
 
 

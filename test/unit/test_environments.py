@@ -10,6 +10,8 @@ pytest.importorskip("rosgraph", reason="needs ROS, which this interpreter does n
 
 from mission_rig import recorded, visitor_who  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 COMMANDS = os.path.join(ROOT, "src", "behavior_controller")
 NODES = os.path.join(ROOT, "unit_tests", "nodes")

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
@@ -19,6 +21,7 @@ def ran(name, mission):
                           stderr=subprocess.PIPE, encoding="utf-8", cwd=os.sep)
 
 
+@pytest.mark.slow
 def test_own_leaves_run_a_file_of_groot2():
     done = ran("plain_python.py", os.path.join(EXAMPLES, "plain_python.xml"))
     # two drives while the battery is at 2 or more (3, 2), and one home

@@ -21,6 +21,8 @@ from behavior_controller.bt.engine.registry import Kind
 from behavior_controller.leaves.data import Datum
 from behavior_controller.robot import d543, interfaces
 
+pytestmark = pytest.mark.slow
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
 PACKAGES = [os.path.join(EXAMPLES, name) for name in ("courier", "greeter", "receptionist")]

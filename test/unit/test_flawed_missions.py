@@ -6,6 +6,8 @@ from behavior_controller.simulation.rehearsal import cli, findings
 
 import flawed_tours
 
+pytestmark = pytest.mark.slow
+
 
 def safe(node):
     """Return a step with its recovery."""

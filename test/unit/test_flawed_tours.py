@@ -4,6 +4,8 @@ import pytest
 from behavior_controller.simulation.rehearsal import cli
 from flawed_tours import FLAWED, SEARCHED, SOUND, calm, changed
 
+pytestmark = pytest.mark.slow
+
 
 def rehearse(tmp_path, changes, words):
     path = tmp_path / "lab_tour.xml"

@@ -6,6 +6,7 @@ import os
 import re
 import time
 
+import pytest
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
@@ -16,6 +17,8 @@ from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt.loader import document
 from behavior_controller.errors import MissionError
 from behavior_controller.leaves import registry
+
+pytestmark = pytest.mark.slow
 
 MUTANTS = int(os.environ.get("MISSION_MUTANTS", "300"))
 LONGEST = 1.0  # seconds of processor time

@@ -30,6 +30,8 @@ from groot2_client import Client, hook
 from groot2_server import SCRIPTS, SPECS, Served, tree_of
 from mission_rig import Rig, visitor_who
 
+pytestmark = pytest.mark.slow
+
 FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures",
                         "groot2")
 

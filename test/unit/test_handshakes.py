@@ -77,6 +77,7 @@ def post(port, *headers, body=CALL, path="/RPC2", method="POST"):
         return int(received.split()[1]), is_closed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("headers", [
     [TEXT],  # rospy's, with User-Agent: Python-xmlrpc
     ["User-Agent: XMLRPC++ 0.7", TEXT],  # roscpp's
@@ -101,6 +102,7 @@ UNASKED = ["Content-Type: text/plain;charset=UTF-8", "Content-Type: TEXT/PLAIN",
            "Content-Type: multipart/form-data; boundary=x", "Accept: */*"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("headers", [
     *[[kind] for kind in UNASKED], [TEXT, "Origin: http://page.example"], [TEXT, "origin: null"],
     [TEXT, "Origin:"], [TEXT, "Referer: http://page.example/"], [TEXT, "Sec-Fetch-Mode: no-cors"]])
@@ -167,6 +169,7 @@ def page(browser):
     site.server_close()
 
 
+@pytest.mark.slow
 def test_a_page_in_a_browser_reaches_nothing(node, page):
     page.execute_async_script(ATTACK, CALL.decode(), node.port)
     assert node.calls == []
@@ -222,6 +225,7 @@ def test_what_is_no_handshake_is_closed_without_a_word(tcpros, sent):
         assert ended(sock)
 
 
+@pytest.mark.slow
 def test_a_silent_caller_is_sent_away_and_holds_nobody_up(tcpros, monkeypatch):
     monkeypatch.setattr(handshakes, "HANDSHAKE", 1.0)
     with socket.create_connection(("127.0.0.1", tcpros), timeout=10) as silent, \
@@ -246,6 +250,7 @@ def test_a_server_that_got_no_file_takes_the_caller_later(tcpros, monkeypatch):
         assert caller.recv(10) == b"taken"
 
 
+@pytest.mark.slow
 def test_a_server_of_requests_that_gets_no_file_rests_and_answers_later(node, monkeypatch):
     noted = []
     monkeypatch.setattr(handshakes.SHORTAGE, "note", noted.append)

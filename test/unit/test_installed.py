@@ -11,6 +11,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PARTS = ("setup.py", "pyproject.toml", "MANIFEST.in", "package.xml", "README.md", "src", "config",
          "data", "examples")

@@ -5,6 +5,8 @@ import sys
 import threading
 import traceback
 
+import pytest
+
 from behavior_controller.interpreter import frame_of, garbage_collection_paused
 
 BESIDE_GARBAGE = """
@@ -54,6 +56,7 @@ def test_the_frame_is_the_one_that_the_thread_executes():
     assert frame_of(None) is None and frame_of(1) is None
 
 
+@pytest.mark.slow
 def test_garbage_and_threads_that_end_do_not_stop_the_program():
     subprocess.run([sys.executable, "-c", BESIDE_GARBAGE], check=True, timeout=30)
 

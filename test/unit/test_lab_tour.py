@@ -162,6 +162,7 @@ VISITS = {  # the visitor, the robot, the exit code, all requests
         YES, {"answer": knowing(())}, 3, ASKED + 3 * ["query exhibits"] + SAFE + GO_HOME)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VISITS)
 def test_what_a_visitor_gets(name):
     visitor, robot, code, expected = VISITS[name]
@@ -240,6 +241,7 @@ def once_more(name, cause):
     return not may_be_done and cause is not Cause.HANDLER_EXCEPTION  # said or shown twice is wrong
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", [
     Cause.REFUSED, Cause.NO_ANSWER, Cause.HANDLER_EXCEPTION,
     # as the first two

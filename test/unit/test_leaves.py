@@ -354,6 +354,7 @@ CALLERS = [spec.id for spec in leaves.SPECS if not spec.names
            or spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", CALLERS)
 def test_every_cause_of_failure_is_recorded_as_it_came(node):
     for cause in list(Cause)[:8]:

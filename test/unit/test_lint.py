@@ -532,6 +532,7 @@ def test_what_a_subtree_is_given_and_does_not_use(name, more, code, hinted):
             for fault in found] == ([] if code is None else [(3, 1, code, True)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", ['<In in="{{e{}}}"/>', '<Act _skipif="{}"/>'])
 def test_so_many_warnings_are_told(body):
     for number in (MOST_FINDINGS - 1, MOST_FINDINGS + 1):
@@ -614,6 +615,7 @@ def unfolded(checked):
         waiting.extend(reversed(children))
 
 
+@pytest.mark.slow
 def test_nothing_wrong_is_told_of_the_recorded_traces():
     """2,000 trees run by BehaviorTree.CPP itself: the estimate allows every result; "never reached"
     never runs. No entry is missing: all are given by the host."""
@@ -648,6 +650,7 @@ def test_nothing_wrong_is_told_of_the_recorded_traces():
     assert nodes > 10_000 and surely > 1_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [
     "".join('<Script code="b{0} := a{0}"/>'.format(number) for number in range(5000)),
     "".join('<SubTree ID="Sub" x{0}="{{y{0}}}"/>'.format(number) for number in range(5000)),

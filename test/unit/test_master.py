@@ -39,6 +39,7 @@ def knows_us(master):
     master.nodes[rospy.get_name()] = "http://us:1/"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("found_before, now, expected", [
     # the master lists it
     ("", THERE, Place(THERE, True)), (THERE, ELSEWHERE, Place(ELSEWHERE, True)),
@@ -89,6 +90,7 @@ def refreshed(directory):
     return directory.unanswered, directory.fault
 
 
+@pytest.mark.slow
 def test_each_round_without_an_answer_counts_until_one_is_complete(master):
     directory = Directory()
     master.may_answer.clear()

@@ -16,6 +16,8 @@ from behavior_controller.errors import FaultsFound
 
 from behavior_controller.simulation.rehearsal.plays import Scenario, ScenarioRunner
 
+pytestmark = pytest.mark.slow
+
 COUNT = int(os.environ.get("VARIATIONS", "40"))
 SEED = int(os.environ.get("VARIATIONS_SEED", "1"))
 LIMIT = 900.0  # seconds of the mission's time

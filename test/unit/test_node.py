@@ -23,6 +23,8 @@ from behavior_controller.ros.types import CLOCK  # noqa: E402
 from node_rig import Rig, SAYS  # noqa: E402
 from ros_peers import HANG, TcprosPeer, answer_of, hang, read_block, until  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 SPEECH = INTERFACE.service(Say)
 SAFE = [INTERFACE.service(kind) for kind in (SetAnimation, SetAttention)]
 ME = "/behaviorController"

@@ -116,6 +116,7 @@ def test_the_guides_have_the_figures_of_the_code():
     assert f"calls {services} services and reads {topics}\ntopics" in text_of("../README.md")
 
 
+@pytest.mark.slow
 def test_the_quoted_run_is_that_of_a_rehearsal(capsys):
     quoted = text_of("operators_guide.md").partition("## Messages on the terminal")[2]
     lines = re.search(r"(?s)```\n(.*?)```", quoted)[1].replace("\n    ", " ").splitlines()
@@ -128,6 +129,7 @@ def test_the_quoted_run_is_that_of_a_rehearsal(capsys):
     assert len(sentences) > 10 and missing == []
 
 
+@pytest.mark.slow
 def test_each_message_of_the_reference_is_one_of_the_code():
     constants = set()
     for path in glob.glob(os.path.join(SOURCES, "**", "*.py"), recursive=True):
@@ -169,6 +171,7 @@ def exit_codes():
             for row in rows}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", exit_codes())
 def test_the_help_of_a_command_has_the_exit_codes_of_the_reference(command):
     folder = "../unit_tests/nodes" if command == "runTest" else "../src/behavior_controller"

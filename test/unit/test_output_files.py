@@ -111,6 +111,7 @@ def test_nothing_of_the_users_is_overwritten(call, tmp_path, capfd):
     assert contents(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_a_commands_own_output_is_replaced(call, tmp_path, capfd):
     path = tmp_path / ("new" + call.ending)
     link = tmp_path / ("link" + call.ending)

@@ -29,6 +29,8 @@ from mission_rig import RUN, Rig, board_of, hanging, one_leaf, refusal, refusing
 from page_rig import Stop, is_second_text, open_page, text, until, wait_until
 from told_visits import RUNS, Teller, rig_of, walks_off
 
+pytestmark = pytest.mark.slow
+
 IN_VIEW = """
 const row = document.querySelector(".tip > .row").getBoundingClientRect(), box = byId("tree").getBoundingClientRect();
 return row.height > 0 && row.top >= box.top && row.bottom <= box.bottom && row.left >= 0 && row.right <= innerWidth;"""

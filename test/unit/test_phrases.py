@@ -244,6 +244,7 @@ def test_the_speech_of_a_package_is_no_key_of_the_language_itself(package, monke
         package / "phrases_Ours.ini")) and "CuriousSpeech" in first
 
 
+@pytest.mark.slow
 def test_a_long_utterance_takes_linear_time():
     many = [("word{}".format(number),) for number in range(3000)]
     language = phrases.Phrases({}, ("Yes", "No"), {"yes": many, "no": [("no",)], "unclear": []})

@@ -16,6 +16,8 @@ from behavior_controller.bt.loader.xml_repair import TOKEN
 from behavior_controller.errors import MissionError
 from behavior_controller.missions.load import build_tree
 
+pytestmark = pytest.mark.slow
+
 COUNT = int(os.environ.get("PLANTED_MISTAKES", "300"))
 SEED = int(os.environ.get("PLANTED_SEED", "1"))
 FEWEST = 0.97  # of the mistakes that are told

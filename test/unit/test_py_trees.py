@@ -256,6 +256,7 @@ def test_an_exception_comes_through_the_manager_with_its_place():
         watched.tick()
 
 
+@pytest.mark.slow
 def test_two_thousand_levels():
     watched = Watched(load("<Inverter>" * 2000 + "<AlwaysSuccess/>" + "</Inverter>" * 2000))
     assert watched.tick() is Status.SUCCESS and len(watched.seen) == 2001

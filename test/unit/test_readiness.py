@@ -165,6 +165,7 @@ def test_the_command_prints_the_list_under_a_headline():
         "✘ topic /x: no node publishes it"]
 
 
+@pytest.mark.slow
 def test_a_professor_sees_without_a_click_what_is_missing(browser):
     shown = Show(Rig())
     try:

@@ -118,6 +118,7 @@ def test_what_does_not_fit_into_the_queue_of_a_disk_is_counted_where_it_is_missi
                           "mission goes on"]
 
 
+@pytest.mark.slow
 def test_a_disk_that_hangs_keeps_no_other_output_and_not_the_end_of_the_run(tmp_path, monkeypatch):
     is_met, returns, queue, found = threading.Event(), threading.Event(), LineQueue(), []
     monkeypatch.setattr(module.files.os, "pwrite", lambda file, data, place: (

@@ -47,6 +47,7 @@ def below(place):
 # ---------------------------------------------------------------------------------- folders of runs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("there, kept", [(0, 0), (999, 999), (1000, 999), (1010, 999)])
 def test_the_oldest_records_make_room_for_a_new_one(tmp_path, there, kept):
     names = [EARLIER.format(number) for number in range(there)]
@@ -180,6 +181,7 @@ def whole(tmp_path, runs):
     return events_of(recorded(tmp_path / "whole", visitor_who(says="yes"), runs=runs))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file_bytes", [4000, 30_000, 200_000])
 def test_a_run_in_several_files_is_read_as_one(tmp_path, small, file_bytes):
     expected = whole(tmp_path, 4)
@@ -190,6 +192,7 @@ def test_a_run_in_several_files_is_read_as_one(tmp_path, small, file_bytes):
     assert (outcome.divergence, outcome.passes, outcome.missing) == ("", 4, ())
 
 
+@pytest.mark.slow
 def test_a_file_ends_between_two_visits_if_possible(tmp_path, small):
     path = small(tmp_path, 6, 200_000, 10 ** 9)
     for part in files.parts(path)[1:]:
@@ -200,6 +203,7 @@ def test_a_file_ends_between_two_visits_if_possible(tmp_path, small):
         assert len(text) < 200_000 + len(repeated)
 
 
+@pytest.mark.slow
 def test_the_oldest_visits_go_first_and_the_rest_is_replayed_and_shown(tmp_path, small, capsys):
     expected = whole(tmp_path, 8)
     path = small(tmp_path, 8, 150_000, 800_000)
@@ -279,6 +283,7 @@ def test_a_further_file_in_the_middle_of_a_visit_has_all_of_the_visit(tmp_path):
     assert compared > 5
 
 
+@pytest.mark.slow
 def test_a_further_file_knows_where_the_visits_before_have_left_the_robot(tmp_path):
     where = operator.attrgetter("place", "last_place", "goal_name", "way", "is_lost")
     outset, run, told = Outset(), Run(), set()
@@ -322,6 +327,7 @@ def test_a_further_file_that_begins_before_the_mission_is_read(tmp_path):
     assert events_of(path) == before
 
 
+@pytest.mark.slow
 def test_a_file_in_the_middle_that_is_gone_is_said(tmp_path, small):
     path = small(tmp_path, 6, 100_000, 10 ** 9)
     parts = files.parts(path)
@@ -423,6 +429,7 @@ def test_a_disk_that_stays_full_costs_the_mission_nothing(disk):
         f"the record {record.path} lacks the end of the run: No space left on device"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, times, parts", [(errno.EDQUOT, 5, 1), (errno.EIO, 1, 2),
                                                 (errno.ESTALE, 1, 2)])
 def test_after_a_disk_was_gone_the_run_goes_on_without_a_gap(tmp_path, monkeypatch, kind, times,
@@ -454,6 +461,7 @@ def test_after_a_disk_was_gone_the_run_goes_on_without_a_gap(tmp_path, monkeypat
     assert len(files.parts(record.path)) == parts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file_bytes", [50_000, 10 ** 9])
 @pytest.mark.parametrize("is_folder", [True, False])
 def test_a_record_that_is_removed_while_it_is_written_goes_on(tmp_path, monkeypatch, file_bytes,

@@ -49,6 +49,7 @@ WITH_EACH_VISITOR = pytest.mark.parametrize("behaviour, outcome, tour, goodbye",
     ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asr", (True, False))
 @WITH_EACH_VISITOR
 def test_how_the_lab_tour_goes_with_each_visitor(behaviour, outcome, tour, goodbye, asr):
@@ -64,6 +65,7 @@ QUESTION, PRESS = FILES.phrases[5], FILES.phrases[1]
 TELLS, TELLS_YES = {"asrEnabled": True}, {"asrEnabled": False, "tabletSuccessIs": "yes"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chosen", (TELLS, TELLS_YES))
 @WITH_EACH_VISITOR
 def test_how_the_tour_of_release_1_0_goes_with_each_visitor(behaviour, outcome, tour, goodbye,
@@ -86,6 +88,7 @@ def play_release(behaviour, **chosen):
                     manners, building_of(FILES))
 
 
+@pytest.mark.slow
 def test_a_mission_that_never_ends_is_not_rehearsed(monkeypatch):
     monkeypatch.setattr("behavior_controller.simulation.rehearsal.play.PASS_LIMIT", 300.0)
     stage = LoadedMission(settings.defaults(), [parse(

@@ -56,6 +56,7 @@ def found(capsys, *words):
     return told
 
 
+@pytest.mark.slow
 def test_nothing_is_found_in_the_lab_tour_with_drawn_faults(capsys):
     assert found(capsys, "lab_tour", "--runs", "20", "--failureRate", "0.1") == []
 
@@ -93,6 +94,7 @@ def test_a_visitor_who_is_not_understood_is_no_finding(capsys):
                  "--visitors", "unclear", "asrEnabled:=true") == []
 
 
+@pytest.mark.slow
 def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_it_again(capsys):
     path = planted("goodbye_to_nobody")
     code, text = run(capsys, path, *CALM)
@@ -445,6 +447,7 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
     ]
 
 
+@pytest.mark.slow
 def test_each_run_can_be_listed_by_its_end_and_played_again(capsys, tmp_path):
     """A speech without a recovery: the pass fails with the speech, and with nothing else."""
     mission, page = tmp_path / "m.xml", tmp_path / "page.html"
@@ -633,6 +636,7 @@ def test_the_topics_of_the_robot_are_not_silent(tmp_path):
     assert todo.silent == [] and "/faceDetection/data" in todo.topics
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words, number", [
     # by tablet the call is the same; three topics may be silent; then another visitor each way
     (["--visitors", "engages"], 2 + (5 + 1) + 2 * 3 + 2),
@@ -1021,6 +1025,7 @@ def start(*words, complaints):
         env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)), start_new_session=True)
 
 
+@pytest.mark.slow
 def test_several_processes_find_the_same(capsys, tmp_path):
     path = mission(tmp_path, "<Sequence>" + 12 * "<WelcomeSpeech/>" + "</Sequence>") + ".xml"
     os.rename(path[:-len(".xml")], path)
@@ -1032,6 +1037,7 @@ def test_several_processes_find_the_same(capsys, tmp_path):
     assert here["found"] == there["found"] and here["plays"] == there["plays"] > plays.FEW
 
 
+@pytest.mark.slow
 def test_a_terminal_shows_the_progress_and_ctrl_c_tells_what_was_found_so_far():
     terminal, far_end = pty.openpty()
     process = start("lab_tour", "--runs", "100000", "--failureRate", "0", "--jobs", "2",
@@ -1060,6 +1066,7 @@ sys.exit(sys.modules["behavior_controller.simulation.rehearsal.cli"].main(sys.ar
 ROS = ("actionlib", "cssr_system", "genpy", "rosgraph", "roslib", "rospkg", "rospy", "unit_tests")
 
 
+@pytest.mark.slow
 def test_a_rehearsal_needs_neither_ros_nor_the_test_package():
     done = subprocess.run(
         [sys.executable, "-c", WITHOUT_ROS.format(ROS), planted("good"), "--visitors", "engages",
@@ -1069,6 +1076,7 @@ def test_a_rehearsal_needs_neither_ros_nor_the_test_package():
     assert done.returncode == exit_codes.SUCCESS and "nothing was found" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("cssr_system") is None,
                     reason="needs the workspace's shell")
 def test_the_former_place_of_the_command_names_the_new_one():
@@ -1109,6 +1117,7 @@ def rehearse_package(folder, *words):
     return done.returncode, done.stdout
 
 
+@pytest.mark.slow
 def test_the_missions_of_another_package_are_rehearsed_by_their_name():
     code, text = rehearse_package(GREETER, "greet", "--faults", "none")
     assert code == 0 and "greet.xml, robot D5.4.3: 1 simulated run " in text
@@ -1117,6 +1126,7 @@ def test_the_missions_of_another_package_are_rehearsed_by_their_name():
     assert code == exit_codes.SUCCESS and "greet.xml, robot D5.4.3: 1 simulated run " in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, cause", [
     ("exception", "refused, aborted (call 1 of move_base fails on purpose) (/move_base)"),
     ("unanswered", "no answer in time, waited 120 s (/move_base)")])
@@ -1143,6 +1153,7 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
     assert code == exit_codes.FINDINGS and "exception: " in text and "the answer was blue" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fields", ("(request.colour)", "(request.color,)"))
 def test_a_service_whose_fields_do_not_fit_is_told_with_both_places(tmp_path, fields):
     changed = greeter(tmp_path, (INTERFACE, "(request.colour,)", fields), ALONE)
@@ -1152,6 +1163,7 @@ def test_a_service_whose_fields_do_not_fit_is_told_with_both_places(tmp_path, fi
                      text), text
 
 
+@pytest.mark.slow
 def test_a_leaf_that_does_not_return_is_an_exception_in_its_code(tmp_path):
     changed = greeter(tmp_path, (LEAVES, '        """Set the colour."""\n',
                                  "        while True:\n            pass\n"))
@@ -1209,6 +1221,7 @@ UNTIL_OPEN = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><F
     <ForceFailure><Sleep msec="9000"/></ForceFailure></ReactiveFallback></BehaviorTree></root>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("declared, outcome, is_silent", [
     ("", "FAILURE", True),
     (", simulated_value=lambda seconds: 'open' if seconds > 5 else None", "SUCCESS", False),
@@ -1222,6 +1235,7 @@ def test_a_package_says_what_its_topic_publishes_in_a_rehearsal(tmp_path, declar
     assert ("silent: /door/state" in text) is is_silent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("declared, told", [
     (", simulated_value=lambda seconds: 'open'", "engages  voice       SUCCESS"),
     (", simulated_value=lambda seconds: 'closed'", "FixtureIsDoorOpen does not hold"),

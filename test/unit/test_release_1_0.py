@@ -660,6 +660,7 @@ def release_seconds(descriptions):
     return 1.5 + 2.0 + 2.0 + 2.0 + words / 3.0
 
 
+@pytest.mark.slow
 def test_the_tour_takes_as_long_as_with_the_release_s_own_controller():
     mission = TOUR.replace('name="location"', 'name="social"')
     code, rig = toured(ReleaseDriver(), mission)

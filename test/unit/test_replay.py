@@ -64,6 +64,7 @@ def mission(tmp_path, monkeypatch):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("failure_rate, seed", [(0.0, 0), (0.1, 1), (0.3, 2), (0.6, 3)])
 @pytest.mark.parametrize("kind, visitor, by_voice", visitors())
 def test_a_recorded_run_takes_the_same_path(tmp_path, kind, visitor, by_voice, failure_rate, seed):
@@ -256,6 +257,7 @@ def test_settings_that_this_release_cannot_use_are_one_line(tmp_path, bad, first
     assert "\n" not in str(raised.value) and '"-7"' not in fault.text.replace(first, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("old, new, where", [
     ("<WelcomeGesture/>", "<GoodbyeGesture/>", "PerformGesture"),
     ("<WelcomeSpeech/>", "<AlwaysSuccess/>", "WelcomeSpeech"),
@@ -305,6 +307,7 @@ def test_a_replay_halts_the_tree_after_an_error_and_only_then(tmp_path, mission)
     assert replay(lines).divergence == ""
 
 
+@pytest.mark.slow
 def test_another_answer_in_the_record_leads_elsewhere(tmp_path):
     path = recorded(tmp_path, visitor_who(says="yes"))
     lines = read_record(path)
@@ -458,6 +461,7 @@ def command(*arguments):
     return done.returncode, done.stdout
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path, mission):
     path = recorded(tmp_path, visitor_who(says="yes"), mission=mission)
     code, printed = command(path)

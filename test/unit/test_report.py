@@ -157,6 +157,7 @@ def waits(when, words="a wait"):
 # -------------------------------------------------------------------------------- all of it is told
 
 
+@pytest.mark.slow
 def test_the_sentences_are_those_of_the_story_with_their_times(day, told, capsys):
     story, expected = Story(), []
     for line in read_record(day):
@@ -389,6 +390,7 @@ def test_a_retry_that_failed_is_marked():
     assert Page(page_of(lines_of(RETRIED))).bars(1) == [(3000, 0, "r", 1, WHY)]
 
 
+@pytest.mark.slow
 def test_no_result_of_a_long_run_is_dropped(monkeypatch):
     monkeypatch.setattr(timeline, "MOST_BARS", 100)
     results = [finished(100.0 + 2 * n, "SUCCESS" if n % 3 else "FAILURE", 0.001,
@@ -553,6 +555,7 @@ def test_a_node_has_its_place_its_ports_and_what_it_is_for():
     assert page.bars(4) == [(7500, 500, "S", 1, "")]
 
 
+@pytest.mark.slow
 def test_every_link_leads_somewhere_and_a_node_to_its_line(day, told):
     assert {link[1:] for link in told.links} - set(told.ids) == set()
     lines = dict(zip([id for id in told.ids if id.startswith("f0-")], told.of("code")))
@@ -621,6 +624,7 @@ ONE_OF_EACH = lines_of(
     {"event": "RunFinished", "time": 106.0, "outcome": "stopped", "exit_code": 0})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("to", [
     pytest.param(EVIL, id="script"), pytest.param(10**400, id="huge"),
     pytest.param("\ud800", id="surrogate")])
@@ -742,6 +746,7 @@ def short(tmp_path_factory):
     return "file://{}".format(page)
 
 
+@pytest.mark.slow
 def test_it_is_accessible_and_fits_every_width(report, short):
     report.get(short)
     report.execute_script("visits.forEach(visit => { visit.open = true; }); showVisit(2); "
@@ -760,6 +765,7 @@ def test_it_is_accessible_and_fits_every_width(report, short):
     assert "<every call> was made" in report.find_element("id", "verdict").text
 
 
+@pytest.mark.slow
 def test_a_verdict_is_a_coloured_headline_with_its_reasons(report, day, tmp_path):
     lines, colours = read_record(day)[:40], set()
     for word in (PASSED, IS_FAILED, CUT_OFF):
@@ -782,6 +788,7 @@ def test_what_is_quoted_is_marked_with_its_language(language, marked):
     assert ('said <span lang="rw">“&lt;b&gt; Muraho”</span>: yes' in page_of(lines)) is marked
 
 
+@pytest.mark.slow
 def test_the_report_of_a_rehearsal_is_accessible_and_has_the_page_s_look(report, tmp_path):
     source, page = axe(), tmp_path / "rehearsal.html"
     shares = [Share(0.0, 10, 10, 60.0), Share(1.0, 10, 0, 60.0)]
@@ -795,6 +802,7 @@ def test_the_report_of_a_rehearsal_is_accessible_and_has_the_page_s_look(report,
     assert findings(report, source) == []
 
 
+@pytest.mark.slow
 def test_sentences_are_found_by_word_kind_and_cause(report, told):
     assert run(report, "byId('found').textContent") == "{} sentences".format(len(told.told))
     choose(report, "words", "LOOM")
@@ -812,6 +820,7 @@ def test_sentences_are_found_by_word_kind_and_cause(report, told):
     assert run(report, "byId('found').textContent").startswith("0 of ")
 
 
+@pytest.mark.slow
 def test_the_timeline_is_moved_and_zoomed_by_keys(report):
     from selenium.webdriver.common.keys import Keys
     lanes_of = report.find_element("id", "lanes")
@@ -828,6 +837,7 @@ def test_the_timeline_is_moved_and_zoomed_by_keys(report):
     assert len(marks) > 3 and all(re.fullmatch(r"\d\d:\d\d:\d\d", mark) for mark in marks)
 
 
+@pytest.mark.slow
 def test_a_visit_is_shown_on_the_timeline(report, told):
     report.execute_script(
         "visits[6].open = true; document.querySelector('button[data-visit=\"6\"]').click()")
@@ -840,6 +850,7 @@ def test_a_visit_is_shown_on_the_timeline(report, told):
     assert run(report, "byId('detail').innerText").startswith("Visits: Visitor 6, at ")
 
 
+@pytest.mark.slow
 def test_no_bar_is_lost_when_those_that_touch_are_drawn_as_one(report):
     counts = report.execute_script("""
         const count = bars => bars.reduce((sum, bar) => sum + bar.count, 0);
@@ -848,6 +859,7 @@ def test_no_bar_is_lost_when_those_that_touch_are_drawn_as_one(report):
     assert len(counts) == 9 and all(all_of == merged > 0 for all_of, merged in counts)
 
 
+@pytest.mark.slow
 def test_a_link_unfolds_what_it_leads_to(report):
     report.execute_script("byId('tree').querySelectorAll('.fold').forEach(each => each.click())")
     report.execute_script("visits[1].open = true; visits[1].querySelector('.told a').click()")
@@ -860,6 +872,7 @@ def test_a_link_unfolds_what_it_leads_to(report):
     assert run(report, "byId('all').getAttribute('aria-pressed')") == "true"
 
 
+@pytest.mark.slow
 def test_a_node_opens_with_what_stands_in_the_file_and_all_its_results(report, day):
     lines = read_record(day)
     uid = next(uid for uid, node in enumerate(lines[0].event.nodes, 1) if node.type == "Navigate")
@@ -895,6 +908,7 @@ def test_a_node_opens_with_what_stands_in_the_file_and_all_its_results(report, d
     assert not panel.is_displayed()
 
 
+@pytest.mark.slow
 def test_paper_is_white_and_has_all_visits_and_all_of_the_timeline(report):
     report.execute_cdp_cmd("Emulation.setEmulatedMedia", {
         "media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]})
@@ -936,6 +950,7 @@ scrub.value = arguments[0];
 scrub.dispatchEvent(new Event("input"))"""
 
 
+@pytest.mark.slow
 def test_any_moment_of_the_run_is_shown(report, day):
     run = Run(read_record(day))
     began, ended = run.lines[0].time, run.lines[-1].time
@@ -959,6 +974,7 @@ def test_any_moment_of_the_run_is_shown(report, day):
         "return document.querySelectorAll('#transcript details').length") > 0
 
 
+@pytest.mark.slow
 def test_bars_and_sentences_choose_their_moment(report, day):
     moment = "return byId('moment').textContent"
     sentence = report.execute_script("""

@@ -54,6 +54,7 @@ def ending(mission, *happens):
     return how_it_ended(run.state.visit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("happens, words", [
     # the newest message showed a face and is 2.01 s old
     ([(0.99, FACE)], BLIND + OLD), ([(0.99, NO_FACE)], BLIND + OLD),

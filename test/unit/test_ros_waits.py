@@ -87,6 +87,7 @@ def test_while_the_safe_state_is_awaited(master, wake, monkeypatch):
         each.close()
 
 
+@pytest.mark.slow
 def test_while_nodes_are_awaited_at_the_start(master, wake, monkeypatch):
     monkeypatch.setattr(startup_check, "RETRY_INTERVAL", 0.2)
     plan = plan_with(wake, startup_timeout=0.6)

@@ -24,6 +24,7 @@ WITHOUT_EXAMPLE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule, number, example", EXAMPLES, ids=[
     "{}-{}{}".format(rule.code, number, "" if example.line else "-good")
     for rule, number, example in EXAMPLES])
@@ -55,6 +56,7 @@ def test_a_meaning_is_one_sentence():
         r"[A-Z<_].*[^.]\.", rule.meaning)] == []
 
 
+@pytest.mark.slow
 def test_every_rule_is_used():
     """A rule that nothing tells would be a promise."""
     used = set()

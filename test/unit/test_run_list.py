@@ -51,6 +51,7 @@ def listed_of(place):
     return [each.digest for each in all_runs(place)]
 
 
+@pytest.mark.slow
 def test_each_visit_has_the_result_of_its_visitor(place):
     visits = listed_of(place)[0].visits
     assert [visit.number for visit in visits] == list(range(1, len(KINDS) + 1))
@@ -170,6 +171,7 @@ def test_a_run_is_read_once_and_again_when_it_has_grown(copy):
     assert missions(copy) == ["of the index", "lab_tour", "of the index"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["", "{", '{"layout":"another","runs":[]}', '{"layout":7}', "[]"])
 def test_an_index_of_another_kind_is_made_anew(copy, text):
     before = listed_of(copy)
@@ -286,6 +288,7 @@ def listed_on_once(site, choice):
     return json.loads(fetched(site + "runs?" + urllib.parse.urlencode(choice)))
 
 
+@pytest.mark.slow
 def test_a_report_and_a_comparison_are_made_of_the_runs_in_the_list_alone(site, copy):
     runs = sorted(os.listdir(copy))
     listed_on(site)
@@ -318,6 +321,7 @@ def texts(browser, selector):
         "return [...document.querySelectorAll(arguments[0])].map(one => one.innerText)", selector)
 
 
+@pytest.mark.slow
 def test_a_technician_finds_the_visits_that_failed_and_the_commonest_cause(listed, copy):
     digests = listed_of(copy)
     failed = [visit.words for digest in reversed(digests) for visit in reversed(digest.visits)
@@ -340,6 +344,7 @@ def test_a_technician_finds_the_visits_that_failed_and_the_commonest_cause(liste
     assert at == pytest.approx(visit.began + visit.seconds, abs=1.0)
 
 
+@pytest.mark.slow
 def test_two_visits_are_compared_at_the_node_where_they_part(listed):
     boxes = listed.find_elements("css selector", "#list input")
     numbers = [label.split(" ")[-1] for label in (box.get_attribute("aria-label") for box in boxes)]
@@ -354,6 +359,7 @@ def test_two_visits_are_compared_at_the_node_where_they_part(listed):
     assert "not reachable" in failed
 
 
+@pytest.mark.slow
 def test_the_list_fits_every_screen_and_axe_finds_nothing(listed, screen):
     for width in (320, 400, 800, 1280):
         for mode in MODES:

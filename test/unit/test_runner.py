@@ -587,15 +587,16 @@ def test_a_callback_that_fails_after_its_pass_fails_no_other():
 
 
 def test_the_log_file_alone_gets_the_traceback_of_foreign_code(caplog):
-    rig = one_leaf("<AlwaysSuccess/>")
-    rig.clock.call_after(0.5, lambda: 1 / 0)
-    rig.tree.wake.wait = lambda seconds: rig.clock.set_to(rig.clock.now() + seconds)
+    foreign, own = one_leaf("<AlwaysSuccess/>"), one_leaf("<Script code=\"x := 'a' * 2\"/>")
+    foreign.clock.call_after(0.5, lambda: 1 / 0)
+    foreign.tree.wake.wait = lambda seconds: foreign.clock.set_to(foreign.clock.now() + seconds)
     with caplog.at_level(logging.INFO, "behavior_controller"):
-        assert Runner(Running(rig.tree, rig.mission, "m.xml", 2), lambda: False).run() == 0
-        assert one_leaf("<Script code=\"x := 'a' * 2\"/>").run(advance, runs=1) == 3
-    written, = caplog.records
-    assert written.exc_info[0] is ZeroDivisionError
-    assert [written.getMessage()] == [event.text for event in rig.of(Noticed)]
+        Runner(Running(foreign.tree, foreign.mission, "m.xml", 2), lambda: False).run()
+        assert own.run(advance, runs=1) == 3
+    told = [event.text for rig in (foreign, own) for event in rig.of(Noticed)]
+    written = [(line.getMessage(), line.exc_info[0]) for line in caplog.records
+               if line.getMessage() in told]
+    assert written == [(told[0], ZeroDivisionError)] and len(told) == 2
 
 
 def test_a_reloaded_mission_whose_leaves_cannot_be_set_up_is_refused(monkeypatch):

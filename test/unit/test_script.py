@@ -404,6 +404,7 @@ def test_what_is_neither_true_nor_false(value, reason):
 # ---------------------------------------------------------------------------------- hostile scripts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [
     "({})",
     "-({})",
@@ -435,6 +436,7 @@ def test_ninety_nine_parentheses_are_fine_and_no_more():
                        len(before) + 100)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text, value", [
     ("1" + " + 1" * 20000, 20001.0),
     ("-" * 20000 + "1", 1.0),

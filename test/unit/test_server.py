@@ -34,6 +34,7 @@ class Greeting(TCPServer):
         await stream.write(b"hello")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("address", ["127.0.0.1", "localhost"])
 def test_a_client_for_which_no_file_is_left_is_served_later_without_a_traceback(caplog, address):
     port = free_port()
@@ -70,6 +71,7 @@ def test_it_needs_nothing_from_elsewhere_and_takes_no_orders(show):
     assert shown.fetch("../page.py")[0] in (403, 404) and shown.fetch("none")[0] == 404
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ["", "page.js", "state", "events", "none"])
 @pytest.mark.parametrize("host", [
     "rebound.example", "rebound.example:8080", "localhost.rebound.example", "93.184.216.34",
@@ -129,6 +131,7 @@ def test_the_page_answers_to_the_name_that_it_is_served_at(show, monkeypatch):
         assert answer.status == 200
 
 
+@pytest.mark.slow
 def test_idle_connections_are_capped_and_make_room(show):
     shown = show(Rig())
     before = len(os.listdir("/proc/self/fd"))
@@ -290,6 +293,7 @@ def is_served(shown):
         return False
 
 
+@pytest.mark.slow
 def test_changes_are_pushed_together(show):
     rig = one_leaf("<Repeat num_cycles='-1'><Sequence><WelcomeSpeech/><FollowMeSpeech/><Sleep "
                    "msec='1'/></Sequence></Repeat>")
@@ -333,6 +337,7 @@ def test_a_browser_that_disconnects_frees_its_place_though_nothing_happens(show,
     wait_until(lambda: not shown.page.streams)
 
 
+@pytest.mark.slow
 def test_there_is_a_message_every_second_though_nothing_happens(show):
     shown = show(one_leaf("<Sleep msec='9000'/>"))
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
@@ -382,6 +387,7 @@ def test_a_port_that_is_taken_is_one_line(show):
         "set monitorPort to another port, or to 0".format(shown.port)]
 
 
+@pytest.mark.slow
 def test_a_browser_too_many_is_told_so_and_one_that_takes_nothing_is_disconnected(
         show, monkeypatch):
     shown = show(one_leaf("<Sleep msec='9000'/>"))
@@ -402,6 +408,7 @@ def test_a_browser_too_many_is_told_so_and_one_that_takes_nothing_is_disconnecte
         each.close()
 
 
+@pytest.mark.slow
 def test_browsers_that_vanish_or_never_read_disturb_nobody(show):
     rig = one_leaf(
         "<Repeat num_cycles='-1'><Sequence><WelcomeSpeech/><Sleep msec='1'/></Sequence></Repeat>")

@@ -262,7 +262,8 @@ def test_a_line_of_a_run_without_simulated_time_is_as_it_was():
 
 @pytest.mark.parametrize("rate", [0.0, 0.1, 20.0])
 def test_a_viewer_follows_the_time_of_the_mission_by_its_signs_of_life(simulated, rate):
-    viewer = Viewer(argparse.Namespace(port=0, groot2_port=0), pytest.fail)
+    nowhere = dict.fromkeys(("address", "groot2_address", "records"), "")
+    viewer = Viewer(argparse.Namespace(port=0, groot2_port=0, attempts=1, **nowhere), pytest.fail)
     events._now = events.time.monotonic  # that of another process
     for second in range(4):
         sign = Line(5e8 + rate * second, SignOfLife(), 1000.0 + rate * second, 5e8 + second)

@@ -144,6 +144,7 @@ def test_a_sink_with_a_rest_writes_a_few_items_and_rests():
     assert min(gaps) >= 0.15
 
 
+@pytest.mark.slow
 def test_a_sink_with_a_rest_does_not_try_to_keep_up_with_a_flood():
     times = []
     sink = Sink("test", lambda item: times.append(time.monotonic()), str, most=2 * FLOOD, rest=0.5)

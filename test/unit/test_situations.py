@@ -177,6 +177,7 @@ return {what: text("now"), waits: text("waits"), next: text("next"), elapsed: te
         all: text("card") + text("robot") + text("alarms")}"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("situation", SITUATIONS)
 def test_card_and_robot_line_say_what_is_so(situation, monkeypatch, show, browser):
     shows = []
@@ -813,6 +814,7 @@ def test_what_is_so_with_the_robot_moves_nothing_and_fills_the_head(show, browse
         assert free < 0.5 * line or width == 320, width
 
 
+@pytest.mark.slow
 def test_what_a_person_has_to_do_is_never_cut(show, browser, screen):
     line = RobotLine(False, "/robotNavigation/set_goal is gone", "on", "unknown", "at home",
                      "safe state not reached: attention and lifelike movement may be on")
@@ -836,6 +838,7 @@ def shift_on_page(browser, act):
     return shift
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width, height", [(320, 640), (1280, 800)])
 def test_a_long_instruction_moves_the_page_once(show, browser, screen, width, height):
     line = RobotLine(False, "x is gone", "on", "unknown", "at home")
@@ -852,6 +855,7 @@ def test_a_long_instruction_moves_the_page_once(show, browser, screen, width, he
     assert shift_on_page(browser, act) < 0.1  # to and fro, it would be ten times as much
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width, height", [(400, 800), (800, 1180), (1280, 800)])
 def test_nothing_jumps_during_a_tour_with_failures(show, browser, screen, width, height):
     rig = Rig(answer=refusing(PerformGesture))
@@ -932,6 +936,7 @@ def scrub(browser, at):
     return browser.execute_async_script(SCRUB, at)
 
 
+@pytest.mark.slow
 def test_any_moment_can_be_shown_again_and_now_comes_back(show, browser, monkeypatch):
     rig = Rig(answer=refusing(PerformGesture))
     use_time_of(rig, monkeypatch)
@@ -1002,6 +1007,7 @@ def test_a_run_of_a_day_stays_quick(show, browser, monkeypatch):
     assert sorted(took)[len(took) // 2] < 100.0
 
 
+@pytest.mark.slow
 def test_the_stream_of_a_tour_weighs_little(show):
     shown = show(Rig(answer=refusing(PerformGesture)))
     request = urllib.request.Request(shown.url + "events", headers={"Accept-Encoding": "gzip"})

@@ -78,6 +78,7 @@ def subscribe(master, *nodes):
     master._dispatch = answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offer, robot, cause, words", [
     (SAY, lambda master: None, Cause.NOT_ADVERTISED, "no node offers this service"),
     (SAY, lambda master: Service(master, SAY), None, ""),
@@ -124,6 +125,7 @@ def check(robot, *offers, timeout=0.0, has_asr=True):
     return made, lines, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot, offer, has_asr, reason", [
     (d543.INTERFACE, SAY, True, None), (d543.INTERFACE, FACES, False, None),
     (d543.INTERFACE, d543.SPEECH, True, None),
@@ -206,6 +208,7 @@ def test_another_robot_is_known_by_what_it_offers(master):
         check(d543.INTERFACE, *d543.SERVICES)[0].run()
 
 
+@pytest.mark.slow
 def test_a_robot_of_the_configured_kind_lacks_only_what_is_missing(master):
     for service in d543.SERVICES[1:]:
         Service(master, service)

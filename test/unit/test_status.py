@@ -274,6 +274,7 @@ def test_how_long_it_takes_goes_on_while_no_message_comes():
     assert ", 7 s of at most 60 s" in status_tool.lines(read(state, silent=4.0), False)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width, height", [(20, 8), (40, 12), (80, 24), (100, 30), (200, 130)])
 def test_a_window_shows_what_runs_and_what_lies_about_it(width, height):
     rig = Rig(answer=hanging(GoTo))
@@ -441,6 +442,7 @@ BAD = {
     "an endless body": ([http(b""), endless(b"x" * 100000)], "more than 10000000 bytes")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pieces, expected", BAD.values(), ids=BAD.keys())
 @pytest.mark.parametrize("arguments", [[], ["--watch"]], ids=["once", "watch"])
 def test_a_bad_server_is_one_line(capsys, pieces, expected, arguments):
@@ -452,6 +454,7 @@ def test_a_bad_server_is_one_line(capsys, pieces, expected, arguments):
     assert expected in printed.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pieces", [
     pytest.param([b"HTTP/1.0 200 OK\r\n", endless(b"X")], id="a header that drips"),
     pytest.param([http(b""), endless(b" ")], id="a body that drips"),
@@ -550,6 +553,7 @@ def test_watching_tells_why_it_ends_without_the_end_of_the_mission(capsys, last,
         port) in printed.err and expected in printed.err
 
 
+@pytest.mark.slow
 def test_watching_a_controller_that_is_frozen_tells_how_old_the_picture_is(capsys, monkeypatch):
     monkeypatch.setattr(status_tool, "LATE", 0.2)
     monkeypatch.setattr(status_tool, "NO_MESSAGE_LIMIT", 2.5)
@@ -622,6 +626,7 @@ def status_until(words, *arguments):
             return done
 
 
+@pytest.mark.slow
 def test_a_run_of_this_computer_is_read_from_its_record(run):
     done = status_until("tour: running", "--port", "9")
     assert (done.code, done.error) == (0, "")
@@ -629,6 +634,7 @@ def test_a_run_of_this_computer_is_read_from_its_record(run):
     assert lines[0].startswith("mission tour: ") and lines[-1] == "▶ tour: running"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [
     ["--port", "10"], ["--port", "9", "--address", "host.invalid"]])
 def test_the_record_of_another_mission_is_not_shown(run, arguments):
@@ -637,6 +643,7 @@ def test_the_record_of_another_mission_is_not_shown(run, arguments):
     assert done.code == 1 and done.out == "" and "no mission answers" in done.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("port, shown", [("9", "mission tour: "), ("10", "mission other: ")])
 def test_of_two_runs_the_one_with_that_port_is_shown_or_else_the_one_without_a_page(
         run, port, shown):
@@ -645,6 +652,7 @@ def test_of_two_runs_the_one_with_that_port_is_shown_or_else_the_one_without_a_p
     assert done.out.startswith(shown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments, shown", [
     (["--port", "9"], "mission tour: "), (["--robot", "robot1"], "mission other of robot1: "),
     (["--robot", "/robot1", "--port", "9"], "mission other of robot1: ")])
@@ -654,6 +662,7 @@ def test_of_several_robots_the_one_that_is_named_is_shown(run, arguments, shown)
     assert done.out.startswith(shown)
 
 
+@pytest.mark.slow
 def test_a_record_that_cannot_be_read_hides_no_other(run):
     with written_run("other", 9) as newer:
         status_until("mission other", "--port", "9")
@@ -664,6 +673,7 @@ def test_a_record_that_cannot_be_read_hides_no_other(run):
     assert done.out.startswith("mission tour: ")
 
 
+@pytest.mark.slow
 def test_a_further_file_of_a_record_does_not_take_away_what_went_wrong(run, monkeypatch):
     run(Noticed("error", "the lamp is broken"))
     status_until("the lamp is broken", "--port", "9")
@@ -677,6 +687,7 @@ def test_a_further_file_of_a_record_does_not_take_away_what_went_wrong(run, monk
     assert "the lamp is broken" in command("--port", "9").out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("age, told", [(0.0, ""), (100.0, "no message for 100 s: what is shown")])
 def test_a_record_that_lags_is_shown_with_its_age(run, monkeypatch, capsys, age, told):
     status_until("tour: running", "--port", "9")
@@ -688,6 +699,7 @@ def test_a_record_that_lags_is_shown_with_its_age(run, monkeypatch, capsys, age,
     assert told in shown and ("what is shown may be old" in shown) is bool(told)
 
 
+@pytest.mark.slow
 def test_a_viewer_is_asked_before_a_record_that_lags_is_shown(run, monkeypatch, capsys):
     status_until("tour: running", "--port", "9")
     last = read_record(run.path)[-1].time
@@ -700,6 +712,7 @@ def test_a_viewer_is_asked_before_a_record_that_lags_is_shown(run, monkeypatch, 
     assert "mission tour" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_record_is_watched_to_the_end_of_its_run(run):
     status_until("tour", "--port", "9")
     with subprocess.Popen(COMMAND + ["--watch", "--port", "9"], stdout=subprocess.PIPE,
@@ -752,6 +765,7 @@ def test_the_command_s_help_tells_the_default_of_the_configuration(capsys):
         assert words in printed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code, arguments", [
     *[(2, ["--port", port]) for port in ("70000", "0", "x", "-1")], (2, ["--wtach"]),
     *[(1, ["--address", name]) for name in (

@@ -39,6 +39,7 @@ HAS_GONE = Reason(LEFT)
 HAS_LEFT = in_words(HAS_GONE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", RUNS)
 def test_each_kind_of_visit_is_told_with_its_causes_and_the_record_tells_the_same(kind, tmp_path):
     visitor, _, _, runs, expected = RUNS[kind]
@@ -55,6 +56,7 @@ def test_each_kind_of_visit_is_told_with_its_causes_and_the_record_tells_the_sam
                if sentence not in nowhere)
 
 
+@pytest.mark.slow
 def test_visits_that_end_otherwise_have_another_reason():
     whys = {kind: how_it_ended(Teller(rig_of(kind)).run(RUNS[kind][0]).story.state.visit)
             for kind in ("tour", "silent", "declined", "no gaze", "unclear", "tablet")}

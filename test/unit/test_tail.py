@@ -53,6 +53,7 @@ def test_a_line_is_read_when_it_is_whole_and_the_end_comes_with_that_of_the_writ
     assert following() is None  # the writer was killed within a line
 
 
+@pytest.mark.slow
 def test_a_long_run_is_followed_from_file_to_file_also_when_the_oldest_go(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "FILE_BYTES", 1000)
     monkeypatch.setattr(files, "RUN_BYTES", 5000)

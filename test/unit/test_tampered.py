@@ -16,6 +16,8 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller import replay_cli as command
 from mission_rig import recorded, visitor_who
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = "<script>alert(1)</script>\"'\x1b[31m\n\u202e"
 
 

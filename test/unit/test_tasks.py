@@ -1,5 +1,7 @@
 """The tasks that people open the page for: a professor and a student find the answer with at most
 one click, and it is that of the model of the run. A technician opens the list of runs."""
+import pytest
+
 from behavior_controller.robot.requests import Faces, Say
 from behavior_controller.robot.d543 import FACES
 from behavior_controller.run.events import MISSING, READY, Checked, TopicSaid
@@ -8,6 +10,8 @@ from behavior_controller.run.readiness import readiness
 from browser import axe, findings
 from mission_rig import Rig, refusal, visitor_who
 from page_rig import Situation, open_page, text, use_time_of, wait_until
+
+pytestmark = pytest.mark.slow
 
 LANES = """
 return Object.fromEntries([...document.querySelectorAll("#lanes .values .lane:not([hidden])")].map(

@@ -16,6 +16,8 @@ from behavior_controller.bt.engine.registry import Kind, NodeSpec
 from behavior_controller.bt.mission import load_text
 from behavior_controller.bt.values.status import NAMES, RUNNING
 
+pytestmark = pytest.mark.slow
+
 TREES = int(os.environ.get("TICKS_TREES", "400"))
 SEED = int(os.environ.get("TICKS_SEED", "5"))
 PERIOD, LIMIT = 0.01, 5.0  # seconds of the tree's clock

@@ -144,6 +144,7 @@ def test_py_trees_visitors_and_the_tree_manager_work():
 # -------------------------------------------------------------------------------------------- depth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("condition", ["", " _onSuccess='x := 1' _onHalted='y := 1'"])
 def test_two_thousand_levels_tick_and_halt(condition):
     body = "<Inverter{}>".format(condition) * 2000 + "<Sleep msec='10'/>" + "</Inverter>" * 2000

@@ -9,6 +9,8 @@ from behavior_controller.robot.requests import (
 from behavior_controller.ros import try_robot
 from behavior_controller.ros.try_robot import read_words, request_of
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = settings.defaults(language="Kinyarwanda", welcomeGestureId=7, gestureDuration=1500)
 
 

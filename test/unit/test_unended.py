@@ -81,6 +81,7 @@ def test_a_long_run_is_known_from_its_last_files(tmp_path, monkeypatch):
     assert read == parts[last - 2:last] and last > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit, value", [("TIME_LIMIT", -1.0), ("NEWEST_FILES", 1)])
 def test_a_record_that_cannot_be_read_or_not_in_time_is_said_to_be_so(
         tmp_path, killed_run, monkeypatch, limit, value):

@@ -57,6 +57,7 @@ def test_a_mission_is_checked_with_the_knowledge_that_it_has_of_its_own(file):
 # ------------------------------------------------------------------------------ a robot's own nodes
 
 
+@pytest.mark.slow
 def test_the_trees_of_a_navigator_are_clean_with_its_palette(tmp_path):
     palette, trees = navigator.write(tmp_path)
     found = judged(*trees, palettes=[palette])
@@ -66,6 +67,7 @@ def test_the_trees_of_a_navigator_are_clean_with_its_palette(tmp_path):
     assert all(judgement.stubs and judgement.nodes for judgement in found[1:])
 
 
+@pytest.mark.slow
 def test_a_folder_with_a_palette_is_checked_with_it(tmp_path):
     navigator.write(tmp_path)
     assert len(judged(str(tmp_path))) == 16 and told(str(tmp_path)) == []
@@ -76,6 +78,7 @@ def test_without_the_palette_its_nodes_are_unknown(tmp_path):
     assert {code for _, _, code in told(trees[0])} == {"unknown-node"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("old, new, code", [
     ('path="{path}" controller', 'pfad="{path}" controller', "unknown-port"),
     ('<FollowPath path="{path}"', '<FollowPath path="{paht}"', "never-written"),
@@ -409,6 +412,7 @@ def test_no_delivered_mission_has_a_warning(capsys):
 LIMIT = 30.0  # seconds
 
 
+@pytest.mark.slow
 def test_a_file_is_checked_again_at_each_save(file, tmp_path):
     file("part.xml", TREE.format("A", "<Slep/>"))
     path = file("m.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
@@ -461,6 +465,7 @@ def move_an_older_file_there(file, part):
     os.replace(older, os.path.join(os.path.dirname(older), part))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change, checks", [
     (lambda file, part: None, 1), (save, 2), (save_with_the_old_time, 2),
     (move_an_older_file_there, 2)])
@@ -495,6 +500,7 @@ def test_what_is_saved_while_it_is_read_is_checked_again_at_once(file, monkeypat
     assert shown.getvalue() != b""  # although the buffer is not full
 
 
+@pytest.mark.slow
 def test_what_is_left_of_9000_nodes_is_not_searched_for_garbage_at_the_end(file):
     part = ('<Sequence><Script code="n := {0}"/><Fallback><Navigate _skipIf="n == {0}"/>'
             '<HandleFallBack/></Fallback><Timeout msec="20000"><Sleep msec="{0}"/></Timeout>'

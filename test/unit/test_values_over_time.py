@@ -51,6 +51,7 @@ def expected_of(state):
     return expected
 
 
+@pytest.mark.slow
 def test_the_lanes_of_a_report_are_the_model_of_the_run_at_each_moment(day):
     lines = read_record(day)
     data = to_html(lines).partition('id="data">')[2].partition("</script>")[0]

@@ -34,6 +34,8 @@ from groot2_client import Client, hook
 from page_rig import Stop, until, wait_until
 from viewer_rig import Viewed
 
+pytestmark = pytest.mark.slow
+
 ENVIRONMENT = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
 
 

@@ -86,9 +86,9 @@ def watch(monkeypatch):
 def test_a_server_that_goes_and_one_that_returns_are_told_once(master, watch):
     server, watched = Service(master, SPEECH), watch()
     watched.monitor.include([SPEECH])
-    until(lambda: server.connections)
+    until(lambda: server.handshakes == 1)
     server.break_connections()  # it is connected to again: nothing has gone
-    until(lambda: len(server.connections) == 2)
+    until(lambda: server.handshakes == 2)
     assert not watched.told()
     server.close()
     watched.tells((SPEECH.name, False, "gone: not reachable: the master lists it"))

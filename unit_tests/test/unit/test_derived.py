@@ -19,6 +19,7 @@ def derive():
     return module
 
 
+@pytest.mark.slow
 def test_each_derived_file_is_up_to_date(derive):
     pytest.importorskip("rospy", reason="--help of a node needs ROS")
     # compared by test_rules.py

@@ -121,6 +121,7 @@ def of_mission(inner, entry):
     return facts(on=LoadedMission(settings.defaults(), [parse(text)]), mission_runs=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inner, entry, name", [
     (INNER.format(""), "{parity}", "/parity"), (INNER.format(""), "{@parity}", "parity"),
     (INNER.format(' parity="{kept}"'), "{parity}", "kept"),

@@ -68,6 +68,7 @@ A_HALTED, B = ("a", 0.0), ("b", 1.0, 3.0, None)
 A_AGAIN = ("a", 1.0, 3.0, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("queries, lines, expected", [
     ([A_HALTED], [("a", 0.5)], [0]),
     ([A_HALTED, B], [("a", 0.5), ("b", 1.5)], [0, 1]),
@@ -102,6 +103,7 @@ def test_a_request_as_before_one_that_never_reached_its_node_is_not_sent_twice()
 A_SILENT, B_THEN = ("a", 0.0, 5.0, Cause.NO_ANSWER), ("b", 5.5, 5.6, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lines, speed, expected", [
     # by the clock of its node it came before it was made
     ([("b", 5.4)], 1.0, [0, None]), ([("b", 5.4)], 10.0, [None, 0]),
@@ -111,6 +113,7 @@ def test_a_request_without_an_answer_may_reach_its_node_late_or_never(lines, spe
     assert lines_of([A_SILENT, B_THEN], lines, speed) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause, fault, may_reach", [
     (None, None, True), (Cause.REFUSED, "refused", True), (Cause.NO_ANSWER, "unanswered", True),
     (Cause.CONNECTION_LOST, "crash", True), (Cause.CONNECTION_LOST, None, False),
@@ -216,6 +219,7 @@ def test_the_answer_to_a_request_that_is_halted_may_never_be_awaited(dropped, is
     assert (found == []) is is_in_time
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node, answered, is_in_time", [
     ("DisabledOvertAttentionMode", 1.0, True), ("DisabledOvertAttentionMode", 1.25, False),
     ("HandleFallBack", 1.25, True), ("HandleFallBack", 8.0, True), ("HandleFallBack", 8.25, False)])
@@ -355,6 +359,7 @@ def objection(topic, said, has_sign=False, crash=None, interface="D5.4.3", **sea
 UNSEEN = "Look did not see what {} said {} s before"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("said, search, expected", [
     # it is 2 s old at most, and takes up to 1 s to be read
     ([(-1.5, 1)], {}, "1.5"), ([(-1.9, 1)], {}, ""), ([(-0.9, 1)], {}, ""), ([(-1.5, 0)], {}, ""),
@@ -371,6 +376,7 @@ def test_a_state_that_is_a_sign_is_seen(said, search, expected):
     assert objection(STATE, said, **search) == (expected and UNSEEN.format(STATE, expected))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("said, search, expected", [
     ([(-20.0, 1), (-19.9, 0)], {}, "20.0"), ([(-20.0, 0)], {}, ""), ([(-0.9, 1)], {}, ""),
     ([(-20.0, 1)], {"began": BEGAN - 20.9}, ""), ([(-20.0, 1)], {"began": BEGAN - 21.1}, "20.0"),

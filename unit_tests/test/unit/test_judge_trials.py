@@ -11,6 +11,8 @@ sys.path.append(os.path.join(ROOT, "test", "soak"))
 import judge_trials  # noqa: E402
 from behavior_controller.simulation.rehearsal.play import CALM  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 MORE = pytest.mark.long
 VOICE = "lab tour by voice"
 

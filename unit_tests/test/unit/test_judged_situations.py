@@ -60,6 +60,7 @@ SEEN = ("<ReactiveFallback><IsVisitorDiscovered/><ForceFailure><Sleep msec='6000
         "</ReactiveFallback>")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps, node, cause", [
     (f"<Timeout msec='30000'><Sequence>{SEEN}{'<WelcomeSpeech/>' * 30}</Sequence></Timeout>",
      "WelcomeSpeech", Cause.NO_ANSWER),
@@ -427,6 +428,7 @@ TWO_GIVE_UP = """<Parallel success_count="2">
 <ForceSuccess><Fallback><WelcomeGesture/><HandleFallBack/></Fallback></ForceSuccess></Parallel>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call_times", ["none", "real"])  # at once, and one after the other
 @pytest.mark.parametrize("fault, number, part", [
     ("overtAttention:1", 0, 0), ("animateBehavior:2:unanswered", 1, 1),
@@ -680,6 +682,7 @@ def test_a_step_that_has_changed_something_is_followed_by_the_next_one_at_once()
     assert re.match(r"pass 1, 5\.0 s: Sleep\S* was due 5\.0 s before$", objections(late)[0])
 
 
+@pytest.mark.slow
 def test_what_is_due_at_the_end_of_a_test_is_no_wait_for_the_visitor():
     of_test = of_mission('<Parallel><IsYesNoUttered/><Sleep msec="30000"/></Parallel>',
                          chosen={"conditionWait": 3000.0}, visitor_behaviour="silent",

@@ -25,6 +25,7 @@ def test_help_is_no_test(monkeypatch, capsys):
     assert "failureRate" in text and "; from arrivalRate " in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_each_program_explains_itself_with_its_exit_codes(program):
     def printed(option):

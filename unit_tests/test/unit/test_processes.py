@@ -101,6 +101,7 @@ options.read(options.of_process())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot, files", [
     ("D5.4.3", {"exhibits.json"}),
     ("release-1.0", {"cultureKnowledgeBase.dat", "cultureKnowledgeBaseConfiguration.ini",
@@ -242,6 +243,7 @@ def test_a_place_needs_a_name_and_a_location_alone(tmp_path):
     assert (knowledge.home.gesture, knowledge.home.description1) == ((0.0, 0.0, 0.0), "")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("rospy") is None, reason="needs ROS")
 def test_a_node_whose_types_are_not_built_says_so_in_one_line():
     path = os.pathsep.join(

@@ -33,6 +33,7 @@ def drives(of_test):
     return [each.request.goal for each in of_test.run.exchanges if isinstance(each.request, GoTo)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_voice", [True, False])
 @pytest.mark.parametrize("behaviour, outcome, asked, walks, is_told_goodbye", [
     ("engages", "SUCCESS", 3, True, True), ("leaves", "FAILURE", 3, True, False),
@@ -51,6 +52,7 @@ def test_each_visitor(by_voice, behaviour, outcome, asked, walks, is_told_goodby
     assert (goodbye in said(of_test)) is is_told_goodbye
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_voice", [True, False])
 @pytest.mark.parametrize("behaviour, outcome, asked", [
     ("engages", "SUCCESS", 2), ("leaves", "SUCCESS", 2), ("declines", "SUCCESS", 0),
@@ -91,6 +93,7 @@ def test_a_visitor_is_shown_the_way_to_any_place_and_led_to_a_near_one(wanted, a
     assert (place.description2 in said(of_test)) is (wanted is not None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
 @pytest.mark.parametrize("by_voice", [True, False])
 def test_with_a_third_of_the_calls_failing_each_verdict_is_passed(behaviour, by_voice):

@@ -86,6 +86,7 @@ def asked_by(of_test):
     return found
 
 
+@pytest.mark.slow
 def test_the_requests_of_a_tour_are_those_of_the_document():
     of_test = facts()
     spoken, exhibit = phrases.load("English"), of_test.world.knowledge.exhibits[0]

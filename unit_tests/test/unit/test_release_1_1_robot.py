@@ -70,6 +70,7 @@ def test_steps_at_once_are_judged_and_what_is_changed_in_one_is_objected_to():
         assert "never got the request" in objections(of_test._replace(journal=journal))[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [
     '<SayTextAsync name="1"/><SayTextAsync name="2"/>',
     '<SayText name="1"/><SayTextAsync name="2"/>',
@@ -111,6 +112,7 @@ def test_a_robot_with_neither_does_not_speak(step):
     assert ends(of_test)[0][1] == "not-advertised"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, cause, seconds", [
     ("refused", "refused", DRIVE), ("exception", "refused", 0.0),
     ("wrong", "unusable-answer", DRIVE), ("unanswered", "no-answer", 180.0),
@@ -178,6 +180,7 @@ def stops(of_test):
     return visit.outcome, [stop.name for stop in visit.stops]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [
     range(1, 6), pytest.param(range(6, 21), marks=pytest.mark.long)], ids=str)
 @pytest.mark.parametrize("name", TOURS)
@@ -187,6 +190,7 @@ def test_the_verdict_on_each_tour_is_passed_with_each_of_twenty_seeds(name, seed
     assert verdicts == dict.fromkeys(verdicts, ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("visitor", BEHAVIOURS)
 @pytest.mark.parametrize("name", TOURS)
 def test_each_visitor_and_each_kind_of_fault_leads_to_no_false_objection(name, visitor):

@@ -131,6 +131,7 @@ def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(tmp_path
     assert max(stall.ends - stall.begins for stall in outcome.stalls) > 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change, code, words", [
     ({}, 0, "PASSED"), ({"exit_code": 3}, 1, "FAILED"),
     ({"cut_off": "the time was over", "has_timed_out": True}, 3, "the time was over"),

@@ -233,6 +233,7 @@ def test_what_a_node_offers(make, monkeypatch, keys, offered):
 # -------------------------------------------------------------------------------- the whole process
 
 
+@pytest.mark.slow
 def test_a_node_beside_a_master_answers_and_ends_at_a_signal(monkeypatch, tmp_path):
     master, wake = Master(), WakeUp()
     monkeypatch.setenv("ROS_MASTER_URI", master.uri)
@@ -258,6 +259,7 @@ def test_a_node_beside_a_master_answers_and_ends_at_a_signal(monkeypatch, tmp_pa
         master.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, words, code, told", [
     ("textToSpeech", ["_failurRate:=0"], 2, "failurRate"),
     ("textToSpeech", ["_failureRate:=2"], 2, "failureRate"),

@@ -42,6 +42,7 @@ def judged(what):
         return Verdict(facts(on=on, visitor_behaviour=visitor, test_timeout=600.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", [
     what if number % QUICK == 0 else pytest.param(what, marks=pytest.mark.long)
     for number, what in enumerate(sorted(FAULTS))])

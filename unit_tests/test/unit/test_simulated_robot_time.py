@@ -116,6 +116,7 @@ def test_a_request_whose_deadline_is_no_time_for_a_process_may_reach_no_node():
     assert Verdict(unheard._replace(speed=2.0 * deadline)).objections == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed, is_early", [(1.0, True), (0.4, False)])
 def test_the_pause_before_a_part_of_the_safe_state_is_the_computers(speed, is_early):
     last = calls(facts(), "overtAttention")[-1].call

@@ -81,6 +81,7 @@ def test_an_answer_that_means_nothing_is_found_unusable(node, leaf, cause):
     assert [event.failure.cause.value for event in of(LeafFinished, played)] == [cause]
 
 
+@pytest.mark.slow
 def test_the_visitor_answers_when_the_question_is_over():
     played = play(call_times=REAL, arrival_rate=6000.0)
     asked = next(event for event in of(LeafFinished, played) if event.node == "QueryTourSpeech")
@@ -112,6 +113,7 @@ def test_a_speech_that_is_late_for_its_words_is_slow_until_one_is_in_time_again(
     assert slow.startswith("slow: no answer for 11.3 s, where about 4 s are usual")
 
 
+@pytest.mark.slow
 def test_a_call_that_was_answered_is_neither_slow_nor_failing():
     played = play(of_text(M.format(
         '<Sequence>{}<Sleep msec="100000"/></Sequence>'.format("<WelcomeSpeech/>" * 3))))
@@ -138,6 +140,7 @@ def test_the_topic_of_a_node_that_has_crashed_is_silent_meanwhile():
                                                                    abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_faults_are_those_that_the_simulated_nodes_draw():
     played = play(failure_rate=0.3, random_seed=7, fault_kinds=KINDS, mission_runs=2)
     for node in ("textToSpeech", "overtAttention", "robotNavigation", "gestureExecution"):

@@ -10,6 +10,8 @@ import pytest
 from behavior_controller import folders
 from behavior_controller.missions.validation import Validation
 
+pytestmark = pytest.mark.slow
+
 ROOT = folders.share()
 spec = importlib.util.spec_from_file_location("tutorial",
                                               os.path.join(ROOT, "tools", "tutorial.py"))

@@ -60,6 +60,7 @@ def after(of_test, kind, more):
 # -------------------------------------------------------------------------------------- what passes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("behaviour, outcome", [
     ("engages", "SUCCESS"), ("leaves", "FAILURE"), ("declines", "SUCCESS"), ("silent", "SUCCESS"),
     ("unclear", "SUCCESS"), ("noGaze", "FAILURE")])
@@ -77,6 +78,7 @@ def test_a_test_that_passes_says_how_many_calls_were_made_to_fail():
     assert "the budget" not in str(verdict)
 
 
+@pytest.mark.slow
 def test_no_message_ever_comes_to_a_mission_that_waits_for_its_visitor():
     on = stage()
     played = on.play(dataclasses.replace(CALM, test_timeout=1000.0), ["/faceDetection/data"])
@@ -93,6 +95,7 @@ def test_no_message_ever_comes_to_a_mission_that_waits_for_its_visitor():
     assert "testTimeout" in str(verdict)
 
 
+@pytest.mark.slow
 def test_three_visitors_for_whom_the_time_is_too_short_are_no_failure():
     """Each is asked four times, and has 10 s for an answer."""
     cut_off = facts(visitor_behaviour="silent", mission_runs=3, test_timeout=100.0)
@@ -124,6 +127,7 @@ def test_a_controller_that_did_not_start():
     assert objections(facts()._replace(errors=why)) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("announced, exit_code, words", [
     (0, 3, ("ended with exit code 3", "announced exit code 0")), (0, -11, ("signal 11",)),
     (3, 0, ("ended with exit code 0", "announced exit code 3")), (0, -1, ("signal 1,",)),
@@ -165,6 +169,7 @@ def test_a_mission_that_cannot_be_built_again_is_not_passed():
 REQUESTS = calls(facts())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", [REQUESTS[at] for at in range(0, len(REQUESTS), 7)],
                          ids=lambda line: "{}:{}".format(line.node, line.call))
 def test_each_request_has_its_witness(line):
@@ -206,6 +211,7 @@ def test_the_knowledge_is_that_which_was_served():
     assert_objects(of_test, "its node sent", "'Robot arm'", "instead of", "'Pepper'")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", ["textToSpeech", "speechEvent"])
 def test_what_a_real_node_was_asked_or_said_has_the_record_as_its_only_witness(node):
     of_test = facts()
@@ -222,6 +228,7 @@ def is_request(kind):
     return lambda event: isinstance(event.request, kind)
 
 
+@pytest.mark.slow
 def test_another_request_than_the_mission_has():
     of_test = changed(facts(), first(
         Asked, lambda event: replace(event, request=Say("Hello")), is_request(Say)))
@@ -239,6 +246,7 @@ def test_a_request_that_was_not_made():
     assert_objects(of_test, "Navigate was due: driving to ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("letters", [("S", "F"), ("F", "S")])
 def test_another_result_of_a_leaf(letters):
     of_test = facts([REFUSED])
@@ -252,6 +260,7 @@ def test_another_result_of_a_leaf(letters):
     assert_objects(of_test, f"{nodes[uid - 1]} had to be {due} (in Fallback")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, words",
                          [(LeafFinished, "ended with SUCCESS; on record is SUCCESS, SUCCESS"),
                           (Answered, "has an answer on record that nothing waits for"),
@@ -276,6 +285,7 @@ def test_a_safe_state_that_is_asked_for_twice():
     assert_objects(changed(of_test, twice), "the safe state is due, once")
 
 
+@pytest.mark.slow
 def test_a_part_of_the_safe_state_that_is_refused_is_asked_for_again():
     """The last call of attention is made to fail, so that the end has one attempt more."""
     of_test = facts([f"overtAttention:{calls(facts(), 'overtAttention')[-1].call}"])
@@ -300,6 +310,7 @@ def test_a_part_of_the_safe_state_that_is_refused_is_asked_for_again():
     assert_objects(changed(of_test, at_once), "asked for again: switching attention off")
 
 
+@pytest.mark.slow
 def test_the_verdict_says_what_a_pass_went_without():
     """The goodbye fails, and so does its retry; the policy goes on without it."""
     of_test = facts([f"gestureExecution:{number}" for number in range(1, 40)])
@@ -353,6 +364,7 @@ def test_what_disturbed_the_test_comes_before_what_followed_from_it():
     assert objections(cut)[0] == "it was disturbed" and objections(cut)[1:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("left_out, asked", [
     (["SetAttention"], SetAnimation("disabled").words.doing),
     (["SetAnimation"], SetAttention("disabled").words.doing),
@@ -365,6 +377,7 @@ def test_the_safe_state_at_the_end(left_out, asked):
     assert_objects(of_test, f"at the end the safe state is due, once; what was asked: {asked}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, change, words", [
     (RunStarted, lambda event: replace(event, settings=dict(event.settings, language="French")),
      "has language French; it was given English"),
@@ -402,6 +415,7 @@ def at(event, seconds):
     return lambda line: [Line(line.time + seconds, line.event) if line.event is event else line]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, number, seconds, words", [
     (PassStarted, 0, 5.0, "the first pass was due 5.0 s before"),
     (Tick, 0, 5.0, "the first step of pass 1 was due"),
@@ -475,6 +489,7 @@ def test_while_a_machine_stood_still_what_was_due_may_come_as_much_later(stalls,
     )) is is_late
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node, number", [("robotNavigation", 1), ("overtAttention", 3),
                                           ("overtAttention", 9), ("textToSpeech", 5)])
 def test_a_request_that_is_sent_twice_is_named_as_that_and_nothing_else_is(node, number):
@@ -518,6 +533,7 @@ def test_a_request_that_is_not_on_record_is_placed(node, content):
 RELEASE = {"robotInterface": "release-1.0", "scenarioSpecification": "release_1_0_tour"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chosen", [
     {"asrEnabled": True}, {"asrEnabled": False, "tabletSuccessIs": "yes"},
     {"asrEnabled": False, "tabletSuccessIs": "done"}])

@@ -126,6 +126,7 @@ def with_faults(of_test, faults):
 BY_ITSELF = "/textToSpeech/say_text"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("failing, injected, calls", [
     # two attempts of one node
     ((1, 2), {2: "refused"}, [BY_ITSELF, "textToSpeech:2"]),
@@ -164,6 +165,7 @@ def test_a_fault_after_the_point_of_difference_explains_a_failure_too():
     assert [row[:2] for row in told(of_test)] == [("DescribeExhibitSpeech", "textToSpeech:4")]
 
 
+@pytest.mark.slow
 def test_a_fault_of_what_was_halted_costs_no_time():
     speech = '<Timeout msec="500"><WelcomeSpeech/></Timeout>'
     text = f'<root BTCPP_format="4"><BehaviorTree ID="M">{speech}</BehaviorTree></root>'
@@ -314,6 +316,7 @@ def test_the_report_begins_and_ends_with_the_verdict():
 FAULTY = ["textToSpeech:1", "robotNavigation:2:exception"]
 
 
+@pytest.mark.slow
 def test_a_report_that_is_right_has_no_misprints():
     for of_test in (facts(), facts(FAULTY), facts(failure_rate=0.3, fault_kinds=KINDS),
                     of_test_with(facts(), mission_runs=2), facts(visitor_behaviour="leaves")):
@@ -322,6 +325,7 @@ def test_a_report_that_is_right_has_no_misprints():
         assert list(misprints(shown.verdict, shown.text(), junit, shown.page())) == []
 
 
+@pytest.mark.slow
 def test_a_crash_that_its_node_notes_late_costs_no_time_and_is_read_back():
     of_test = facts(["textToSpeech:1:crash"])
     late = [line._replace(time=line.time + 0.1) if line.fault else line for line in of_test.journal]
@@ -331,6 +335,7 @@ def test_a_crash_that_its_node_notes_late_costs_no_time_and_is_read_back():
         shown.verdict, shown.text(), "", shown.page()))
 
 
+@pytest.mark.slow
 def test_what_a_report_leaves_out_or_miscounts_is_found_by_reading_it_back():
     shown = Report(of_test_with(facts(FAULTY), mission_runs=2), "title")
     text, junit, page = shown.text(), to_junit(shown.verdict, 1.0, "title"), shown.page()
@@ -350,6 +355,7 @@ def test_what_a_report_leaves_out_or_miscounts_is_found_by_reading_it_back():
     assert "counts its failures" in found(junit=junit.replace('failures="1"', 'failures="0"'))
 
 
+@pytest.mark.slow
 def test_what_the_robot_says_forges_no_line_of_the_report():
     def forge(line):
         event = line.event
