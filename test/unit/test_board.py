@@ -641,6 +641,7 @@ def test_a_change_of_health_is_shown_at_once(monkeypatch):
 # -------------------------------------------------------------------- earlier moments, what is sent
 
 
+@pytest.mark.slow
 def test_an_earlier_moment_is_shown_as_it_was_shown_then(monkeypatch):
     monkeypatch.setattr(run_module, "STRETCH_EVENTS", 40)
     rig, then = Rig(answer=refusing(PerformGesture)), {}

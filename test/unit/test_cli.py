@@ -424,6 +424,7 @@ def test_a_full_disk_is_one_line_and_exit_code_1(tool):
     assert in_shell(tool, "> /dev/full 2>&1", "--help")[0] == 1
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_away_ends_a_tool_in_silence(file):
     bad = file(BAD)
     # more than a pipe holds

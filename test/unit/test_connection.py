@@ -155,6 +155,7 @@ def silent():
     return "http://127.0.0.1:{}/".format(TcprosPeer(hang).port)
 
 
+@pytest.mark.slow
 def test_a_handshake_that_comes_byte_by_byte_ends_in_time():
     header = b"\x20\x00\x00\x00\x1c\x00\x00\x00callerid=/a_node_with_a_long_name"
     with peer(header, gap=0.1) as uri:

@@ -258,6 +258,7 @@ def test_faults_inside_and_outside_of_the_first_element_are_told_together():
         (1, "outside-root"), (2, "attribute-value"), (4, "outside-root")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [
     "<root>" + "<a b=\"'" * 300_000, "<root>" + ("<a b " + "c" * 3_000) * 100,
     "<root>" + "<a>" * 1_500 + "</b>" * 300_000 + "</root>"])

@@ -171,6 +171,7 @@ def test_the_sentences_are_those_of_the_story_with_their_times(day, told, capsys
         "{} {}".format(when, text) for when, text, _ in expected]
 
 
+@pytest.mark.slow
 def test_each_visit_has_a_section_with_its_outcome_and_its_exhibits(day, told):
     heads = [text for names, text in told.texts if names[0] == "summary" and "Visitor" in text]
     assert [re.match("Visitor (\\d)", head)[1] for head in heads] == list("12345678")
@@ -689,6 +690,7 @@ def test_a_line_that_the_node_cannot_have_written_is_named(lines, expected):
     assert expected in str(raised.value) and "\n" not in str(raised.value)
 
 
+@pytest.mark.slow
 def test_a_tree_of_many_levels_is_reported():
     nodes = [["N::{}".format(number), "N", "N", number - 1] for number in range(1, 2001)]
     page = Page(page_of(lines_of(tick([2000, "S"]), nodes=nodes)))

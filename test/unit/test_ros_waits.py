@@ -97,6 +97,7 @@ def test_while_nodes_are_awaited_at_the_start(master, wake, monkeypatch):
     assert CountedWakeUp.waits < 40
 
 
+@pytest.mark.slow
 def test_while_the_simulated_time_is_awaited(master, wake, monkeypatch):
     monkeypatch.setattr(simulated_time, "RETRY_INTERVAL", 0.2)
     awaited = SimulatedTime(SimulatedClock(wake.emit), print)

@@ -64,6 +64,7 @@ def test_each_visit_has_the_result_of_its_visitor(place):
         assert bool(visit.faults) == (kind in ("robot refuses", "drive dies"))
 
 
+@pytest.mark.slow
 def test_a_record_that_ends_in_a_visit_tells_of_it(place):
     killed = listed_of(place)[2]
     assert killed.ending == "" and [visit.words for visit in killed.visits] == [KILLED]

@@ -89,6 +89,7 @@ def test_a_foreign_name_is_refused(show, path, host):
                         "for.\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "host", ["127.0.0.1", "127.0.0.1:9", "localhost", "LocalHost:8080", "127.1.2.3", "[::1]:8080"])
 def test_loopback_names_are_answered(show, host):

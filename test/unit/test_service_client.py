@@ -371,6 +371,7 @@ def test_feedback_is_handed_on_while_the_call_is_under_way(robot):
     assert told == ["half"] and held.thread.service is SPEECH
 
 
+@pytest.mark.slow
 def test_a_call_without_an_answer_is_slow_first_and_then_failed(robot):
     robot.serves(HANG, HANG, HANG)
     robot.deadline, seen, events = 0.2, [], Events()

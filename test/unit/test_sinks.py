@@ -128,6 +128,7 @@ def test_a_blocked_sink_takes_no_time_from_the_others():
     assert other[0].written == [0, 1] and time.monotonic() - began < 5.0
 
 
+@pytest.mark.slow
 def test_a_sink_with_a_rest_writes_a_few_items_and_rests():
     times = []
     sink = Sink("test", lambda item: times.append(time.monotonic()), str, rest=0.2)

@@ -366,6 +366,7 @@ def test_what_a_node_was_asked_for_is_unknown_when_it_comes_back():
     assert (played.robot.attention, played.robot.movement) == ("unknown", "on")
 
 
+@pytest.mark.slow
 def test_retries_of_one_incident_are_one_entry(show, browser):
     shown = show(Rig(answer=refusing(PerformGesture)))
     open_page(browser, shown)
@@ -796,6 +797,7 @@ return [byId("head").getBoundingClientRect().bottom - byId("movement").getBoundi
   parseFloat(getComputedStyle(byId("robot")).lineHeight)]"""
 
 
+@pytest.mark.slow
 def test_what_is_so_with_the_robot_moves_nothing_and_fills_the_head(show, browser, screen):
     drives = replace(WELL, place="driving to Camera wall", attention="on (scanning)")
     open_page(browser, show(Rig()))

@@ -150,12 +150,14 @@ def test_without_what_a_mission_starts(master, robot, offer, has_asr, reason):
         "awaited", "awaited", "missing" if reason is None else "doubtful"]
 
 
+@pytest.mark.slow
 def test_one_of_another_type_is_missed_though_it_is_optional(master):
     Service(master, POSE)._header["md5sum"] = "1"
     with pytest.raises(NodesMissing, match="type mismatch: its server has .* .md5 1., expected is"):
         check(release_1_0.INTERFACE, POSE)[0].run()
 
 
+@pytest.mark.slow
 def test_it_waits_for_what_is_missing_and_tells_so_once_for_each_set(master, monkeypatch):
     monkeypatch.setattr(startup_check, "RETRY_INTERVAL", 0.05)
     made, lines, found = check(d543.INTERFACE, SAY, FACES, timeout=30.0)
@@ -175,6 +177,7 @@ def test_it_waits_for_what_is_missing_and_tells_so_once_for_each_set(master, mon
     assert {each.name: each.state for each in found} == {SAY.name: "ready", FACES.name: "ready"}
 
 
+@pytest.mark.slow
 def test_a_stop_ends_the_wait(master, monkeypatch):
     made, lines, _ = check(d543.INTERFACE, SAY, timeout=30.0)
     made.is_stopped = lambda: bool(lines)

@@ -925,6 +925,7 @@ def test_the_result_of_a_visit(outcome, why, skipped, result):
 TABLET = service_of(Prompt)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_voice, answer, result, ending", [
     (False, refusing(Prompt), BROKEN_OFF, f"the visitor could not be asked: refused ({TABLET})"),
     (False, lambda request: Answer("") if isinstance(request, Prompt) else NotImplemented,

@@ -119,6 +119,7 @@ def test_a_connection_is_kept_as_long_as_the_server_is_there(master, watch, monk
     server.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_there, pause", [(False, 0.1), (True, RECONNECT_PAUSE)])
 def test_a_server_that_cannot_be_used_is_tried_at_intervals(master, watch, monkeypatch, is_there,
                                                            pause):

@@ -72,6 +72,7 @@ LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", 
 """Words: each key accepts at least one of them that is not its default."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", {
     each.name: each for each in settings.KEYS + configuration.KEYS + options.OWN
 }.values(), ids=lambda key: key.name)

@@ -73,6 +73,7 @@ def test_each_visitor_of_a_robot_of_release_1_0(by_voice, behaviour, outcome, as
 NOWHERE = Exhibit("nowhere", "?", "", Location(0.0, 0.0, 0.0), Point(0.0, 0.0, 0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wanted, asked, walks", [(0, 1, True), (3, 4, False), (None, 5, False)])
 def test_a_visitor_is_shown_the_way_to_any_place_and_led_to_a_near_one(wanted, asked, walks):
     usual = stage(**RECEPTION)

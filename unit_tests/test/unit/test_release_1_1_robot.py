@@ -210,6 +210,7 @@ def test_the_introduced_tour_goes_as_its_knowledge_file_has_it():
                 ("iconic", "", "")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TOURS[1:])
 @pytest.mark.parametrize("visitor, outcome, number", [
     ("engages", "SUCCESS", 7), ("leaves", "FAILURE", 4)])
@@ -258,6 +259,7 @@ def test_the_published_parts_give_the_whole_tour():
     assert (end, len(names)) == ("SUCCESS", 7) and objections(of_test) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("press, number", [("yes", 7), ("done", 0)])
 def test_a_press_on_the_tablet_gives_the_tour_if_it_may_count_as_a_yes(press, number):
     """Fault 6: the release stores no answer of the tablet, and so never gives a tour by it."""

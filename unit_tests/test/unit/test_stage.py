@@ -192,6 +192,7 @@ def test_a_message_that_nothing_reads_causes_no_tick():
     assert messages and tick.call_count == 2 and played.exit_code == 0
 
 
+@pytest.mark.slow
 def test_a_mission_that_busy_loops_is_cut_off():
     played = play(of_text(M.format('<Repeat num_cycles="-1"><AlwaysSuccess/></Repeat>')))
     assert (played.exit_code, played.cut_off, played.seconds) == (None, "the mission busy-loops",

@@ -145,6 +145,7 @@ def test_a_wrong_answer_explains_whatever_its_node_makes_of_it():
     assert told(of_test) == [("PressYesNoDialogue", "tabletEvent:1", "wrong", "none")]
 
 
+@pytest.mark.slow
 def test_a_fault_of_a_request_that_is_not_on_record_has_its_row():
     of_test = facts(["textToSpeech:1"], mission_runs=2)
     line = next(line for line in of_test.journal if line.fault)
