@@ -1,5 +1,6 @@
 """The frame of a thread, beside garbage and threads that end."""
 import gc
+import os
 import subprocess
 import sys
 import threading
@@ -58,7 +59,8 @@ def test_the_frame_is_the_one_that_the_thread_executes():
 
 @pytest.mark.slow
 def test_garbage_and_threads_that_end_do_not_stop_the_program():
-    subprocess.run([sys.executable, "-c", BESIDE_GARBAGE], check=True, timeout=30)
+    paths = dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path))
+    subprocess.run([sys.executable, "-c", BESIDE_GARBAGE], env=paths, check=True, timeout=30)
 
 
 def test_the_collector_is_left_as_it_was():

@@ -1,25 +1,29 @@
 """The wake-up signal of a tree: one flag that any thread or signal handler may set and the tick
 thread waits for."""
-import queue
+import contextlib
+import threading
 from typing import Optional
 
 
 class WakeUp:
     """BehaviorTree.CPP's wake-up signal.
 
-    Built on SimpleQueue because its ``put`` may be called from a signal handler at any moment; an
-    Event could lock up.
+    Built on a lock, which is free while a signal waits to be taken. A signal handler may free it at
+    any moment, where an Event could lock up. A SimpleQueue may wait for ever in Python 3.8, though
+    its limit is over.
     """
 
     def __init__(self) -> None:
-        self._queue: "queue.SimpleQueue[None]" = queue.SimpleQueue()
+        self._free = threading.Lock()
+        self._free.acquire()
         self._signalled = False
 
     def emit(self) -> None:
         """Set the flag and wake the waiting thread."""
         if not self._signalled:
             self._signalled = True
-            self._queue.put(None)
+            with contextlib.suppress(RuntimeError):  # another thread has freed it
+                self._free.release()
 
     @property
     def is_set(self) -> bool:
@@ -30,19 +34,14 @@ class WakeUp:
         """Return whether the flag was set since it was last cleared, and clear it."""
         if not self._signalled:
             return False
-        # cleared before the queue is drained: a signal that comes in between leaves the flag set
-        # and is not lost
+        # cleared before the lock is taken: a signal that comes in between leaves the flag set and
+        # is not lost
         self._signalled = False
-        while not self._queue.empty():
-            self._queue.get()
+        self._free.acquire(blocking=False)
         return True
 
     def wait(self, seconds: Optional[float]) -> None:
         """Return when the flag is set, after ``seconds`` at the latest (None: no limit). Does not
         clear the flag."""
-        if self._signalled:
-            return
-        try:
-            self._queue.get(timeout=seconds)
-        except queue.Empty:
-            pass
+        if not self._signalled:
+            self._free.acquire(timeout=-1 if seconds is None else max(0.0, seconds))
