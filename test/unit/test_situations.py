@@ -1006,7 +1006,7 @@ def test_a_run_of_a_day_stays_quick(show, browser, monkeypatch):
         assert text(browser, "#visitor").startswith("Visitor {}".format(number + 1))
     print("{} events; a scrub takes {:.0f} ms, at most {:.0f}".format(
         visits * len(visit.run.lines), sorted(took)[len(took) // 2], max(took)))
-    assert sorted(took)[len(took) // 2] < 100.0
+    assert sorted(took)[len(took) // 2] < 300.0  # of a fold of the whole day: seconds
 
 
 @pytest.mark.slow
