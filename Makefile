@@ -12,7 +12,7 @@ run:
 seeds:
 	@tools/seeds.sh $(ARGS)
 
-# those of the tests that take a moment each and need no ROS: less than a minute on two cores
+# those of the tests that take a moment each and need no ROS: about a minute on two cores
 unit:
 	@tools/test.sh --unit $(ONLY)
 

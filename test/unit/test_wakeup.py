@@ -70,7 +70,8 @@ def test_a_wait_of_no_time_ends_after_each_signal():
     """In Python 3.8 one of some thousands did not, with a SimpleQueue."""
     wake = WakeUp()
     waits = threading.Thread(target=lambda: [
-        wake.emit() or wake.test_and_clear() and wake.wait(0.0) for _ in range(200_000)], daemon=True)
+        wake.emit() or wake.test_and_clear() and wake.wait(0.0) for _ in range(200_000)],
+        daemon=True)
     waits.start()
     waits.join(30.0)
     assert not waits.is_alive()

@@ -151,7 +151,7 @@ def test_one_that_never_was_there_is_told_only_if_it_is_needed(master, watch, se
 def test_one_that_may_lack_is_told_when_it_has_gone(master, watch):
     server, watched = Service(master, SPEECH), watch()
     watched.monitor.include([SPEECH], may_lack=True)
-    until(lambda: server.connections)
+    until(lambda: server.handshakes)
     until(lambda: watched.monitor._reported)
     server.close()
     watched.tells((SPEECH.name, False, "gone"))
@@ -161,7 +161,7 @@ def test_a_server_that_shakes_no_hands_is_gone(master, watch, monkeypatch):
     monkeypatch.setattr(watchdog, "RECONNECT_LIMIT", 0.3)
     server, watched = Service(master, SPEECH), watch()
     watched.monitor.include([SPEECH])
-    until(lambda: server.connections)
+    until(lambda: server.handshakes)
     server.talk = lambda connection: connection.recv(1 << 20, 0) and until(lambda: False)
     server.break_connections()
     watched.tells((SPEECH.name, False, "gone: no answer"))
