@@ -32,6 +32,7 @@ from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.recovery_policy import MOST_RECOVERIES, Policy
 from behavior_controller.run.safe_state import SafeState
 from behavior_controller.config.settings import Settings
+from behavior_controller.text import joined
 
 Shared = TypeVar("Shared")
 Value = TypeVar("Value")
@@ -361,7 +362,7 @@ class WorkingLeaf(MissionLeaf, ActionLeaf):
         """Return the sentence for a request that was carried out."""
         if not words.done:
             return None
-        return LeafSummary(words.kind, " ".join(filter(None, (words.done, words.what))))
+        return LeafSummary(words.kind, joined(" ", words.done, words.what))
 
     def limit(self, request: Request) -> float:
         """Return the seconds that ``request`` may take; 0 if no service carries it out."""
@@ -499,12 +500,12 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
             isinstance(evidence, Evidence) and isinstance(evidence.topic, Topic)):
         raise ImportError(f"own_evidence of {leaf.__qualname__} is no Evidence: Evidence(TOPIC)"
                           " wraps a topic")
-    sign = getattr(evidence, "topic", leaf.sense)
+    sign = leaf.sense if evidence is None else evidence.topic
     return MissionSpec(node_id, kind, factory, (*leaf.PORTS, *ports), description,
                        names=tuple(choices or ()), is_instant=issubclass(leaf, InstantLeaf),
                        may_fail_at_once=bool(calls), calls=calls,
                        does_without=getattr(leaf, "does_without", False),
-                       listens=tuple(filter(None, [sign])), **facts)
+                       listens=(sign,) if sign is not None else (), **facts)
 
 
 def _chosen(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]],

@@ -13,6 +13,7 @@ from behavior_controller.robot.declarations import Evidence, Sense, Topic
 from behavior_controller.robot.rhythm import unheard
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.leaves.waits import is_asked_again, wait_for
+from behavior_controller.text import joined
 
 
 class Patience:
@@ -177,7 +178,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if counting:
             self.unused(counting[-1])
         reason = unheard(samples, self.not_before(), self.mission.clock.now(), self._max_age)
-        message = "; ".join(filter(None, [self.words_if_false, reason]))
+        message = joined("; ", self.words_if_false, reason or "")
         if self._lacks_first(samples):
             name, reason = self.mission.topics.name(self.topic), None
             message = f"{self.registration_id}: no message on {name} yet"

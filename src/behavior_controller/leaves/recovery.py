@@ -13,6 +13,7 @@ from behavior_controller.leaves.base import MissionLeaf, Waiting, WorkingLeaf, l
 from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.recovery_policy import GIVE_UP, SKIP, Rule
+from behavior_controller.text import joined
 
 RETURN_LIMIT = 15.0
 """Seconds that all retries of a step together wait for the return of a service that is known to be
@@ -60,7 +61,7 @@ class HandleFallBack(WorkingLeaf):
             self._patience = None
         if outcome == GIVEN_UP:
             yield from self._make_safe()
-        self._decided(outcome, ": ".join(filter(None, [str(self._rule), self._reason])))
+        self._decided(outcome, joined(": ", str(self._rule), self._reason))
         if outcome != GIVEN_UP:
             return self.succeeded()
         # not recorded as a failure: an outer HandleFallBack looks for the original one

@@ -14,6 +14,7 @@ from behavior_controller.leaves.data import (
 from behavior_controller.config.node_facts import MissionSpec, whole_mission
 from behavior_controller.config.phrases import SPEECHES, Speech, filled
 from behavior_controller.config.settings import DESCRIPTIONS
+from behavior_controller.text import joined
 
 
 class SpeechLeaf(ServiceLeaf):
@@ -126,7 +127,7 @@ class DescribeExhibitSpeech(SpeechLeaf):
             part = self.get_input(self.PART.name)
         if part not in self.PARTS:
             return Failure(Cause.MISSING_DATA, f"the part cannot be {part}", self.resource)
-        text = " ".join(filter(None, (self.get_input_or(port, "") for port in self.PARTS[part])))
+        text = joined(" ", *(self.get_input_or(port, "") for port in self.PARTS[part]))
         if not text:
             return None
         return self.asks(text, self.mission.language)

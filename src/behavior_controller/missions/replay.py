@@ -21,7 +21,7 @@ from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.missions.load import Mission, build_tree, load_tree
-from behavior_controller.text import Source, clean, count
+from behavior_controller.text import Source, clean, count, joined
 
 NAME_OF: Dict[str, str] = {letter: name for name, letter in events.LETTERS.items()}
 
@@ -256,7 +256,7 @@ class _Replay(FakeGateway):
         self._topics.begin()
         recorded = [(self._nodes[uid - 1].path, letter) for uid, letter in tick.changes]
         result, _ = traverse_again(self._tree, self._clock, tick, recorded, self._statuses)
-        differences = "; ".join(filter(None, self._differences(recorded)))
+        differences = joined("; ", *self._differences(recorded))
         if differences:
             seconds = tick.at - self._began
             raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")

@@ -44,20 +44,20 @@ class Judgement:
         if self.part_of:
             return f"{clean(self.file)}: a part of {clean(self.part_of)}"
         warnings = sum(fault.is_warning for fault in self.faults)
-        counts = [count(warnings, "warning", "warnings")]
+        counts = [count(warnings, "warning")]
         if not self.is_wrong and self.palette is not None:
-            counts.insert(0, f"a palette of {count(self.palette, 'node type', 'node types')}")
+            counts.insert(0, f"a palette of {count(self.palette, 'node type')}")
         elif self.is_wrong or not self.nodes:
-            errors = count(len(self.faults) - warnings, "error", "errors")
+            errors = count(len(self.faults) - warnings, "error")
             counts = [errors] + counts * bool(warnings)
         else:
             done = "checked" if self.stubs else "can be run"
             if len(self.mains) > 1:
                 done += f" from each of {', '.join(map(clean, self.mains))}"
-            counts[:0] = [done, count(self.nodes, "node", "nodes")]
+            counts[:0] = [done, count(self.nodes, "node")]
         line = f"{clean(self.file)}: {', '.join(counts)}"
         if self.stubs:
-            lacking = count(len(self.stubs), "node type", "node types")
+            lacking = count(len(self.stubs), "node type")
             line += (f"; not a mission of this robot, which lacks {lacking} (taken as stubs): "
                      f"{first_names(map(clean, self.stubs))}")
         if self.others:

@@ -80,7 +80,7 @@ def report_faults(invalid: FaultsFound, tell: Tell, consequence: str) -> None:
     for fault in invalid.faults:
         tell("warning" if fault.is_warning else "error", str(fault))
     mistakes = sum(not fault.is_warning for fault in invalid.faults)
-    tell("error", f"{consequence}: {count(mistakes, 'mistake', 'mistakes')}, see above")
+    tell("error", f"{consequence}: {count(mistakes, 'mistake')}, see above")
 
 
 def _private_parameters() -> Dict[str, Any]:

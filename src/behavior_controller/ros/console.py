@@ -32,7 +32,7 @@ from behavior_controller.ros.sinks import (
 from behavior_controller.run.story import Story
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros.shortage import is_shortage
-from behavior_controller.text import clean
+from behavior_controller.text import clean, joined
 
 WRITE_INTERVAL = 0.05
 """Seconds between two rounds of formatting lines, so that nothing the robot does waits for them."""
@@ -145,7 +145,7 @@ class Console:
             parts = [attempt + " failed", event.failure.resource, reason(event.failure)]
         else:
             return
-        what = ", ".join(filter(None, parts))
+        what = joined(", ", *parts)
         self._log(at, "info", clean(f"{event.node} ({event.path}): {what}"))
 
     def _log_robot(self, at: float, is_end: bool = False) -> None:

@@ -29,7 +29,7 @@ from behavior_controller.ros.timeouts import Late, run_apart
 from behavior_controller.ros.types import resolved
 from behavior_controller.ros_arguments import ASSIGNMENT, CommandParser
 from behavior_controller.run.story import STOP_BUTTON
-from behavior_controller.text import clean, did_you_mean
+from behavior_controller.text import bracketed, clean, did_you_mean, joined
 
 NAME = "tryRobot"
 
@@ -110,7 +110,7 @@ def _mistake(kind: str, words: List[str]) -> str:
             return f"{LOCATION} needs three numbers: X Y Z"
     elif word not in allowed:
         hint = did_you_mean(word, allowed)
-        return f"no {what} {word!r}; allowed: {', '.join(allowed)}" + (hint and f" ({hint})")
+        return f"no {what} {word!r}; allowed: {', '.join(allowed)}{bracketed(hint)}"
     elif more:
         return f"nothing follows {word}, not {more[0]!r}"
     return ""
@@ -201,7 +201,7 @@ def _report(request: Request, service: Service, result: Optional[Result], second
 
 def _doing(request: Request) -> str:
     words = request.words or Words("doing it")
-    return " ".join(filter(None, (words.doing, words.what)))
+    return joined(" ", words.doing, words.what)
 
 
 def _cause(failure: Failure) -> str:

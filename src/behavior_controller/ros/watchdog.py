@@ -28,7 +28,7 @@ from behavior_controller.ros.shortage import SHORTAGE
 from behavior_controller.ros.subscriber import TopicBuffer, RosTopics
 from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import CLOCK, resolved
-from behavior_controller.text import clean
+from behavior_controller.text import bracketed, clean
 
 CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
@@ -276,7 +276,7 @@ class Monitor:
 def _standing(clock: TopicBuffer, seconds: float) -> str:
     """Return since when the simulated time stands still, and why if that is known."""
     since = time.strftime("%H:%M:%S", time.localtime(time.time() - seconds))
-    why = "" if clock.is_connected else f" ({clock.absence})"
+    why = "" if clock.is_connected else bracketed(clock.absence)
     return f"stands still since {since}{why}"
 
 

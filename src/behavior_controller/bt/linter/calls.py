@@ -12,7 +12,7 @@ from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.values.values import TEXT
-from behavior_controller.text import first_names, meant, quoted
+from behavior_controller.text import first_names, joined, meant, quoted
 
 
 def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
@@ -77,7 +77,7 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
 def _check_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
     """Warn of an entry that the call does not give to its tree."""
     near = facts.findings.nearest(name, facts.written[tree])
-    hint = "; ".join(filter(None, [f"write {name}=\"{{…}}\", or {name}=\"…\"", near]))
+    hint = joined("; ", f"write {name}=\"{{…}}\", or {name}=\"…\"", near)
     if name in facts.written[tree]:
         hint = f"write {name}=\"{{{name}}}\""
     elif name in facts.defaults or name in facts.written[facts.trees.main]:

@@ -13,6 +13,7 @@ from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.loader.flow import SUPPRESSED, TOUCHED, WRITTEN, Flow
 from behavior_controller.bt.loader.structure import Trees, from_leaves
 from behavior_controller.bt.values.status import NAMES
+from behavior_controller.text import joined
 
 
 class MissionFacts:
@@ -58,7 +59,7 @@ class MissionFacts:
         """Return which nodes write an entry of the whole mission by default; "" if none does."""
         writers = [spec.id for spec, port in self.defaults.get(name, ())
                    if port.direction is Direction.OUT]
-        names = " or ".join(filter(None, [", ".join(writers[:-1]), *writers[-1:]]))
+        names = joined(" or ", ", ".join(writers[:-1]), *writers[-1:])
         return names and f"{names} writes it"
 
     def walk(self) -> Iterator[Tuple[str, Element]]:

@@ -14,6 +14,7 @@ from behavior_controller.bt.loader.flow import Flow
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.engine.node_types import Registry
+from behavior_controller.text import joined
 
 _ShownEntry = Tuple[Blackboard, str, str]
 """An entry by its place and name here, and by its name there."""
@@ -38,7 +39,7 @@ class Clients:
             for name, access in uses:
                 home, key = node.blackboard.home(name)
                 # in the dot language a colon would end the name
-                path = "/".join(filter(None, [self._main, home.path, key]))
+                path = joined("/", self._main, home.path, key)
                 shown = "/" + path.replace("::", " #").replace(":", "#")
                 entries.append((home, key, shown))
                 clients[-1].register_key(shown, access)

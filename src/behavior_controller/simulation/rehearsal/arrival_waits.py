@@ -63,7 +63,7 @@ class Wait(NamedTuple):
         """Return in a line what ``rate`` means for it."""
         share = 100 * self.chance(rate)
         often = f"about {share:.0f}" if share >= 1 else "less than 1"
-        messages = count(self.messages, "message", "messages")
+        messages = count(self.messages, "message")
         return (f"arrivalRate {rate:g}: {self.node} needs {messages} within {self.seconds:g} s, "
                 f"which happens in {often} % of waits")
 

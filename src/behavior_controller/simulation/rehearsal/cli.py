@@ -320,7 +320,7 @@ def heading(result: Result) -> str:
         stopped = f", stopped before the other {others}"
     mission = clean(os.path.basename(result.plan.runner.mission))
     robot = result.plan.stage.settings.interface.name
-    runs = count(result.plays, "simulated run", "simulated runs")
+    runs = count(result.plays, "simulated run")
     return f"{mission}, robot {robot}: {runs} in {result.seconds:.1f} s{stopped}"
 
 
@@ -343,8 +343,8 @@ def as_text(result: Result) -> str:
         explained = finding.kind.name
     total = "nothing was found"
     if result.findings:
-        kinds = count(len({finding.kind for finding in result.findings}), "kind", "kinds")
-        total = f"found: {count(len(result.findings), 'finding', 'findings')} of {kinds}"
+        kinds = count(len({finding.kind for finding in result.findings}), "kind")
+        total = f"found: {count(len(result.findings), 'finding')} of {kinds}"
     return "\n".join([*lines, "", total])
 
 
@@ -360,7 +360,7 @@ def _finding_lines(finding: FindingSummary, is_first: bool) -> List[str]:
         for other in finding.consequences]
     if finding.scene is None:
         return lines
-    runs = count(finding.plays, "simulated run", "simulated runs")
+    runs = count(finding.plays, "simulated run")
     lines.append(f"    in {runs}, the shortest: {finding.scene.words}")
     if is_first:
         lines += ["      " + line for line in _story_lines(finding.story)]

@@ -279,7 +279,7 @@ def _retries_for_ever(play: Play) -> Iterator[Place]:
     if failed:
         uid = failed[-1].uid
         number = sum(exchange.uid == uid for exchange in play.exchanges)
-        requests = count(number, "request", "requests")
+        requests = count(number, "request")
         yield uid, f"after {requests} in {play.played.seconds:.0f} s it still tries again"
 
 

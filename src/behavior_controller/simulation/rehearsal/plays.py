@@ -362,7 +362,7 @@ class Search:
     def unreached(self) -> Iterator[Place]:
         """Yield the nodes that are still not reached, and in words how sure it is that no play
         reaches them."""
-        runs = count(len(self._outcomes), "simulated run", "simulated runs")
+        runs = count(len(self._outcomes), "simulated run")
         for node in self.targets():
             what = f"no visitor and no fault brings the mission here, in {runs}"
             if self.is_cut:

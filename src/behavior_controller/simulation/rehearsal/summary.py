@@ -304,5 +304,5 @@ def shortened(story: Sequence[Sentence]) -> Tuple[Sentence, ...]:
     if left_out <= 0:
         return tuple(story)
     half = MOST_SENTENCES // 2
-    gap = replace(story[half], text=f"… {count(left_out, 'sentence', 'sentences')} more …")
+    gap = replace(story[half], text=f"… {count(left_out, 'sentence')} more …")
     return (*story[:half], gap, *story[-half:])

@@ -102,7 +102,7 @@ def summary_lines(facts: Facts) -> List[str]:
 def decision_lines(facts: Facts) -> List[str]:
     """Return a line for each decision of the recovery."""
     return [f"  {event.path}: {event.failure.cause.value}; policy: {event.policy}; "
-            f"{count(event.attempts, 'attempt', 'attempts')}: {event.outcome}"
+            f"{count(event.attempts, 'attempt')}: {event.outcome}"
             for _, event in of(facts.run.lines, Recovered)]
 
 
@@ -170,7 +170,7 @@ class Report:
     def _top(self, shown: List[str]) -> List[str]:
         objections, first = self.verdict.objections[1:], str(self.verdict).split("\n")[0]
         if objections:
-            first += f" (and {count(len(objections), 'objection', 'objections')}: see the end)"
+            first += f" (and {count(len(objections), 'objection')}: see the end)"
         lines = ["# " + self._title, first, *self.visitors, ""]
         return lines + shown + [""] if self.rows else lines
 
@@ -208,9 +208,9 @@ def _visitors(facts: Facts, rows: Sequence[FailureRow]) -> Iterator[str]:
             event.reason for time, event in of(facts.run.lines, Recovered)
             if visit.began <= time <= (visit.ended or math.inf) and event.reason not in said)
         mine = [row for row in rows if row.visitor == visit.number]
-        faults = count(sum(row.is_injected for row in mine), "fault", "faults")
+        faults = count(sum(row.is_injected for row in mine), "fault")
         parts.append(f"{faults}, {sum(row.lost for row in mine):.1f} s lost")
-        parts.append(count(false[visit.number], "condition", "conditions") + " false for a while")
+        parts.append(count(false[visit.number], "condition") + " false for a while")
         yield "; ".join(parts)
 
 

@@ -184,7 +184,7 @@ def _mission(verdict: Verdict) -> Iterator[str]:
         yield from numbers.objections(verdict.facts, execution.tree.nodes)
     lost = sum(event.lines for _, event in of(verdict.facts.run.lines, Lost))
     if lost:
-        lines = count(lost, "line", "lines")
+        lines = count(lost, "line")
         yield f"the record lacks {lines}, so the mission cannot be done again"
 
 

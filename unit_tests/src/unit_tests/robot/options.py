@@ -27,7 +27,7 @@ from behavior_controller.simulation.configuration import (
     CONTROLLER, Configuration, KEYS, SEEDS, SHORT, TOPIC, load_controller, parse)
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES, RANDOM
 from behavior_controller.simulation.world import World, world
-from behavior_controller.text import Source
+from behavior_controller.text import Source, joined
 
 from unit_tests import folders
 
@@ -275,7 +275,7 @@ def usage(of_rate: str = "") -> str:
             allowed = f"{declared.read.allowed}; {default}{declared.default_text}"
             text = f"      {declared.plain_meaning} ({allowed})"
             lines += [f"  {declared.name:<26} {value}".rstrip(),
-                      "; ".join(filter(None, [text, remarks.get(declared.name)]))]
+                      joined("; ", text, remarks.get(declared.name, ""))]
     lines += ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())]
     width = shutil.get_terminal_size().columns
     return "\n".join(

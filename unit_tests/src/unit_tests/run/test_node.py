@@ -22,7 +22,7 @@ from behavior_controller.run.record import files
 from behavior_controller.run.record.tail import RunTail
 from behavior_controller.output_files import OutputKind
 from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
-from behavior_controller.text import count
+from behavior_controller.text import count, joined
 from behavior_controller.simulation.behaviour import NODES
 from behavior_controller.simulation.journal import Journal, JournalEntry
 from behavior_controller.simulation.rehearsal import arrival_waits
@@ -134,7 +134,7 @@ def _test(own: Options) -> int:
         facts = facts._replace(mission=stage.mission,
                                expected=leaves_reached(stage, test.visitor_behaviour))
     stalls = [stall.ends - stall.begins for stall in facts.stalls]
-    told = count(sum(seconds > WORTH_TELLING for seconds in stalls), "time", "times")
+    told = count(sum(seconds > WORTH_TELLING for seconds in stalls), "time")
     if max(stalls, default=0.0) > WORTH_TELLING:
         warnings.append(STALLED.format(told, max(stalls)))
     warnings += too_fast(own, facts.run)
@@ -258,7 +258,7 @@ def _of_robot(name: str, robot: str) -> str:
     """Return the name of the file about a robot that is one of several; of the only one
     ``name``."""
     base, ending = os.path.splitext(name)
-    return "_".join(filter(None, [base, robot.replace("/", ".")])) + ending
+    return joined("_", base, robot.replace("/", ".")) + ending
 
 
 def save(text: str, arguments: Arguments, kind: OutputKind, robot: str = "") -> str:
