@@ -100,9 +100,11 @@ def read_bytes(path: str, most: int = MOST_BYTES, begin: int = 0) -> bytes:
                 raise Unreadable("it is a folder")
             if not stat.S_ISREG(status.st_mode):
                 raise Unreadable("it is not a regular file")
-            with open(descriptor, "rb", closefd=False) as file:
-                file.seek(begin)
-                data = file.read(most + 1)
+            data = b""
+            if status.st_size - begin <= most:
+                with open(descriptor, "rb", closefd=False) as file:
+                    file.seek(begin)
+                    data = file.read(most + 1)
         finally:
             os.close(descriptor)
     except (OSError, ValueError) as error:

@@ -306,8 +306,9 @@ def read(environment: Optional[Source], culture: Optional[Source], *,
         findings += chosen.findings()
     ConfigurationError.raise_any(findings)
     language, = languages
-    defaults = {key: default for key, (_, default) in chosen.gestures.items()}
-    arm, shape = [{**defaults, **chosen.values}.get(key, "") for key in _GESTURES]
+    gestures = {key: default for key, (_, default) in chosen.gestures.items()}
+    gestures.update(chosen.values)
+    arm, shape = [gestures.get(key, "") for key in _GESTURES]
     return Knowledge(places.exhibits(language), language, chosen.phrases(language),
                      (places.source, chosen.source), tuple(findings), arm, shape)
 

@@ -106,10 +106,10 @@ class Configuration:
     def carrier(self, service: Service, robot: Interface) -> Service:
         """Return what carries out the requests to a service: what stands in for it, if the robot
         lacks it and has that."""
+        if not self.lacks(service):
+            return service
         other = robot.substitute(service)
-        if self.lacks(service) and other is not None and not self.lacks(other):
-            return other
-        return service
+        return service if other is None or self.lacks(other) else other
 
     @property
     def takes_time(self) -> bool:
