@@ -116,13 +116,14 @@ def late(seconds: float, frame: Optional[FrameType] = None) -> Optional[BrokenEx
     ``frame`` is where the work has got to. None if no extension holds it up.
     """
     frames = frames_of_packages(frame)
-    where = "".join(place(frame.f_code.co_filename, frame.f_lineno) for frame in frames[:1])
-    for package, export in _under_way:
+    where = place(frames[0].f_code.co_filename, frames[0].f_lineno) if frames else ""
+    if _under_way:
+        package, export = _under_way[0]
         return BrokenExtension(package, f"{export}: its import has not ended within {seconds:g} s"
                                         + bracketed(where))
-    for innermost in frames:
+    if frames:
         return BrokenExtension(
-            _package_of(innermost) or "", f"{where} has not returned within {seconds:g} s")
+            _package_of(frames[0]) or "", f"{where} has not returned within {seconds:g} s")
     return None
 
 

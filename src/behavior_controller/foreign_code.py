@@ -47,7 +47,7 @@ def _raised_at(error: BaseException, owner: object) -> str:
         places = [(file, line) for file, line in foreign if file.startswith(folder)]
     else:
         places += _defined_at(owner)
-    return "".join(place(*last) for last in places[-1:])
+    return place(*places[-1]) if places else ""
 
 
 def _defined_at(owner: object) -> List[Tuple[str, int]]:
@@ -62,7 +62,8 @@ def _defined_at(owner: object) -> List[Tuple[str, int]]:
 
 def defined_at(owner: object) -> str:
     """Return the place of a foreign function in brackets; of another one an empty text."""
-    return "".join(bracketed(place(*defined)) for defined in _defined_at(owner))
+    places = _defined_at(owner)
+    return bracketed(place(*places[0])) if places else ""
 
 
 def takes(function: object, count: int) -> bool:

@@ -8,8 +8,7 @@ from typing import Iterator, Optional
 
 @contextlib.contextmanager
 def garbage_collection_paused() -> Iterator[None]:
-    """Keep Python's garbage collector from scanning a growing mission, which has no garbage, again
-    and again."""
+    """Collect no garbage meanwhile, such as in a growing mission, which has none."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

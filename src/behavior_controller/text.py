@@ -142,9 +142,8 @@ def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     """
     by_lower = {name.lower(): name for name in known}
     plain = word.translate(_LATIN).lower()
-    for near in difflib.get_close_matches(plain, list(by_lower), 1, likeness):
-        return meant(word, by_lower[near])
-    return ""
+    near = difflib.get_close_matches(plain, list(by_lower), 1, likeness)
+    return meant(word, by_lower[near[0]]) if near else ""
 
 
 def meant(word: str, name: str) -> str:

@@ -125,7 +125,8 @@ class PressYesNoDialogue(ServiceLeaf):
         pressed = self.mission.phrases.pressed_answer(answer.response)
         if pressed is not None:
             self.set_output("visitorResponse", pressed)
-            label = dict(zip((YES, NO), self.mission.phrases.tablet_options))[pressed]
+            yes, no = self.mission.phrases.tablet_options
+            label = yes if pressed == YES else no
             self.summary = LeafSummary("pressed", f"the visitor pressed “{label}”", pressed)
             return None
         if answer.response.strip() in ("", "0"):

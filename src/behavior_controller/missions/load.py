@@ -74,7 +74,7 @@ class Mission:
     @property
     def warnings(self) -> Tuple[Fault, ...]:
         """The warnings of configuration, mission and knowledge files."""
-        known = getattr(self.knowledge, "warnings", ())
+        known = self.knowledge.warnings if self.knowledge is not None else ()
         return self.settings.warnings + tuple(self.tree.warnings) + known
 
     def context(self, gateway: Gateway, topics: Topics, events: Events,

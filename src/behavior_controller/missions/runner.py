@@ -177,9 +177,9 @@ class Runner:
     def _begin(self) -> None:
         """Announce the mission, whose nodes are set up."""
         self._begins()
-        mission = self.mission
+        mission, knowledge = self.mission, self.mission.knowledge
         sources = Sources(self.tree.sources, mission.phrases.source, mission.policy.source,
-                          mission.interface.name, getattr(mission.knowledge, "sources", ()))
+                          mission.interface.name, knowledge.sources if knowledge else ())
         self.mission.events.emit(RunStarted(
             self.mission_file, [(node.full_path, node.registration_id) for node in self.tree.nodes
                                 if isinstance(node, MissionLeaf)], mission.settings.values, sources,

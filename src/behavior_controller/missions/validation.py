@@ -48,8 +48,8 @@ class Judgement:
         if not self.is_wrong and self.palette is not None:
             counts.insert(0, f"a palette of {count(self.palette, 'node type')}")
         elif self.is_wrong or not self.nodes:
-            errors = count(len(self.faults) - warnings, "error")
-            counts = [errors] + counts * bool(warnings)
+            counts = counts if warnings else []
+            counts.insert(0, count(len(self.faults) - warnings, "error"))
         else:
             done = "checked" if self.stubs else "can be run"
             if len(self.mains) > 1:

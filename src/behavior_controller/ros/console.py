@@ -139,7 +139,7 @@ class Console:
             return
         if isinstance(event, LeafFinished) and not self._is_repeated(event):
             parts = [event.status, event.resource, f"{event.seconds:.3f} s",
-                     reason(event.failure), getattr(event.summary, "text", "")]
+                     reason(event.failure), event.summary.text if event.summary is not None else ""]
         elif isinstance(event, Retried):
             attempt = f"attempt {event.attempt + 1}" if event.attempt else "its substitute"
             parts = [attempt + " failed", event.failure.resource, reason(event.failure)]

@@ -63,7 +63,7 @@ def _probe_publishers(offer: Offer) -> None:
             return
         except Trouble as trouble:
             troubles.append(trouble)
-    raise next(iter(troubles), Trouble(Cause.NOT_ADVERTISED, otherwise))
+    raise troubles[0] if troubles else Trouble(Cause.NOT_ADVERTISED, otherwise)
 
 
 def _probe_subscribers(topic: Publication) -> None:

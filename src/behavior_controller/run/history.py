@@ -41,7 +41,7 @@ class History:
     @property
     def began(self) -> Optional[float]:
         """The earliest moment that is kept; None before the first event."""
-        return next(iter(self._times), None)
+        return self._times[0] if self._times else None
 
     def take(self, before: State, line: Line) -> None:
         """Keep the next event, given what was so before it."""

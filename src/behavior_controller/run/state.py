@@ -419,7 +419,7 @@ class State(Struct, frozen=True):
 
     def node(self, uid: int) -> Optional[TreeNode]:
         """Return the node of that number, if the tree has it."""
-        return next(iter(self.nodes[max(0, uid - 1):max(0, uid)]), None)
+        return self.nodes[uid - 1] if 0 < uid <= len(self.nodes) else None
 
     @property
     def visit(self) -> Optional[Visit]:
@@ -434,13 +434,14 @@ class State(Struct, frozen=True):
     @property
     def pause(self) -> Optional[Paused]:
         """The pause under way."""
-        return next((step.cause for step in self.steps[-1:] if isinstance(step.cause, Paused)),
-                    None)
+        if self.step is not None and isinstance(self.step.cause, Paused):
+            return self.step.cause
+        return None
 
     @property
     def stops(self) -> Tuple[Stop, ...]:
         """The stops of the visit under way, or else of the last one."""
-        return next((visit.stops for visit in self.visits[-1:]), ())
+        return self.visits[-1].stops if self.visits else ()
 
     @property
     def stop(self) -> Optional[Stop]:
@@ -450,8 +451,10 @@ class State(Struct, frozen=True):
     @property
     def waits_for(self) -> Optional[Exchange]:
         """The request whose answer the step under way waits for."""
-        calls = [step.call for step in self.steps[-1:]]
-        return next((exchange for exchange in self.exchanges if exchange.call in calls), None)
+        if self.step is None:
+            return None
+        call = self.step.call
+        return next((exchange for exchange in self.exchanges if exchange.call == call), None)
 
     @property
     def held_by(self) -> Optional[HealthChanged]:
@@ -459,10 +462,8 @@ class State(Struct, frozen=True):
         exchange, step = self.waits_for, self.step
         if exchange is not None:
             return self.robot.trouble(exchange.service)
-        if step is not None and step.is_wait:
-            for failed in self.failures.get(step.path, ())[-1:]:
-                return self.robot.trouble(failed.failure.resource)
-        return None
+        unmet = self.failures.get(step.path) if step is not None and step.is_wait else None
+        return self.robot.trouble(unmet[-1].failure.resource) if unmet else None
 
     @property
     def is_stranded(self) -> bool:

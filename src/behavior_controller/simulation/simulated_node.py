@@ -29,7 +29,8 @@ class Offers(NamedTuple):
     @property
     def publisher(self) -> str:
         """The canonical name of the topic, or of the action in its place; empty: neither."""
-        return getattr(self.action or self.topic, "name", "")
+        offer = self.action or self.topic
+        return offer.name if offer is not None else ""
 
 
 def offers_of(node: str, interface: Interface, test: Configuration) -> Offers:

@@ -164,9 +164,10 @@ class View(story.Story):
 
     def now(self) -> parts.Now:
         state = self.state
-        last = [f"visitor {visit.number}: {story.how_it_ended(visit)}"
-                for visit in self._ended_visits()[-1:]]
-        return parts.Now(card(state), robot_line(state), state.visit_count, self.ended, *last)
+        over, last = self._ended_visits(), ""
+        if over:
+            last = f"visitor {over[-1].number}: {story.how_it_ended(over[-1])}"
+        return parts.Now(card(state), robot_line(state), state.visit_count, self.ended, last)
 
     def story(self) -> parts.StoryPart:
         visit = self.state.visit

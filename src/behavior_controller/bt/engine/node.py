@@ -235,7 +235,7 @@ class Node(Behaviour):
     @property
     def hook(self) -> Optional[NodeHook]:
         """The hook that may replace the node's rule, or None. On the tick thread only."""
-        return getattr(self.interception, "hook", None)
+        return self.interception.hook if self.interception is not None else None
 
     @hook.setter
     def hook(self, hook: Optional[NodeHook]) -> None:

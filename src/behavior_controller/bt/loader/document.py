@@ -208,7 +208,7 @@ def _parsed(clean: str, document: Document) -> Element:
         opened.pop().last = len(elements) - 1
 
     target = types.SimpleNamespace(
-        start=start, end=end, close=lambda: next(iter(above.children), None))
+        start=start, end=end, close=lambda: above.children[0] if above.children else None)
     return etree.fromstring(clean.encode("utf-8"), etree.XMLParser(target=target, huge_tree=True))
 
 

@@ -261,7 +261,7 @@ def assigned(name: str, sign: str, right: Evaluate, source: str) -> Evaluate:
         _not_empty(value, "right", sign)
         if sign in (":=", "="):
             copied = None if not source or source in enums else blackboard.find(source)
-            _store(name, entry, value, enums, getattr(copied, "origin", ""))
+            _store(name, entry, value, enums, "" if copied is None else copied.origin)
         else:
             entry.is_read = True
             entry.update(_combined(sign, entry.value, value))

@@ -64,7 +64,7 @@ class Blackboard:
     def __init__(self, parent: Optional["Blackboard"] = None, path: str = ""):
         self.parent, self.path = parent, path
         self.prefix = path and path + "/"  # of the paths of what is inside
-        self.root: Blackboard = getattr(parent, "root", self)
+        self.root: Blackboard = self if parent is None else parent.root
         # of the whole tree, at its root:
         self.write_count, self.is_stale = 0, False
         """An entry was written whose former value a node has read."""

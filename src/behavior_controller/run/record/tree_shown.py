@@ -57,7 +57,7 @@ def _is_bare(spec: NodeSpec, name: str) -> bool:
 
 def _ports(node: Node) -> List[PortText]:
     defaults = {port.name: port.default for port in node.spec.ports if port.default is not None}
-    given = getattr(node.element, "attributes", node.attributes)
+    given = node.attributes if node.element is None else node.element.attributes
     ports = []
     for name, text in {**defaults, **node.attributes}.items():
         key, entry = reference(text, name), ""

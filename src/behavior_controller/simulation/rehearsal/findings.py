@@ -80,7 +80,7 @@ class Play:
         self.faults, self.calm, self.visitors_before = faults, calm, visitors_before
         self.nodes, self.run = stage.mission.tree.nodes, played.run()
         visit = self.run.state.visit
-        self.outcome: str = getattr(visit, "outcome", "")  # empty: the pass did not end
+        self.outcome = visit.outcome if visit is not None else ""  # empty: the pass did not end
         asked = [*self.run.exchanges, *self.run.state.exchanges]
         # what is asked after the end is the safe state
         self.exchanges = sorted((exchange for exchange in asked if exchange.asked <= played.ended),

@@ -54,7 +54,7 @@ class Query:
     @property
     def cause(self) -> Optional[Cause]:
         """Why it failed, if it did."""
-        return getattr(self.result, "cause", None)
+        return self.result.cause if isinstance(self.result, Failure) else None
 
     @property
     def outcome(self) -> str:

@@ -273,7 +273,8 @@ class Execution(TaskContext):
         self._next = ready, f"pass {self.passes + 1}"
 
     def _note_safe_state(self, event: SafeStateReported) -> None:
-        causes = {part.service: getattr(part.failure, "cause", None) for part in event.parts}
+        causes = {part.service: None if part.failure is None else part.failure.cause
+                  for part in event.parts}
         services = (self.robot.resource(type(request)) for request in SAFE_STATE)
         # a part that the robot does not have is left out
         self.traversal.decisions.append(safe_state(
@@ -451,7 +452,7 @@ class Execution(TaskContext):
         """Return which leaf had ended before a change of status."""
         ended = [self._label(uid) for uid, letter in self.traversal.changes[:place]
                  if letter in "SF" and isinstance(self._nodes[uid], ReferenceNode)]
-        last = [self.traversal.last, *ended][-1]
+        last = ended[-1] if ended else self.traversal.last
         return last and f"after {last}, "
 
     def _label(self, uid: int) -> str:

@@ -6,7 +6,7 @@ from typing import List, NamedTuple, Sequence, Tuple
 
 from behavior_controller.run.history import Run
 from behavior_controller.run.state import LeafFailure, RecoveryRound
-from behavior_controller.text import clean
+from behavior_controller.text import clean, joined
 from behavior_controller.simulation.faults import WRONG
 
 from unit_tests.judge.reference import DONE, HANDLERS
@@ -57,18 +57,20 @@ def failure_rows(verdict: Verdict) -> List[FailureRow]:
         found.append(FailureRow(at, failed.visit, _stop(run, at), failed.node, call, kind, outcome,
                                 max(0.0, until - at), pair is not None))
     for pair in faults:  # that are no failures of a node
-        visitor, node, outcome = getattr(run.at(pair.time).visit, "number", 1), "", NOT_ON_RECORD
+        visit, node, outcome = run.at(pair.time).visit, "", NOT_ON_RECORD
         if pair.query is not None:
             node = pair.query.node
             outcome = HALTED if pair.query.result is None else IN_SAFE_STATE
-        found.append(FailureRow(pair.time, visitor, _stop(run, pair.time), node, pair.call,
-                                pair.fault, outcome, 0.0, True))
+        found.append(FailureRow(
+            pair.time, visit.number if visit is not None else 1, _stop(run, pair.time), node,
+            pair.call, pair.fault, outcome, 0.0, True))
     return sorted(found, key=lambda row: row.at)
 
 
 def _stop(run: Run, at: float) -> str:
     """Return the stop that was under way at a time; empty: none."""
-    return getattr(run.at(at).stop, "name", "")
+    stop = run.at(at).stop
+    return stop.name if stop is not None else ""
 
 
 def _rounds(run: Run, failed: LeafFailure) -> List[RecoveryRound]:
@@ -106,10 +108,12 @@ def _explains(pair: Pair, failed: LeafFailure) -> bool:
 
 
 def _outcome(recovery: RecoveryRound) -> str:
-    words, reason = recovery.outcome, getattr(recovery.recovered, "reason", "")
+    words = recovery.outcome
     if words == DONE:
         words += f" by retry {recovery.attempts}"
-    return words + (reason and ": " + reason)
+    if recovery.recovered is None:
+        return words
+    return joined(": ", words, recovery.recovered.reason)
 
 
 # ---------------------------------------------------------------------------------------- the table

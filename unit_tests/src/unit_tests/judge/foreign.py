@@ -30,8 +30,9 @@ class Foreign(reference.ReferenceServiceAction):
 
     def steps(self) -> reference.Steps:
         """Make its request, of which only the kind is known."""
-        for kind in getattr(self.spec, "calls", ())[:1]:
-            yield from reference.ask(self, kind, lambda _: kind)
+        calls = getattr(self.spec, "calls", ())
+        if calls:
+            yield from reference.ask(self, calls[0], lambda _: calls[0])
 
     def on_halted(self) -> None:
         """It need not report that."""

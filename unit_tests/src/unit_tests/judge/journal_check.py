@@ -53,7 +53,7 @@ class Pair(NamedTuple):
     @property
     def fault(self) -> str:
         """The fault that was injected; empty: none."""
-        return getattr(self.line, "fault", None) or ""
+        return self.line.fault or "" if self.line is not None else ""
 
 
 class JournalCheck:

@@ -205,9 +205,9 @@ class TaskContext:
     def pause(self, number: int, at: float) -> float:
         """Return the seconds that the next pass waits after a number of passes that failed for a
         cause that persists, the last one at that time."""
-        policy, spent = self.policy, self.recoveries[-self.policy.most:][:self.policy.most]
+        policy, spent = self.policy, self.recoveries[-self.policy.most:]
         usual = min(policy.first_pause * 2**min(number, 12), policy.longest_pause)
-        rest = next(iter(spent), math.inf) + policy.seconds - at
+        rest = spent[0] + policy.seconds - at if policy.most and spent else math.inf
         failures = self.failures_of_pass
         if failures and self.is_spent and len(spent) >= policy.most and rest > 0.0:
             return min(usual, rest)

@@ -116,11 +116,12 @@ def _not_as_given(facts: Facts) -> Iterator[str]:
     for name, value in mission.settings.values.items():
         if name not in SET_BY_THE_TEST and has.get(name) != value:
             yield f"the controller has {name} {has.get(name)}; it was given {value}"
+    known = mission.knowledge.sources if mission.knowledge is not None else ()
     for what, its, given in (
             ("mission", files.documents, mission.tree.sources),
             ("phrases", [files.phrases], [mission.phrases.source]),
             ("recovery policy", [files.policy], [mission.policy.source]),
-            ("knowledge", files.knowledge, getattr(mission.knowledge, "sources", ()))):
+            ("knowledge", files.knowledge, known)):
         if [source.text for source in its] != [source.text for source in given]:
             names = ", ".join(source.file for source in its)
             yield f"the controller has another {what} than it was given: {names}"

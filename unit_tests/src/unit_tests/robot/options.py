@@ -177,7 +177,7 @@ def read(arguments: Arguments) -> Options:
         faults += _output_faults(values["outputFile"])
     around = None
     if controller is not None:
-        behaviour = getattr(test, "visitor_behaviour", ENGAGES)
+        behaviour = test.visitor_behaviour if test is not None else ENGAGES
         around = attempt(partial(world, behaviour, controller), faults)
         if test is not None:
             faults += _not_of_robot(test, controller.interface, values)
