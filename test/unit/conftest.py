@@ -47,6 +47,16 @@ def screen(browser):
 
 
 @pytest.fixture
+def console(monkeypatch):
+    """A console that leaves the streams and the logging of the tests as they are."""
+    from behavior_controller.ros import console  # not where there is no ROS
+    from behavior_controller.ros.sinks import Sink
+    monkeypatch.setattr(console, "take_over_streams", lambda: Sink("test", lambda item: None, str))
+    monkeypatch.setattr(console.Console, "attach", lambda self: None)
+    return console.Console()
+
+
+@pytest.fixture
 def killed_run(tmp_path):
     """The record of a tour that was killed while the robot drove."""
     from mission_rig import recorded, visitor_who

@@ -16,8 +16,7 @@ from behavior_controller.run.record.recorder import Record
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as console_module
-from behavior_controller.ros.console import ROSOUT_LOGGER, Console
-from behavior_controller.ros.sinks import Sink
+from behavior_controller.ros.console import ROSOUT_LOGGER
 from mission_rig import FileRecord, Rig, visitor_who, written
 from page_rig import is_second_text, open_page, text, wait_until
 
@@ -39,17 +38,13 @@ def jump(monkeypatch):
 
 
 @pytest.fixture
-def robot_lines(monkeypatch):
+def robot_lines(console, monkeypatch):
     """A console, and the robot's lines that it has written."""
-    monkeypatch.setattr(console_module, "take_over_streams",
-                        lambda: Sink("test", lambda item: None, str))
     monkeypatch.setattr(console_module, "ROBOT_SPAN", 0.0)
-    monkeypatch.setattr(Console, "attach", lambda self: None)
     told, handler, logger = [], logging.Handler(), logging.getLogger(ROSOUT_LOGGER)
     handler.emit = lambda record: told.append(record.getMessage())
     monkeypatch.setattr(logger, "level", logging.INFO)
     logger.addHandler(handler)
-    console = Console()
 
     def lines():
         console.drain(5)

@@ -22,8 +22,7 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import GoTo, Location
 from behavior_controller.ros import console as module
 from behavior_controller.ros.tcpros import Trouble
-from behavior_controller.ros.console import FILE_ONLY, ROSOUT_LOGGER, Console
-from behavior_controller.ros.sinks import Sink
+from behavior_controller.ros.console import FILE_ONLY, ROSOUT_LOGGER
 from behavior_controller.text import Source, clean
 from told_visits import RUNS, Teller, rig_of
 
@@ -50,14 +49,6 @@ def told():
     yield lines
     logger.removeHandler(handler)
     logger.setLevel(before)
-
-
-@pytest.fixture
-def console(monkeypatch):
-    """A console that leaves the test's own streams as they are."""
-    monkeypatch.setattr(module, "take_over_streams", lambda: Sink("test", lambda item: None, str))
-    monkeypatch.setattr(Console, "attach", lambda self: None)
-    return Console()
 
 
 @pytest.mark.parametrize("event", [

@@ -16,7 +16,6 @@ from behavior_controller.robot.requests import (  # noqa: E402
     Answer, Say, SetAnimation, SetAttention)
 from behavior_controller.ros import (  # noqa: E402
     node, service_client, simulated_time, startup_check, try_robot)
-from behavior_controller.ros.console import Console  # noqa: E402
 from behavior_controller.ros.master import Directory  # noqa: E402
 from behavior_controller.ros.outputs import Outputs  # noqa: E402
 from behavior_controller.ros.signals import Signals  # noqa: E402
@@ -62,7 +61,7 @@ def plan_with(wake, **values):
     return load.load(chosen, SimulatedClock(wake.emit), wake)
 
 
-def test_while_the_safe_state_is_awaited(master, wake, monkeypatch):
+def test_while_the_safe_state_is_awaited(master, wake, console, monkeypatch):
     """One service answers and the other hangs: the answer wakes the wait once."""
     plan = plan_with(wake)
     robot = plan.settings.interface
@@ -70,7 +69,6 @@ def test_while_the_safe_state_is_awaited(master, wake, monkeypatch):
     hangs = Service(master, robot.service(SetAttention), HANG)
     told, events = [], Events()
     events.subscribe(told.append)
-    console = Console()
     run = node._Run(plan, RosTopics(robot.topics, wake.emit, print, plan.tree.clock),
                     Outputs(events, console.tell), console, events,
                     Signals(console, wake.emit, lambda: None), ())
