@@ -9,8 +9,6 @@ import shutil
 import subprocess
 import sys
 import textwrap
-import threading
-from unittest import mock
 from xml.etree import ElementTree
 
 import pytest
@@ -521,15 +519,20 @@ def test_a_leaf_that_is_not_made_in_time_is_one_line_with_its_place(tmp_path, to
 
 
 def test_code_that_returns_in_time_again_and_again_is_not_given_up(monkeypatch):
-    frames = [[sys._getframe()], []]
+    def looks():
+        yield from [sys._getframe(), None] * 10
+        raise EOFError
+
+    frames, watched = looks(), object()
+    # the thread that other tests have watched is another one
+    monkeypatch.setattr(extensions, "frame_of",
+                        lambda thread: next(frames) if thread is watched else None)
+    monkeypatch.setattr(extensions, "frames_of_packages", lambda frame: [frame] if frame else [])
     monkeypatch.setattr(extensions, "WATCH_INTERVAL", 0.001)
     monkeypatch.setattr(extensions, "CODE_LIMIT", 0.001)
     monkeypatch.setattr(extensions.os, "_exit", sys.exit)
-    looks = itertools.cycle(frames)
-    monkeypatch.setattr(extensions, "frames_of_packages", lambda frame: next(looks))
-    monkeypatch.setattr(extensions.time, "sleep", mock.Mock(side_effect=[None] * 20 + [EOFError]))
     with pytest.raises(EOFError):  # and not SystemExit
-        extensions._watch(threading.get_ident())
+        extensions._watch(watched)
 
 
 def test_what_holds_the_work_up_is_named_with_its_package(tmp_path, monkeypatch):
