@@ -1,14 +1,15 @@
 """What a start that is refused says of the robot, from the record of a run that was killed."""
 import fcntl
 import os
+import shutil
 
 import pytest
 
 from behavior_controller.run.events import (
-    Answered, Asked, RunFinished, SafePart, SafeStateReported, StepStarted)
+    KILLED, Answered, Asked, Line, SafePart, SafeStateReported, StepStarted)
 from behavior_controller.run.fold import fold
 from behavior_controller.run.history import Run
-from behavior_controller.run.state import State
+from behavior_controller.run.state import BROKEN_OFF, State
 from behavior_controller.run.moment import left_running
 from behavior_controller.run.record import files, unended
 from behavior_controller.run.record.tail import RunTail
@@ -16,6 +17,7 @@ from behavior_controller.run.record.unended import may_be_live
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, GoTo, Location, SetAnimation, SetAttention
+from behavior_controller.viewer.report import story_lines
 from mission_rig import recorded, visitor_who
 
 LOOKS, MOVES = Asked(1, "/a", SetAttention("social")), Asked(2, "/b", SetAnimation("enabled"))
@@ -40,7 +42,7 @@ MAY_DRIVE = "may still be driving to Pepper: keep the stop button at hand"
     ([LOOKS, *DRIVES, FIRST], f"{BY_HAND}; {MAY_DRIVE}")])
 def test_what_may_be_on_or_under_way_after_a_run_that_was_killed(events, expected):
     state = State()
-    for at, event in enumerate([*events, RunFinished("killed", 4)]):
+    for at, event in enumerate([*events, KILLED]):
         state = fold(state, float(at), event)
     assert left_running(state) == (f"the robot may be live: {expected}" if expected else "")
 
@@ -51,6 +53,26 @@ def test_a_run_that_was_killed_in_a_drive(tmp_path, killed_run):
     assert said.startswith("the robot may be live: may still be driving to ")
     assert killed_run in said
     assert "keep the stop button at hand" in said and "\n" not in said
+
+
+def test_its_story_and_its_visit_say_that_the_record_has_no_end(killed_run):
+    lines = read_record(killed_run)
+    assert lines[-1] == Line(lines[-2].time, KILLED)
+    *_, visit, end = story_lines(lines)
+    assert KILLED.outcome in visit and end.endswith(f"ends: {KILLED.outcome}")
+    visit, = Run(lines).visits
+    assert visit.result == visit.stops[-1].state == BROKEN_OFF
+    assert visit.seconds == pytest.approx(lines[-1].time - visit.arrived)
+
+
+@pytest.mark.parametrize("name", [files.FILE_NAME, "mission.7.jsonl"])
+def test_a_run_that_goes_on_has_no_end_yet(killed_run, name):
+    path = os.path.join(os.path.dirname(killed_run), name)
+    with open(killed_run, "a") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        if path != killed_run:  # of a further file nothing says that it is the last one
+            shutil.copy(killed_run, path)
+        assert KILLED not in [line.event for line in read_record(path)]
 
 
 def test_only_the_newest_run_counts(tmp_path, killed_run):

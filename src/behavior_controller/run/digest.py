@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from behavior_controller.folders import mission_name
 from behavior_controller.run import story
-from behavior_controller.run.events import Line
+from behavior_controller.run.events import KILLED, Line
 from behavior_controller.run.fold import fold
 from behavior_controller.run.health import GONE, NEW, SLOW
 from behavior_controller.run.state import BROKEN_OFF, LeafFailure, State, Visit
@@ -17,8 +17,6 @@ from behavior_controller.text import clean
 Period = Tuple[float, float]
 """When something began and ended: Unix seconds."""
 
-KILLED = "the record ends before the visit: the controller was killed, or the disk full"
-"""How a visit ended that the record does not end."""
 
 class EndedVisit(Struct, frozen=True, gc=False, array_like=True):
     """A visit that is over. ``words`` say how it ended, ``faults`` which faults of the robot it
@@ -45,7 +43,7 @@ class Outage(Struct, frozen=True, array_like=True):
 
 class Digest(Struct, frozen=True):
     """A run. ``settings`` are its configuration, ``unserved`` the times in which no visitor could
-    be served; ``ending`` is empty if the run does not say how it ended."""
+    be served; ``ending`` is empty while it goes on."""
 
     mission: str = ""
     settings: Dict[str, str] = {}
@@ -94,13 +92,10 @@ class Digester:
             failure = reason.failure
             decisive = fault(reason.node, failure) if failure is not None else story.why(reason)
         if not visit.is_empty:
-            words = story.how_it_ended(visit)
-            self._visits.append(self._ended(visit, visit.result, words, decisive))
+            self._visits.append(EndedVisit(
+                visit.number, visit.arrived or visit.began, round(visit.seconds, 1), visit.result,
+                story.how_it_ended(visit), tuple(dict.fromkeys(self._faults)), decisive))
         self._faults.clear()
-
-    def _ended(self, visit: Visit, result: str, words: str, decisive: str) -> EndedVisit:
-        return EndedVisit(visit.number, visit.arrived or visit.began, round(visit.seconds, 1),
-                          result, words, tuple(dict.fromkeys(self._faults)), decisive)
 
     def _note_health(self) -> None:
         """Note the outages that began or ended."""
@@ -121,15 +116,15 @@ class Digester:
 
     def digest(self, is_over: bool) -> Digest:
         """Return the run up to now. ``is_over``: no further line comes, also without an end."""
-        state, visit = self._state, self._state.visit
-        visits, unserved = list(self._visits), list(self._unserved)
+        if is_over and self._state.finished is None:
+            self.take(Line(self._state.at, KILLED))
+        state = self._state
+        unserved = list(self._unserved)
         if self._unserved_since is not None:
             unserved.append((self._unserved_since, state.at))
-        if is_over and state.finished is None and visit is not None and visit.has_visitor:
-            visits.append(self._ended(visit.until(state.at), BROKEN_OFF, KILLED, KILLED))
         settings = {name: str(value) for name, value in state.start.settings.items()}
         return Digest(mission_name(state.start.mission), settings, self._began or 0.0, state.at,
-                      story.run_end(state), tuple(visits),
+                      story.run_end(state), tuple(self._visits),
                       (*self._outages, *self._open.values()), tuple(unserved))
 
 

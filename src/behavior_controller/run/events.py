@@ -300,10 +300,15 @@ class Noticed(BaseEvent, frozen=True, omit_defaults=True):
 
 
 class RunFinished(BaseEvent, frozen=True):
-    """The node stops. ``outcome`` is that of the last pass, or the reason to stop."""
+    """The node stops. ``outcome`` is that of the last pass, or the reason to stop; ``exit_code`` is
+    None in ``KILLED`` alone."""
 
     outcome: str
-    exit_code: int
+    exit_code: Optional[int]
+
+
+KILLED = RunFinished("the record has no end: the controller was killed, or the disk full", None)
+"""What readers of a record take for the end that it does not have."""
 
 
 # ---------------------------------------------------------------- what only the record has of a run

@@ -98,8 +98,10 @@ def _run_started(state: State, event: RunStarted) -> State:
 def _run_finished(state: State, event: RunFinished) -> State:
     visit = state.visit
     if visit is not None and not visit.outcome:
-        stopped, visit = Reason(STOPPED), visit.until(state.at)
-        state = _end_visit(_end_stop(state, stopped), "", stopped, visit.seconds, visit.waited)
+        why, visit = Reason(STOPPED), visit.until(state.at)
+        if event.exit_code is None:
+            why = Reason(NOTICED, text=event.outcome)
+        state = _end_visit(_end_stop(state, why), "", why, visit.seconds, visit.waited)
     return replace(_abandon(_end_steps(state)), finished=event, held={})
 
 

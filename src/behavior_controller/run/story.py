@@ -265,7 +265,7 @@ def run_end(state: State, is_short: bool = False) -> str:
         return ""
     outcome = state.finished.outcome
     visit = next((visit for visit in reversed(state.visits) if visit.outcome), None)
-    if not outcome or visit is None:
+    if not outcome or visit is None or state.finished.exit_code is None:
         return outcome
     if visit.result == IN_PART and not is_short:
         return f"{outcome}, {COMPLETE}{without(visit.skipped)}"
@@ -279,7 +279,7 @@ def end_headline(state: State) -> str:
     """Return for people how a run ended: its last visit, or when it was stopped; empty while it
     goes on."""
     finished, visit = state.finished, state.visit
-    if finished is None or visit is None:
+    if finished is None or visit is None or finished.exit_code is None:
         return run_end(state)
     if visit.is_empty:
         return "stopped before a visitor came"
@@ -406,7 +406,8 @@ def _run_finished(before: State, event: events.RunFinished, after: State) -> Ite
     for visit in after.concluded(Visit):
         if not visit.is_empty:
             yield "visit", "warning", f"visitor {visit.number}: {how_it_ended(visit)}", 0.0
-    yield "notice", "info", f"ends: {run_end(after)} (exit code {event.exit_code})", 0.0
+    code = f" (exit code {event.exit_code})" * (event.exit_code is not None)
+    yield "notice", "info", f"ends: {run_end(after)}{code}", 0.0
 
 
 def _pass_finished(before: State, event: events.PassFinished, after: State) -> Iterator[_Said]:

@@ -257,7 +257,7 @@ def _letter(visit: Visit) -> str:
 def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
     """Yield when the mission ran, how it ended, and what the report does not have."""
     state, day = run.view.state, strftime("%Y-%m-%d", localtime(run.began))
-    ending = "the record ends before the run: the node was killed, or the disk full"
+    ending = "goes on"
     if state.finished is not None:
         ending = "ended: " + story.run_end(state)
     yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {seconds(run.ended - run.began)}; "

@@ -16,7 +16,7 @@ from behavior_controller.run.record.tail import RunTail
 INDEX = "index.json"
 """The file in a folder of runs that has their digests. Without it they are made again."""
 
-_LAYOUT = f"digests 2 of records {VERSION}"
+_LAYOUT = f"digests 3 of records {VERSION}"
 """What an index has to be of; any other one is made anew."""
 
 
@@ -39,9 +39,7 @@ class Listed(msgspec.Struct, frozen=True):
     @property
     def ending(self) -> str:
         """How the run ended, or why it cannot be read."""
-        if self.goes_on:
-            return self.trouble or "goes on"
-        return self.trouble or self.digest.ending or "the record ends before the run"
+        return self.trouble or self.digest.ending or "goes on"
 
 
 class _Index(msgspec.Struct, frozen=True):

@@ -119,6 +119,11 @@ def part(path: str, number: int) -> str:
     return os.path.join(os.path.dirname(path), f"mission.{number}.jsonl")
 
 
+def is_further(path: str) -> bool:
+    """Return whether this is one of the further files of a run."""
+    return _FURTHER.fullmatch(os.path.basename(path)) is not None
+
+
 def robot_of(path: str) -> str:
     """Return the robot of the run with this first file; empty: it is not one of several."""
     match = _RUN.fullmatch(os.path.basename(os.path.dirname(path)))

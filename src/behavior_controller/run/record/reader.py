@@ -6,8 +6,8 @@ from typing import Iterator, List
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
 from behavior_controller.run import events
-from behavior_controller.run.record.files import FILE_NAME, runs
-from behavior_controller.run.record.tail import RunTail
+from behavior_controller.run.record.files import FILE_NAME, is_further, runs
+from behavior_controller.run.record.tail import RunTail, is_under_way
 
 LATEST = "latest"
 """The argument that means the newest run of the default folder."""
@@ -41,12 +41,18 @@ def find_record(name: str) -> str:
 
 
 def read_record(path: str) -> List[events.Line]:
-    """Return the lines of a record. Raises MissionError if it cannot be read or is invalid."""
+    """Return the lines of a record, the last one ``KILLED`` if it has no end. Raises MissionError if
+    it cannot be read or is invalid."""
     return list(stream_record(path))
 
 
 def stream_record(path: str) -> Iterator[events.Line]:
     """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
+    goes_on, time = is_further(path) or is_under_way(path), 0.0
     tail = RunTail(path)
-    yield from tail.news()
+    for line in tail.news():
+        goes_on, time = goes_on or isinstance(line.event, events.RunFinished), line.time
+        yield line
     tail.finish()
+    if not goes_on:
+        yield events.Line(time, events.KILLED)

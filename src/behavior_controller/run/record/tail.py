@@ -25,15 +25,20 @@ def follow(path: str, newest: int = 0) -> Iterator[Optional[Line]]:
     """
     tail, goes_on = RunTail(path, newest), True
     while goes_on:
-        try:
-            goes_on = is_written(path)  # asked before reading: what was written until then is read
-        except OSError as error:
-            raise MissionError.of(path, f"the record cannot be read: {error.strerror}") from error
+        goes_on = is_under_way(path)  # asked before reading: what was written until then is read
         yield from tail.news()
         if goes_on:
             tail.use_clock()
             yield None
             time.sleep(TAIL_POLL)
+
+
+def is_under_way(path: str) -> bool:
+    """Return ``is_written``. Raises MissionError if the file cannot be read."""
+    try:
+        return is_written(path)
+    except OSError as error:
+        raise MissionError.of(path, f"the record cannot be read: {error.strerror}") from error
 
 
 class RunTail:

@@ -2,9 +2,8 @@
 import os
 import time
 
-from behavior_controller import exit_codes
 from behavior_controller.errors import MissionError
-from behavior_controller.run.events import RunFinished
+from behavior_controller.run.events import KILLED, RunFinished
 from behavior_controller.run.fold import fold
 from behavior_controller.run.state import State
 from behavior_controller.run import moment
@@ -49,4 +48,4 @@ def _end(path: str) -> State:
         state = fold(state, line.time, line.event)
         if time.monotonic() > until:
             raise TimeoutError
-    return fold(state, state.at, RunFinished("killed", exit_codes.BROKEN))
+    return fold(state, state.at, KILLED)
