@@ -40,10 +40,10 @@ def test_the_types_agree():
 
 
 def test_the_engine_and_the_leaves_on_the_other_python():
-    run_on_other("test/conformance", *ENGINE_AND_LEAVES)
+    run_on_other("-m", "not long and not slow", *ENGINE_AND_LEAVES)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("folder", ["test/unit", "unit_tests/test/unit"])
-def test_the_rest_on_the_other_python(folder):
-    run_on_other(folder, *("--ignore=" + path for path in ENGINE_AND_LEAVES + OF_ONE_PYTHON))
+@pytest.mark.parametrize("folder", ["test/unit", "unit_tests/test/unit", "test/conformance"])
+def test_all_on_the_other_python(folder):
+    run_on_other(folder, *("--ignore=" + path for path in OF_ONE_PYTHON))

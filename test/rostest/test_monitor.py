@@ -34,7 +34,7 @@ WAITING = "<ReactiveFallback><IsVisitorDiscovered/><Sleep msec=\"600000\"/></Rea
 TALKING = "<WelcomeSpeech/><Sleep msec=\"300\"/>"
 
 
-class TestMonitor(NodeCase):
+class MonitorCase(NodeCase):
     """Each case runs its own mission."""
 
     def robot(self, modes=None):
@@ -59,6 +59,16 @@ class TestMonitor(NodeCase):
         came, _ = controller.lines.wait_for(lambda line: all(word in line for word in words), 15)
         self.assertLess(came - since, more.get("limit", LIMIT), words)
         return came - since
+
+    def faulty_master(self):
+        """Return a master that stands between the node and the real one, and the environment that
+        names it."""
+        master = FaultyMaster(os.environ["ROS_MASTER_URI"])
+        return master, {"ROS_MASTER_URI": master.uri}
+
+
+class TestMonitor(MonitorCase):
+    """The robot, its master, and the configuration change while the mission runs."""
 
     def test_the_death_and_the_return_of_the_robots_nodes(self):
         robot = self.robot()
@@ -194,12 +204,6 @@ class TestMonitor(NodeCase):
         robot.wait_for_request(DRIVE, 0)
         self.assertNotIn("FAILURE", controller.lines.text())
 
-    def faulty_master(self):
-        """Return a master that stands between the node and the real one, and the environment that
-        names it."""
-        master = FaultyMaster(os.environ["ROS_MASTER_URI"])
-        return master, {"ROS_MASTER_URI": master.uri}
-
     def test_garbage_of_the_master_ends_no_monitoring(self):
         master, environment = self.faulty_master()
         robot = self.robot()
@@ -256,24 +260,6 @@ class TestMonitor(NodeCase):
             self.assertNotIn("rror", controller.lines.text())
             self.assert_told_once(controller, "/use_sim_time is", "true or false")
 
-    def test_a_slow_master_is_told_and_no_topic_is_gone_that_was_not_looked_for(self):
-        master, environment = self.faulty_master()
-        self.robot()
-        master.delay = 0.9
-        controller = self.start(WAITING, environment)
-        started = time.monotonic()
-        self.wait_for(controller, started, "master", "answers slowly", limit=12.0)
-        time.sleep(max(0.0, started + 8.0 - time.monotonic()))
-        self.assertNotIn("gone", controller.lines.text())
-        master.delay = 0.0
-        self.wait_for(controller, time.monotonic(), "master", "answers in time again", limit=3.0)
-        master.gap = 0.02
-        self.wait_for(controller, time.monotonic(), "master", "answers slowly",
-                      "the mission goes on", limit=6.0)
-        master.gap = 0.0
-        self.wait_for(controller, time.monotonic(), "master", "answers again", limit=5.0)
-        self.assertNotIn("gone", controller.lines.text())
-
     # --------------------------------------------------------------------------------------- SIGHUP
 
     def test_a_mission_is_changed_between_two_visitors(self):
@@ -307,6 +293,28 @@ class TestMonitor(NodeCase):
         self.assertNotIn("Traceback", controller.lines.text())
 
 
+class TestSlowMaster(MonitorCase):
+    """The master answers slowly for a while."""
+
+    def test_a_slow_master_is_told_and_no_topic_is_gone_that_was_not_looked_for(self):
+        master, environment = self.faulty_master()
+        self.robot()
+        master.delay = 0.9
+        controller = self.start(WAITING, environment)
+        started = time.monotonic()
+        self.wait_for(controller, started, "master", "answers slowly", limit=12.0)
+        time.sleep(max(0.0, started + 8.0 - time.monotonic()))
+        self.assertNotIn("gone", controller.lines.text())
+        master.delay = 0.0
+        self.wait_for(controller, time.monotonic(), "master", "answers in time again", limit=3.0)
+        master.gap = 0.02
+        self.wait_for(controller, time.monotonic(), "master", "answers slowly",
+                      "the mission goes on", limit=6.0)
+        master.gap = 0.0
+        self.wait_for(controller, time.monotonic(), "master", "answers again", limit=5.0)
+        self.assertNotIn("gone", controller.lines.text())
+
+
 def end(process):
     """End a process and wait for it."""
     process.kill()
@@ -314,4 +322,4 @@ def end(process):
 
 
 if __name__ == "__main__":
-    rostest.rosrun("cssr_system", "monitor", TestMonitor)
+    rostest.rosrun("cssr_system", "monitor", "__main__." + sys.argv[1])

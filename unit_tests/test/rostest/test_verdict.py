@@ -26,26 +26,6 @@ FAULTY = {
 class TestVerdict(unittest.TestCase):
     """Each case runs the whole test."""
 
-    def test_a_mission_that_succeeds_although_calls_fail(self):
-        code, printed, report = run_test("scenarioSpecification:=lab_tour", "failureRate:=0",
-                                         "plannedFaults:=textToSpeech:1,gestureExecution:2")[:3]
-        self.assertEqual(code, 0, printed)
-        # 77 calls of the tour, and the two of the safe state after it
-        self.assertRegex(report[-1], r"^PASSED: 1 .*\bengages\b.*\b2 of 79 ")
-        *_, verdict, page = printed.splitlines()
-        self.assertEqual(report[-1], verdict)
-        self.assertRegex(page, r"file:///.*/report\.html$")
-        self.assertNotIn("REQUIRED", printed)
-        self.assertIn(": mission lab_tour.xml; visitorBehaviour engages; failureRate 0; ",
-                      report[0])
-        seed = re.search(r"randomSeed \d+", report[0]).group()
-        self.assertLess(printed.index(seed), printed.index(report[0]),
-                        "it is told before the mission begins")
-        refused = [line.split("\t") for line in report if "\trefused\t" in line]
-        self.assertEqual([(line[1], line[3]) for line in refused], [
-            ("WelcomeSpeech", "/textToSpeech/say_text"),
-            ("PerformDeicticGesture", "/gestureExecution/perform_gesture")])
-
     def test_a_mission_that_has_to_fail(self):
         code, printed, report = run_test(
             "scenarioSpecification:=lab_tour", "failureRate:=0",
@@ -78,14 +58,6 @@ class TestVerdict(unittest.TestCase):
         self.assertEqual((code, report), (2, []), printed)
         self.assertRegex(printed, r"^scenarioSpecification: .*did you mean lab_tour.*\n.*\n$")
 
-    def test_a_mission_for_which_the_time_is_too_short(self):
-        code, printed, report = run_test("mission:=lab_tour", "scenario:=silent",
-                                         "failureRate:=0", "testTimeout:=8")[:3]
-        self.assertEqual(code, 3, printed)
-        self.assertRegex(report[-1], r"^CUT OFF: .*\b8 s.*testTimeout")
-        told = printed.index("so that the test may be cut off; set testTimeout:=")
-        self.assertLess(told, printed.index("a pass begins"), "it is told before the start")
-
     def test_a_wrong_configuration_is_told_once(self):
         code, printed, report = run_test("failureRate:=2")[:3]
         self.assertEqual((code, report), (2, []), printed)
@@ -97,6 +69,38 @@ class TestVerdict(unittest.TestCase):
         self.assertRegex(printed, r"^argument failurRate:=0.9: .* failureRate\?.*\n.*\n$")
 
 
+class TestVerdictOfTours(unittest.TestCase):
+    """Each case runs the whole test, with all of a tour."""
+
+    def test_a_mission_that_succeeds_although_calls_fail(self):
+        code, printed, report = run_test("scenarioSpecification:=lab_tour", "failureRate:=0",
+                                         "plannedFaults:=textToSpeech:1,gestureExecution:2")[:3]
+        self.assertEqual(code, 0, printed)
+        # 77 calls of the tour, and the two of the safe state after it
+        self.assertRegex(report[-1], r"^PASSED: 1 .*\bengages\b.*\b2 of 79 ")
+        *_, verdict, page = printed.splitlines()
+        self.assertEqual(report[-1], verdict)
+        self.assertRegex(page, r"file:///.*/report\.html$")
+        self.assertNotIn("REQUIRED", printed)
+        self.assertIn(": mission lab_tour.xml; visitorBehaviour engages; failureRate 0; ",
+                      report[0])
+        seed = re.search(r"randomSeed \d+", report[0]).group()
+        self.assertLess(printed.index(seed), printed.index(report[0]),
+                        "it is told before the mission begins")
+        refused = [line.split("\t") for line in report if "\trefused\t" in line]
+        self.assertEqual([(line[1], line[3]) for line in refused], [
+            ("WelcomeSpeech", "/textToSpeech/say_text"),
+            ("PerformDeicticGesture", "/gestureExecution/perform_gesture")])
+
+    def test_a_mission_for_which_the_time_is_too_short(self):
+        code, printed, report = run_test("mission:=lab_tour", "scenario:=silent",
+                                         "failureRate:=0", "testTimeout:=8")[:3]
+        self.assertEqual(code, 3, printed)
+        self.assertRegex(report[-1], r"^CUT OFF: .*\b8 s.*testTimeout")
+        told = printed.index("so that the test may be cut off; set testTimeout:=")
+        self.assertLess(told, printed.index("a pass begins"), "it is told before the start")
+
+
 if __name__ == "__main__":
     rospy.init_node("test_verdict")
-    rostest.rosrun("unit_tests", "verdict", TestVerdict, sys.argv)
+    rostest.rosrun("unit_tests", "verdict", "__main__." + sys.argv[1], sys.argv)
