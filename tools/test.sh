@@ -9,9 +9,13 @@ REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 RESULTS="$BUILD/log/tests"
 
 main() {
-  local tier="not long" words="" places=""
+  # three for two cores: a test with ROS nodes mostly waits
+  local tier="not long" words="" places="" processes=$(($(nproc) * 3 / 2))
   case "${1:-}" in
-    --unit) tier="not long and not slow" places="test/unit unit_tests/test/unit"; shift ;;
+    --unit)
+      tier="not long and not slow" places="test/unit unit_tests/test/unit" processes="$(nproc)"
+      shift
+      ;;
     --long) tier="long"; shift ;;
   esac
   [ $# = 0 ] || words="$(printf ' or %s' "$@")"
@@ -22,8 +26,7 @@ main() {
   use_workspace
   cd "$REPOSITORY"
   [ "$tier" = long ] || rm -rf "$RESULTS"
-  # three for two cores: a test with ROS nodes mostly waits
-  run_tests "$tier and not timing" "${words# or }" -n $(($(nproc) * 3 / 2)) --dist worksteal $places
+  run_tests "$tier and not timing" "${words# or }" -n "$processes" --dist worksteal $places
   # of all the tests few measure time: their files alone are collected once more
   [ -n "$places" ] || run_tests "$tier and timing" "${words# or }" --reruns 2 \
     $(grep -rlE 'mark\.timing|measures time' --include='*.py' --include='*.test' test unit_tests/test)

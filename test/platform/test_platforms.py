@@ -10,11 +10,12 @@ from rostest_items import BUILD, OTHER_PYTHON, REPOSITORY
 ENGINE_AND_LEAVES = ["test/unit/test_{}.py".format(module) for module in (
     "blackboard", "codec", "conditions", "document", "leaves", "outcomes", "own_types", "ports",
     "py_trees", "recovery", "registry", "runner", "script", "tree", "values", "wakeup")]
-OF_ONE_PYTHON = ["test/unit/test_{}.py".format(name) for name in (
+OF_ONE_PYTHON = ["test_{}.py".format(name) for name in (
     "add_to_workspace", "architecture", "documents", "examples", "flawed_missions", "flawed_tours",
     "fuzz_missions", "no_false_alarm", "operators_guide", "page", "planted_mistakes",
     "receptionist", "report", "run_list", "situations", "tampered", "tasks")]
 """What reads files, looks at pages or draws many inputs for code that other files run as well."""
+PARTS = 4  # of the tests on the other interpreter, so that they run side by side
 LIMIT = 900.0  # seconds
 
 
@@ -44,6 +45,9 @@ def test_the_engine_and_the_leaves_on_the_other_python():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("folder", ["test/unit", "unit_tests/test/unit", "test/conformance"])
-def test_all_on_the_other_python(folder):
-    run_on_other(folder, *("--ignore=" + path for path in OF_ONE_PYTHON))
+@pytest.mark.parametrize("part", range(PARTS))
+def test_all_on_the_other_python(part):
+    files = [path for folder in ("test/conformance", "test/unit", "unit_tests/test/unit")
+             for path in sorted((REPOSITORY / folder).glob("test_*.py"))
+             if path.name not in OF_ONE_PYTHON]
+    run_on_other(*map(str, files[part::PARTS]))
