@@ -20,6 +20,7 @@ def run(folder, *options):
     return done.returncode, done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.skipif("ROS_PACKAGE_PATH" not in os.environ, reason="needs ROS")
 def test_what_fails_twice_is_named_with_its_first_line_and_the_place_of_the_output():
     code, text = run(REPOSITORY, "test/fixtures/rostest/planted.test", "-n", "1")

@@ -76,8 +76,8 @@ ALONE = ("no docstrings", "no home", "closed streams", "all streams closed", "fu
 """What cannot be together with the others, or has calls of its own."""
 
 
-@pytest.mark.parametrize("environment", [
-    "much at once", *(pytest.param(name, marks=pytest.mark.long) for name in ALONE)])
+@pytest.mark.long
+@pytest.mark.parametrize("environment", ["much at once", *ALONE])
 def test_no_program_shows_a_traceback(environment, tmp_path):
     record = str(recorded(tmp_path, visitor_who(says="no")))
     changes, before = ENVIRONMENTS[environment]
