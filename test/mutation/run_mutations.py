@@ -152,7 +152,8 @@ def break_samples(files: List[str], count: int, seeds: List[int], jobs: int) -> 
     """Break a sample of these modules for each seed, each job in a copy of its own. Return the exit
     code."""
     sources = [(path, _read(os.path.join(ROOT, path))) for path in files]
-    codes = []
+    # before the notes are read: with those in memory it takes minutes
+    samples, codes = [(seed, sample(sources, count, seed)) for seed in seeds], []
     with tempfile.TemporaryDirectory() as scratch, concurrent.futures.ThreadPoolExecutor(
             jobs) as pool:
         places = [os.path.join(scratch, str(number)) for number in range(jobs)]
@@ -162,10 +163,10 @@ def break_samples(files: List[str], count: int, seeds: List[int], jobs: int) -> 
             free.put(place)
         parts = list(pool.map(measure, places, dealt(jobs)))
         measured, failing = Reached(places), set().union(*parts)
-        for seed in seeds:
+        for seed, mutations in samples:
             judged = []
             for result in pool.map(lambda mutation: judge(free, mutation, measured, failing),
-                                   sample(sources, count, seed)):
+                                   mutations):
                 judged.append(result)
                 _show(result)
             print("seed {}: ".format(seed), end="")

@@ -255,7 +255,7 @@ def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
     assert changed() == {"mission", "statuses", "now", "blackboard", "values"}
     assert changed() == set()
     board.close()
-    assert changed() == {"now", "alive"}
+    assert changed() == {"now", "alive", "ready"} and not board.part("ready")["is_ready"]
     assert board.part("now")["ended"] == "the controller has stopped"
 
 

@@ -17,7 +17,8 @@ from behavior_controller.run.digest import Digest, EndedVisit, Outage
 from behavior_controller.run.record.files import FILE_NAME
 from behavior_controller.run.state import (
     BROKEN_OFF, COMPLETE, IN_PART, NO_REACTION, VISITOR_DECLINED, VISITOR_LEFT)
-from behavior_controller.run.statistics import Choice, FaultCount, NodeFigures, statistics
+from behavior_controller.run.statistics import (
+    Choice, FaultCount, NodeFigures, days_of, statistics)
 from behavior_controller.viewer import web_page
 from behavior_controller.viewer.board import Board
 from behavior_controller.viewer.run_index import INDEX, RunIndex, all_runs
@@ -121,6 +122,20 @@ def test_two_robots_at_once_serve_no_more_than_all_of_the_day():
     assert statistics(runs, Choice(robot="a")).runs == 1
 
 
+def test_two_runs_of_one_robot_at_once_serve_no_more_than_all_of_the_day():
+    first = Digest("tour", {}, NOON, NOON + 3600, "ended", unserved=((NOON, NOON + 900),))
+    second = Digest("tour", {}, NOON + 600, NOON + 3000, "ended", unserved=((NOON + 600,
+                                                                           NOON + 1200),))
+    day, = statistics([first, second]).days
+    assert (day.runs, day.served) == (2, pytest.approx(0.75))  # of the hour the first 15 minutes
+
+
+def test_a_run_that_cannot_be_read_is_of_no_day():
+    found = statistics([Digest(), Digest("tour", {}, NOON, NOON + 60, "ended")])
+    assert found.runs == 1 and [day.day for day in found.days] == ["2026-05-04"]
+    assert days_of([Digest()]) == []
+
+
 def test_the_fault_that_ended_most_visits_comes_first():
     run = Digest("tour", {}, NOON, NOON + 3600, "ended", (
         visit_at(NOON, COMPLETE, ["a", "b"]), visit_at(NOON, COMPLETE, ["b"]),
@@ -160,6 +175,16 @@ def marked(copy):
 
 def missions(copy):
     return [digest.mission for digest in listed_of(copy)]
+
+
+def test_a_run_with_a_line_that_cannot_be_read_is_not_called_killed(copy):
+    path = os.path.join(copy, sorted(os.listdir(copy))[1], FILE_NAME)
+    lines = Path(path).read_bytes().splitlines(True)
+    place = next(number for number, line in enumerate(lines) if b'"GoTo"' in line)
+    Path(path).write_bytes(b"".join(lines[:place] + [b"{}\n"] + lines[place:]))
+    listed = all_runs(copy)[1]
+    assert path in listed.trouble and listed.ending == listed.trouble
+    assert KILLED.outcome not in str(listed.digest)
 
 
 def test_a_run_is_read_once_and_again_when_it_has_grown(copy):
@@ -293,6 +318,8 @@ def listed_on_once(site, choice):
 @pytest.mark.slow
 def test_a_report_and_a_comparison_are_made_of_the_runs_in_the_list_alone(site, copy):
     runs = sorted(os.listdir(copy))
+    os.rename(os.path.join(copy, runs[0]), os.path.join(copy, runs[0] + "_hall.robot1"))
+    runs[0] += "_hall.robot1"  # of a robot in a namespace
     listed_on(site)
     report = fetched(site + "report/" + runs[0])
     assert report.startswith("<!DOCTYPE html>") and 'id="v8"' in report

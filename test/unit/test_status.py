@@ -16,6 +16,7 @@ import termios
 import threading
 import time
 import types
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -39,6 +40,7 @@ from behavior_controller.viewer.backlog import Backlog
 from behavior_controller.viewer.view import PARTS
 from mission_rig import (
     FileRecord, Rig, board_of, hanging, one_leaf, refusal, refusing, service_of, visitor_who)
+from page_rig import wait_until
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
                       "src")
@@ -697,6 +699,22 @@ def test_a_record_that_lags_is_shown_with_its_age(run, monkeypatch, capsys, age,
     shown, error = capsys.readouterr()
     assert shown.startswith("mission tour: ") and error == ""
     assert told in shown and ("what is shown may be old" in shown) is bool(told)
+
+
+@pytest.mark.slow
+def test_the_simulated_time_of_a_record_is_followed(tmp_path, monkeypatch):
+    """Else a clock that goes at half the computer's speed would make all old."""
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    monkeypatch.setattr(events, "_unix_at_zero", events._unix_at_zero)  # to be restored
+    with monkeypatch.context() as simulated:
+        simulated.setattr(events, "_ros_now", lambda: 1.0)
+        simulated.setattr(events, "_unix_at_zero", events._unix_at_zero - 5000.0)
+        with written_run("tour", 9) as record:
+            record(SignOfLife())
+            wait_until(lambda: b"SignOfLife" in Path(record.path).read_bytes())
+            simulated.undo()
+            done = command("--port", "9")
+    assert done.out.startswith("mission tour: ") and "may be old" not in done.out
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from behavior_controller.errors import MissionError
-from behavior_controller.run.events import Noticed
+from behavior_controller.run.events import KILLED, Noticed
 from behavior_controller.run.history import Run
 from behavior_controller.run.record import files, tail
 from behavior_controller.run.record.codec import encode, header
@@ -50,7 +50,7 @@ def test_a_line_is_read_when_it_is_whole_and_the_end_comes_with_that_of_the_writ
                             (second[10:-1], None), (b"\n" + third[:-1], events[1])):
             file.write(torn)
             assert event is None or following() == event
-    assert following() is None  # the writer was killed within a line
+    assert (following(), following()) == (KILLED, None)  # the writer was killed within a line
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_a_long_run_is_followed_from_file_to_file_also_when_the_oldest_go(tmp_pa
             record(event)
         assert [following() for _ in events] == events
     record.close()
-    assert following() is None
+    assert (following(), following()) == (KILLED, None)
     assert "mission.1.jsonl" not in os.listdir(os.path.dirname(record.path))
 
 

@@ -6,13 +6,15 @@ import shutil
 import pytest
 
 from behavior_controller.run.events import (
-    KILLED, Answered, Asked, Line, SafePart, SafeStateReported, StepStarted)
+    KILLED, MISSING, READY, Answered, Asked, Checked, Line, SafePart, SafeStateReported,
+    StepStarted)
 from behavior_controller.run.fold import fold
 from behavior_controller.run.history import Run
 from behavior_controller.run.state import BROKEN_OFF, State
 from behavior_controller.run.moment import left_running
+from behavior_controller.run.readiness import is_ready, readiness
 from behavior_controller.run.record import files, unended
-from behavior_controller.run.record.tail import RunTail
+from behavior_controller.run.record.tail import RunTail, follow
 from behavior_controller.run.record.unended import may_be_live
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.robot.gateway import Cause, Failure
@@ -53,6 +55,23 @@ def test_a_run_that_was_killed_in_a_drive(tmp_path, killed_run):
     assert said.startswith("the robot may be live: may still be driving to ")
     assert killed_run in said
     assert "keep the stop button at hand" in said and "\n" not in said
+
+
+def test_a_name_like_that_of_the_end_is_no_end(tmp_path, killed_run):
+    said = may_be_live(str(tmp_path))
+    with open(killed_run, "rb+") as file:
+        data = file.read().replace(b'"Navigate"', b'"RunFinished"')
+        assert data.count(b'"RunFinished"') > 1
+        file.seek(0)
+        file.write(data)
+    assert may_be_live(str(tmp_path)) == said != ""
+
+
+def test_nothing_is_ready_after_it(killed_run):
+    assert is_ready(readiness(State(checks={"m": Checked("mission", "m", READY)})))
+    state = Run(follow(killed_run)).state
+    first = readiness(state)[0]
+    assert (first.kind, first.state) == ("run", MISSING) and not is_ready(readiness(state))
 
 
 def test_its_story_and_its_visit_say_that_the_record_has_no_end(killed_run):

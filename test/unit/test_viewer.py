@@ -21,7 +21,8 @@ import pytest
 import zmq
 
 from behavior_controller.run.events import (
-    Asked, BreakpointChanged, Line, Noticed, RunFinished, SignOfLife, unix_at, use_clock_of)
+    Asked, BreakpointChanged, Line, Noticed, RunFinished, SignOfLife, clock_shift,
+    follow_simulated_time, unix_at, unix_now, use_clock_of)
 from behavior_controller.run.record import files
 from behavior_controller.run.record.codec import encode, header
 from behavior_controller.robot.requests import GoTo, Location
@@ -378,6 +379,19 @@ def test_a_clock_that_was_set_after_the_start_of_the_node_makes_nothing_old(tmp_
             wait_until(lambda: state() and json.loads(state())["alive"]["age"] is not None, 20.0)
             wait_until(lambda: json.loads(state())["alive"]["age"] < 60.0, 2.0)
         record.close()
+    finally:
+        use_clock_of(own)
+
+
+def test_simulated_time_is_followed_and_changes_no_time_of_day():
+    own = unix_at(0.0)
+    try:
+        for at in (5000.0, 5010.0):  # ten times as fast as the computer's
+            follow_simulated_time(Line(at, SignOfLife({}), at, 5000.0))
+            assert unix_now() == pytest.approx(at, abs=0.5) and clock_shift() == 0
+        for line in (Line(7000.0, SignOfLife({})), Line(7000.0, Noticed("info", ""), 1.0, 1.0)):
+            follow_simulated_time(line)
+            assert unix_now() == pytest.approx(5010.0, abs=0.5)
     finally:
         use_clock_of(own)
 

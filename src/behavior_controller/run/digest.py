@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from behavior_controller.folders import mission_name
 from behavior_controller.run import story
-from behavior_controller.run.events import KILLED, Line
+from behavior_controller.run.events import Line
 from behavior_controller.run.fold import fold
 from behavior_controller.run.health import GONE, NEW, SLOW
 from behavior_controller.run.state import BROKEN_OFF, LeafFailure, State, Visit
@@ -114,12 +114,9 @@ class Digester:
         elif not serves(state) and since is None:
             self._unserved_since = state.at
 
-    def digest(self, is_over: bool) -> Digest:
-        """Return the run up to now. ``is_over``: no further line comes, also without an end."""
-        if is_over and self._state.finished is None:
-            self.take(Line(self._state.at, KILLED))
-        state = self._state
-        unserved = list(self._unserved)
+    def digest(self) -> Digest:
+        """Return the run up to now."""
+        state, unserved = self._state, list(self._unserved)
         if self._unserved_since is not None:
             unserved.append((self._unserved_since, state.at))
         settings = {name: str(value) for name, value in state.start.settings.items()}

@@ -531,11 +531,13 @@ def other_times() -> "Tuple[Optional[float], Optional[float]]":
     return (None, None) if _ros_now is None else (_ros_now(), computer_now())
 
 
-def use_clock_of(unix_at_zero: float) -> None:
+def use_clock_of(unix_at_zero: float, is_simulated: bool = False) -> None:
     """Have ``unix_now`` follow another process of this computer, for which it is this time when
-    the monotonic clock is 0."""
+    the monotonic clock is 0; for a moment, if its mission's time is simulated."""
     global _unix_at_zero, _computer_at_zero
-    _unix_at_zero = _computer_at_zero = unix_at_zero
+    _unix_at_zero = unix_at_zero
+    if not is_simulated:
+        _computer_at_zero = unix_at_zero
 
 
 def clock_shift() -> int:
@@ -552,6 +554,13 @@ class Line(Struct, frozen=True, omit_defaults=True):
     event: Event
     ros: Optional[float] = None
     computer: Optional[float] = None
+
+
+def follow_simulated_time(line: Line) -> None:
+    """Have ``unix_now`` go on from the newest line, if it is of simulated time and a sign of life:
+    nothing else tells how far that time is."""
+    if line.computer is not None and isinstance(line.event, SignOfLife):
+        use_clock_of(line.time - time.monotonic(), is_simulated=True)
 
 
 class Events:

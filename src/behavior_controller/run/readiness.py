@@ -26,9 +26,10 @@ class ReadyRow(Struct, frozen=True):
     text: str
 
 
-def readiness(state: State) -> List[ReadyRow]:
-    """Return the parts in the order in which they were looked at."""
-    return list(_rows(state))
+def readiness(state: State, is_over: bool = False) -> List[ReadyRow]:
+    """Return the parts in the order in which they were looked at. ``is_over``: the controller has
+    ended, even if the run does not say so."""
+    return list(_rows(state, is_over or state.finished is not None))
 
 
 def is_ready(rows: List[ReadyRow]) -> bool:
@@ -36,8 +37,8 @@ def is_ready(rows: List[ReadyRow]) -> bool:
     return bool(rows) and not any(row.state in UNREADY for row in rows)
 
 
-def _rows(state: State) -> Iterator[ReadyRow]:
-    if state.finished is not None:
+def _rows(state: State, is_over: bool) -> Iterator[ReadyRow]:
+    if is_over:
         yield ReadyRow("run", "controller", MISSING, "it has ended: start it again")
     elif state.started is None and state.starting:
         yield ReadyRow("run", "controller", AWAITED, state.starting)

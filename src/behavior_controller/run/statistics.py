@@ -1,6 +1,7 @@
 """What many runs have in common: results of visits, causes, nodes that fail, and days."""
 import collections
 import functools
+import math
 import time
 from typing import Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
@@ -70,8 +71,13 @@ class Statistics(Struct, frozen=True):
 
 
 def day_of(at: float) -> str:
-    """Return the day of a time in Unix seconds."""
-    return _day_of_quarter(int(at // _QUARTER))
+    """Return the day of a time in Unix seconds; empty if it is not known."""
+    return _day_of_quarter(int(at // _QUARTER)) if at else ""
+
+
+def time_of(at: float) -> str:
+    """Return the time of day of a time in Unix seconds; empty if it is not known."""
+    return time.strftime("%H:%M:%S", time.localtime(at)) if at else ""
 
 
 _QUARTER = 900
@@ -147,21 +153,32 @@ def _day_figures(digests: List[Digest], visits: List[EndedVisit]) -> Iterator[Da
 def _served(runs: List[Tuple[Digest, Period]]) -> float:
     """Return the share of a day, given its runs and their times; of each robot by itself."""
     opened: Dict[str, List[Period]] = collections.defaultdict(list)
-    served = 0.0
+    served: Dict[str, List[Period]] = collections.defaultdict(list)
     for digest, (began, ended) in runs:
         opened[digest.robot].append((began, ended))
-        lost = sum(max(0.0, min(last, ended) - max(first, began))
-                   for first, last in digest.unserved)
-        served += ended - began - lost
+        for first, last in sorted(digest.unserved):
+            served[digest.robot].append((began, min(first, ended)))
+            began = max(began, last)
+        served[digest.robot].append((began, ended))
     whole = sum(max(ended for _, ended in periods) - min(began for began, _ in periods)
                 for periods in opened.values())
-    return served / whole if whole > 0.0 else 0.0
+    return sum(map(_length, served.values())) / whole if whole > 0.0 else 0.0
+
+
+def _length(periods: List[Period]) -> float:
+    """Return the time that is in at least one of the periods."""
+    length, until = 0.0, -math.inf
+    for began, ended in sorted(periods):
+        length += max(0.0, ended - max(began, until))
+        until = max(until, ended)
+    return length
 
 
 def _days(period: Period) -> Iterator[Tuple[str, Period]]:
-    """Yield each day of a period, with the part of it in that day."""
+    """Yield each day of a period, with the part of it in that day; none of a run that could not be
+    read."""
     began, ended = period
-    while True:
+    while began:
         now = time.localtime(began)
         midnight = time.mktime((now.tm_year, now.tm_mon, now.tm_mday + 1, 0, 0, 0, 0, 0, -1))
         yield day_of(began), (began, min(ended, midnight))

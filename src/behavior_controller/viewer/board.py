@@ -34,7 +34,7 @@ class Board(View):
         """Note that the controller ends."""
         self.refresh()
         self.stopped = CONTROLLER_STOPPED
-        self._touch("now", "alive")
+        self._touch("now", "alive", "ready")
 
     def refresh(self) -> None:
         """Process what has happened: events, and time that passes."""

@@ -12,10 +12,10 @@ from msgspec import Struct
 
 from behavior_controller.errors import BehaviorControllerError, MissionError
 from behavior_controller.run.digest import EndedVisit
-from behavior_controller.run.statistics import Choice, Statistics, day_of, days_of, statistics
+from behavior_controller.run.statistics import (
+    Choice, Statistics, day_of, days_of, statistics, time_of)
 from behavior_controller.viewer.parting import Parting, parting, visit_rows
 from behavior_controller.viewer.run_index import Listed, RunIndex
-from behavior_controller.viewer.view import clock
 
 NEWEST = 200
 """Number of visits that are sent at once."""
@@ -172,7 +172,7 @@ async def on_a_thread(function: Callable[[], Result]) -> Result:
 
 
 def _visit_row(listed: Listed, visit: EndedVisit) -> VisitRow:
-    return VisitRow(listed.name, visit.number, day_of(visit.began), clock(visit.began),
+    return VisitRow(listed.name, visit.number, day_of(visit.began), time_of(visit.began),
                     listed.digest.mission, listed.digest.robot, visit.result, visit.words,
                     visit.seconds, visit.faults)
 
@@ -180,5 +180,5 @@ def _visit_row(listed: Listed, visit: EndedVisit) -> VisitRow:
 def _run_row(listed: Listed) -> RunRow:
     digest = listed.digest
     return RunRow(listed.name, digest.mission, digest.robot, day_of(digest.began),
-                  clock(digest.began), clock(digest.ended), len(digest.visits), listed.ending,
+                  time_of(digest.began), time_of(digest.ended), len(digest.visits), listed.ending,
                   not listed.trouble)

@@ -16,7 +16,7 @@ from tornado.netutil import bind_sockets
 
 from behavior_controller import exit_codes, folders, ros_arguments
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.run.events import Line, SignOfLife, use_clock_of
+from behavior_controller.run.events import Line, follow_simulated_time, use_clock_of
 from behavior_controller.run.from_viewer import (
     FromViewer, HookChange, ViewerAlive, ViewerTold, encode)
 from behavior_controller.viewer.board import Board
@@ -106,9 +106,8 @@ class Viewer:
         self._page.show(self._new_board())
 
     def take(self, line: Line) -> None:
-        """Show the next event. Of simulated time only signs of life tell how far it is."""
-        if line.ros is not None and isinstance(line.event, SignOfLife):
-            use_clock_of(line.time - time.monotonic())
+        """Show the next event."""
+        follow_simulated_time(line)
         if self._page.is_served:
             self._lines.append(line)
         self._groot2.take(line)

@@ -63,10 +63,11 @@ class _Reading:
             if not self.trouble:
                 for line in self._tail.news():
                     self._digester.take(line)
+                for line in [] if goes_on else self._tail.missing_end():
+                    self._digester.take(line)
         except BehaviorControllerError as error:
             self.trouble = str(error)
-        return Listed(_name(self.path), bytes_read, self._digester.digest(not goes_on),
-                      self.trouble, goes_on)
+        return Listed(_name(self.path), bytes_read, self._digester.digest(), self.trouble, goes_on)
 
 
 class RunIndex:

@@ -51,7 +51,7 @@ class _Report(_OfRuns):
             return
 
 
-_RUN = r"([0-9A-Za-z_-]{1,80})"
+_RUN = r"([0-9A-Za-z_.-]{1,255})"
 _NUMBER = r"([0-9]{1,9})"
 
 ROUTES: List[Tuple[str, Any]] = [

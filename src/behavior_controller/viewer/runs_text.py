@@ -2,10 +2,9 @@
 from typing import Iterator, List, Sequence
 
 from behavior_controller.run.state import BROKEN_OFF, COMPLETE, IN_PART
-from behavior_controller.run.statistics import NodeFigures, statistics
+from behavior_controller.run.statistics import NodeFigures, statistics, time_of
 from behavior_controller.text import clean, count, joined
 from behavior_controller.viewer.run_index import Listed
-from behavior_controller.viewer.view import clock
 
 
 def text_lines(listed: Sequence[Listed]) -> Iterator[str]:
@@ -57,6 +56,6 @@ def _table(head: List[str], rows: List[List[object]]) -> Iterator[str]:
 
 def _run(listed: Listed) -> str:
     digest = listed.digest
-    facts = joined(", ", digest.mission, f"{clock(digest.began)} to {clock(digest.ended)}",
+    facts = joined(", ", digest.mission, joined(" to ", time_of(digest.began), time_of(digest.ended)),
                    count(len(digest.visits), "visit"), listed.ending)
     return clean(f"{listed.name}  {facts}")

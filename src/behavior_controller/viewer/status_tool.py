@@ -26,7 +26,7 @@ from behavior_controller import exit_codes, folders, ros_arguments
 from behavior_controller.errors import MissionError
 from behavior_controller.folders import mission_name
 from behavior_controller.run.events import (
-    AWAITED, DOUBTFUL, HANGS, MISSING, READY, unix_now, use_clock_of)
+    AWAITED, DOUBTFUL, HANGS, MISSING, READY, follow_simulated_time, unix_now, use_clock_of)
 from behavior_controller.run.readiness import UNTRIED
 from behavior_controller.run.moment import card_line
 from behavior_controller.run.record import files
@@ -244,6 +244,7 @@ def _of_record(address: str, port: int, robot: str, oldest: float) -> Iterator[V
             newest = 1 if os.path.getsize(files.parts(path)[-1]) >= ENOUGH_BYTES else 2
             for line in follow(path, newest):
                 if line is not None:
+                    follow_simulated_time(line)
                     view.take(line.time, line.event)
                     continue
                 is_shown = _age(view.state) < oldest and _is_wanted(view.state, page, robot)
@@ -268,14 +269,16 @@ def _of_viewer(address: str, port: int) -> Iterator[View]:
     answer = connection.getresponse()
     if answer.status != http.client.OK:
         raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
-    view, decoder = View(), Decoder(f"{address}:{port}")
+    view, decoder, is_simulated = View(), Decoder(f"{address}:{port}"), False
     for text in iter(lambda: _line(answer), b""):
         batch = msgspec.json.decode(text, type=Batch)
         if batch.is_first:
             view, decoder = View(), Decoder(f"{address}:{port}")
-        use_clock_of(batch.at - time.monotonic())
         for _ in range(batch.lines):
-            view.extend(decoder.read(_line(answer)))
+            new = list(decoder.read(_line(answer)))
+            is_simulated = is_simulated or any(line.computer is not None for line in new)
+            view.extend(new)
+        use_clock_of(batch.at - time.monotonic(), is_simulated)
         view.stopped = batch.stopped
         yield view
 

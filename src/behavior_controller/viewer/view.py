@@ -2,7 +2,6 @@
 """
 import collections
 import contextlib
-import time
 from typing import Any, Deque, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 import msgspec
@@ -18,6 +17,7 @@ from behavior_controller.viewer.values import VisitValues
 from behavior_controller.run import story
 from behavior_controller.run.moment import card, robot_line
 from behavior_controller.run.readiness import is_ready, readiness
+from behavior_controller.run.statistics import time_of
 from behavior_controller.text import clean, joined
 
 SENTENCES = 100
@@ -209,7 +209,7 @@ class View(story.Story):
         return {name: _offer(name, kind, state.robot.trouble(name)) for name, kind in names.items()}
 
     def ready(self) -> parts.Ready:
-        rows = readiness(self.state)
+        rows = readiness(self.state, bool(self.stopped))
         return parts.Ready(rows, is_ready(rows))
 
     def health(self) -> Dict[str, parts.Offer]:
@@ -270,7 +270,7 @@ VALUES = ("robot", "said", "visits", "entries", "tree")
 
 def clock(at: float) -> str:
     """Return the time of day of an event, as sentences show it."""
-    return time.strftime("%H:%M:%S", time.localtime(at + clock_shift()))
+    return time_of(at + clock_shift())
 
 
 def _row(uid: int, node: TreeNode) -> parts.NodeRow:

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.config import settings
 from behavior_controller.run.events import (
-    Asked, LeafFinished, RunStarted, TreeShown)
+    KILLED, Asked, LeafFinished, RunFinished, RunStarted, TreeShown)
 from behavior_controller.run.history import Run
 from behavior_controller.robot.requests import Say
 from behavior_controller.simulation.faults import KINDS
@@ -260,6 +260,15 @@ def test_the_page_marks_the_point_of_difference_in_the_story():
     page = shown.page()
     assert page.count("Here the run differs. pass 1") >= 1
     assert Report(of_test._replace(run=Run()), "title").page() == ""
+
+
+def test_the_page_of_a_controller_that_was_killed_says_so():
+    of_test = facts()
+    cut = Run(line for line in of_test.run.lines if not isinstance(line.event, RunFinished))
+    killed = of_test._replace(run=cut, exit_code=-9)
+    assert KILLED.outcome in Report(killed, "title").page()
+    for other in (of_test, killed._replace(exit_code=None)):
+        assert KILLED.outcome not in Report(other, "title").page()
 
 
 # ---------------------------------------------------------------------------------------- the table

@@ -6,7 +6,7 @@ from typing import Iterator, List
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
 from behavior_controller.run import events
-from behavior_controller.run.record.files import FILE_NAME, is_further, runs
+from behavior_controller.run.record.files import FILE_NAME, runs
 from behavior_controller.run.record.tail import RunTail, is_under_way
 
 LATEST = "latest"
@@ -48,11 +48,8 @@ def read_record(path: str) -> List[events.Line]:
 
 def stream_record(path: str) -> Iterator[events.Line]:
     """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
-    goes_on, time = is_further(path) or is_under_way(path), 0.0
-    tail = RunTail(path)
-    for line in tail.news():
-        goes_on, time = goes_on or isinstance(line.event, events.RunFinished), line.time
-        yield line
+    goes_on, tail = is_under_way(path), RunTail(path)
+    yield from tail.news()
     tail.finish()
     if not goes_on:
-        yield events.Line(time, events.KILLED)
+        yield from tail.missing_end()

@@ -4,9 +4,9 @@ import time
 from typing import Dict, Iterator, Optional
 
 from behavior_controller.errors import MissionError
-from behavior_controller.run.events import Line, use_clock_of
+from behavior_controller.run.events import KILLED, Line, RunFinished, use_clock_of
 from behavior_controller.run.record.codec import Decoder
-from behavior_controller.run.record.files import is_written, parts
+from behavior_controller.run.record.files import is_further, is_written, parts
 from behavior_controller.text import Unreadable, read_bytes
 
 LARGEST_FILE = 50_000_000
@@ -31,6 +31,7 @@ def follow(path: str, newest: int = 0) -> Iterator[Optional[Line]]:
             tail.use_clock()
             yield None
             time.sleep(TAIL_POLL)
+    yield from tail.missing_end()
 
 
 def is_under_way(path: str) -> bool:
@@ -50,6 +51,7 @@ class RunTail:
         self._path, self._newest = path, newest
         self._places: Dict[str, int] = {}  # bytes that were read of each file, in their order
         self._decoder: Optional[Decoder] = None  # of the last one
+        self._has_end, self._time = is_further(path), 0.0  # of its last line
 
     def news(self) -> Iterator[Line]:
         """Yield the lines that were added since the last call. Raises MissionError if a file cannot
@@ -68,7 +70,15 @@ class RunTail:
                 self._decoder = Decoder(file, self._decoder, is_late)
                 is_late = False
             assert self._decoder is not None
-            yield from self._decoder.read_all(self._added(file))
+            for line in self._decoder.read_all(self._added(file)):
+                self._has_end, self._time = self._has_end or isinstance(
+                    line.event, RunFinished), line.time
+                yield line
+
+    def missing_end(self) -> Iterator[Line]:
+        """Yield an end if nobody writes the run any more, and its last file does not have one."""
+        if self._time and not self._has_end:
+            yield Line(self._time, KILLED)
 
     def finish(self) -> None:
         """Raise MissionError if there is no mission in what was read."""

@@ -31,7 +31,7 @@ def may_be_live(place: str, robot: str = "") -> str:
     last = files.parts(newest[0])[-1]
     with open(last, "rb") as file:
         file.seek(max(0, os.path.getsize(last) - END_BYTES))
-        if RunFinished.__name__.encode() in file.read():
+        if b'"_type":"%b"' % RunFinished.__name__.encode() in file.read():
             return ""
     try:
         said = moment.left_running(_end(newest[0]))

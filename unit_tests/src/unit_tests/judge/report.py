@@ -9,7 +9,8 @@ from xml.etree import ElementTree
 
 from behavior_controller.config import settings
 from behavior_controller.config.config_file import to_text, values_of
-from behavior_controller.run.events import LeafFinished, Line, Noticed, PassFinished, Recovered
+from behavior_controller.run.events import (
+    KILLED, LeafFinished, Line, Noticed, PassFinished, Recovered)
 from behavior_controller.run.state import LEFT_OUT, State
 from behavior_controller.viewer.report import ShownVerdict, to_html
 from behavior_controller.run.story import sentences, why
@@ -181,10 +182,12 @@ class Report:
         if self._run.state.started is None:
             return ""
         shown = [self._title, "", *self.visitors, "", *table(self.rows, self._began)]
-        lines, execution = list(self._run.lines), self.verdict.execution
+        lines, facts, execution = list(self._run.lines), self.verdict.facts, self.verdict.execution
         if execution.difference:
             what = "Here the run differs. " + clean(execution.difference)
             lines.append(Line(execution.differs_at, Noticed("error", what)))
+        if facts.exit_code is not None and self._run.state.finished is None:
+            lines.append(Line(self._run.state.at, KILLED))
         judged = ShownVerdict(self.verdict.word, self.verdict.sentences, shown)
         return to_html(sorted(lines, key=lambda line: line.time), judged, COMMAND)
 
