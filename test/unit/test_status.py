@@ -666,6 +666,7 @@ def test_of_several_robots_the_one_that_is_named_is_shown(run, arguments, shown)
 
 @pytest.mark.slow
 def test_a_record_that_cannot_be_read_hides_no_other(run):
+    status_until("tour: running", "--port", "9")
     with written_run("other", 9) as newer:
         status_until("mission other", "--port", "9")
         with open(newer.path, "ab") as file:
