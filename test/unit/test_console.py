@@ -262,6 +262,16 @@ def test_an_internal_error_is_told_where_its_details_cannot_be_kept(
         "behaviorController: internal error (ValueError: even)"]
 
 
+def test_the_details_of_an_internal_error_are_in_a_file_of_their_own_without_a_log_file(
+        told, console, monkeypatch, tmp_path):
+    monkeypatch.setattr(module.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])
+    console.report_internal_error(ValueError("odd"))
+    console.drain(5)
+    file, = tmp_path.iterdir()
+    assert str(file) in told[0] and "ValueError: odd" in file.read_text()
+
+
 def test_what_another_node_answers_is_one_line():
     assert str(Trouble(Cause.HANDLER_EXCEPTION, ODD)).isprintable()
 

@@ -112,6 +112,18 @@ def test_a_thread_is_blocked_that_neither_waits_nor_goes_on(moments, is_blocked)
     assert elsewhere(watch.blocking) == "the tick thread has not reacted"
 
 
+def test_a_thread_is_blocked_only_if_it_stays_there_for_that_long(monkeypatch):
+    moments = [1.0, 1.0]
+
+    def sleep(seconds):
+        assert seconds == 0.5 and len(moments) == 1  # between two looks
+        moments[0] = 2.0
+
+    monkeypatch.setattr(blocked_tick, "time", SimpleNamespace(sleep=sleep))
+    watch = BlockedTickMonitor(SimpleNamespace(moment=lambda: moments.pop()), pytest.fail)
+    assert not watch.is_blocked(0.5) and not moments
+
+
 def test_a_thread_that_waits_for_an_event_is_not_blocked():
     rig = one_leaf("<AlwaysSuccess/>")
     assert Runner(Running(rig.tree, rig.mission, "m.xml", 1), lambda: False).moment() is None

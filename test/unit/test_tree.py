@@ -439,6 +439,13 @@ def test_a_tree_wants_a_tick_while_the_next_one_differs(body, wanted):
         assert tree.tick_once() is RUNNING and tree.is_tick_wanted is wanted
 
 
+def test_a_condition_that_stays_as_it_was_asks_for_no_tick():
+    tree = load("<WhileDoElse><AlwaysSuccess/><Sleep msec='9000'/></WhileDoElse>")
+    for _ in range(2):
+        assert tree.tick_once() is RUNNING
+    assert not tree.is_tick_wanted
+
+
 def test_a_timer_of_a_node_wakes_the_tree():
     registry = Registry([*builtin_specs(), NodeSpec("Waits", Kind.ACTION, Waits)])
     tree = load("<Waits/>", registry=registry)
