@@ -696,6 +696,19 @@ def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, code):
     assert found == [(3, 1, code)] * (code is not None)
 
 
+@pytest.mark.parametrize("text, code, told", [
+    ("3", "n := n - 1", ""), ("3", "n := n * 2", ""), ("3", "n := (3 > 2)", ""),
+    ("3", "m := 4; n += -m", ""), ("3", "n := -0x10", ""), ("3", "n := 1e3", ""),
+    ("3", "n := -2.5", "n := -2.5 gives an integer a fraction"),
+    ("3", "n -= 1e-3", "n -= 1e-3 gives an integer a fraction"), ("3.5", "n := -2.5", ""),
+    ("so on", "n := 2 * 3", "n := … changes a text to a number")])
+def test_a_script_may_change_a_literal_within_its_kind(text, code, told):
+    found = faults('<SubTree ID="Sub" n="{}"/>'.format(text),
+                   tree("Sub", '<Script code="{}"/>'.format(code)))
+    assert [fault.code for fault in found] == ["literal-in-script"] * bool(told)
+    assert all(told in fault.text for fault in found)
+
+
 def test_a_literal_that_a_subtree_only_writes_is_read_by_no_port():
     assert warnings('<SubTree ID="Sub" x="so on"/>', tree("Sub", '<Aim to="{x}"/>')) == []
 

@@ -10,7 +10,7 @@ from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.engine.possible_results import SUCCEEDS
 from behavior_controller.bt.script.parser import NO_FUNCTIONS, Assignment, Operand, Operation
 from behavior_controller.bt.values.status import BY_NAME
-from behavior_controller.bt.values.values import GENERIC, TEXT
+from behavior_controller.bt.values.values import GENERIC, TEXT, whole_real
 from behavior_controller.text import did_you_mean
 
 FOREIGN_WORDS = {
@@ -220,13 +220,14 @@ def _with_literal(facts: MissionFacts, use: Use, name: str,
 def _wrong_value(assignment: Assignment, literal: Literal) -> Iterator[Tuple[str, str]]:
     """Yield what is wrong with a value that is assigned to an entry which holds a literal."""
     kind, word = literal_kind(assignment.value), assignment.value.word
-    sets, said = assignment.sign in (":=", "="), f"{assignment.name} {assignment.sign} {word}"
+    sets = assignment.sign in (":=", "=")
+    said, real = f"{assignment.name} {assignment.sign} {word or '…'}", whole_real(word)
     if sets and kind == "number" and literal.kind != "number":
         yield f"{said} changes a text to a number", "the first value decides the kind of an entry"
     elif sets and kind == "text" and literal.kind == "number":
         yield f"{said} changes a number to a text", "the first value decides the kind of an entry"
     elif assignment.sign in (":=", "=", "+=", "-=") and kind == "number" and (
-            not word.isalnum() and not float(word).is_integer()
+            real is not None and not real.is_integer()
             and ports.subtree_literal(literal.text)[0] in ("int", "int64")):
         yield f"{said} gives an integer a fraction", f"write {assignment.name}=\"{literal.text}.0\""
 
