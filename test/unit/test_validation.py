@@ -350,6 +350,45 @@ def test_trees_are_found_in_the_files_beside_only_when_asked(file):
         "node type (taken as stubs): FixtureDrive"]
 
 
+def test_a_mission_that_lends_trees_to_another_is_judged_itself(file, tmp_path):
+    file("a.xml", TREE.format("A", '<SubTree ID="Common"/>'))
+    main = TREE.format("B", '<Sequence><SubTree ID="Common"/><Slep/></Sequence>')
+    file("b.xml", main, TREE.format("Common", LEAF))
+    assert said(str(tmp_path), in_folder=True) == [
+        "a.xml: can be run, 2 nodes, 0 warnings", "b.xml: 1 error"]
+    assert told(str(tmp_path), in_folder=True) == [("b.xml", 2, "unknown-node")]
+    file("b.xml", TREE.format("B", LEAF), TREE.format("Common", LEAF))
+    assert said(str(tmp_path), in_folder=True)[1] == "b.xml: can be run, 1 node, 0 warnings"
+    file("b.xml", TREE.format("Common", LEAF))
+    assert said(str(tmp_path), in_folder=True)[1] == "b.xml: a part of a.xml"
+
+
+def test_a_mission_by_its_main_tree_is_judged_itself_though_all_its_trees_are_lent(file, tmp_path):
+    file("a.xml", TREE.format("A", '<SubTree ID="B"/>'))
+    (tmp_path / "b.xml").write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="B">' + TREE.format("B", LEAF) + "</root>")
+    assert said(str(tmp_path), in_folder=True)[1] == "b.xml: can be run, 1 node, 0 warnings"
+
+
+def test_each_tree_that_no_other_takes_from_a_library_is_a_main_tree(file, tmp_path):
+    file("a.xml", TREE.format("A", '<Sequence><SubTree ID="C"/><SubTree ID="Own"/></Sequence>'),
+         TREE.format("Own", LEAF))
+    lent = TREE.format("C", '<SubTree ID="D"/>') + TREE.format("D", LEAF)
+    file("lib.xml", lent, TREE.format("E", LEAF), TREE.format("F", LEAF))
+    assert said(str(tmp_path), in_folder=True) == [
+        "a.xml: can be run, 6 nodes, 0 warnings",
+        "lib.xml: can be run from each of E, F, 2 nodes, 0 warnings"]
+    file("lib.xml", lent, TREE.format("Own", "<Slep/>"))  # which a.xml does not take
+    assert told(str(tmp_path), in_folder=True) == [("lib.xml", 3, "unknown-node")]
+
+
+def test_a_tree_is_taken_from_the_file_of_its_caller_before_others(file):
+    path = file("m.xml", TREE.format("M", '<SubTree ID="A"/>'))
+    file("first.xml", TREE.format("B", "<Slep/>"))
+    file("second.xml", TREE.format("A", '<SubTree ID="B"/>'), TREE.format("B", LEAF))
+    assert said(path, in_folder=True) == ["m.xml: can be run, 3 nodes, 0 warnings"]
+
+
 def test_a_file_of_a_ros_package_is_included(file, tmp_path, monkeypatch):
     file("src/deep/robot/trees/part.xml", TREE.format("A", LEAF))
     (tmp_path /

@@ -101,22 +101,20 @@ class Validation:
         """Yield a judgement for the configuration if it is faulty, then for each file; a folder
         means all its files, and a name a mission of a data folder."""
         yield from (Judgement(file, faults) for file, faults in self._configuration.items())
-        files: Dict[str, Union[Judgement, List[Document]]] = {}
-        for path in self.palettes:
-            files[path] = self._read(path)
-        for path in paths:
-            try:
-                for file in expanded(named(path)):
-                    files[file] = self._read(file)
-            except ConfigurationError as error:
-                files[path] = Judgement(path, [fault._replace(
-                    file=path, code=rules.UNREADABLE_FILE.code) for fault in error.faults])
+        files = self._files(paths)
         missions = {path: read_one for path, read_one in files.items()
                     if not isinstance(read_one, Judgement)}
-        parts = _parts(missions)
+        whole = missions
+        if self.in_folder:
+            whole = {path: _completed(documents) for path, documents in missions.items()}
+        self.files.update(document.file for documents in whole.values() for document in documents)
+        taken = _taken(missions, whole)
+        parts = {path: owner for path, owner in _parts(whole).items()
+                 if _is_taken(missions[path][-1], taken[path])}
+        parts.update(_parts(missions))
         palettes = [documents[-1] for path, documents in missions.items()
                     if is_palette(documents) or path in self.palettes]
-        has_main = any(self.main in _trees(documents) for documents in missions.values())
+        has_main = any(self.main in _trees(documents) for documents in whole.values())
         for path, read_one in files.items():
             if isinstance(read_one, Judgement):
                 yield read_one
@@ -125,8 +123,21 @@ class Validation:
             elif is_palette(read_one):
                 yield self._palette(path, read_one)
             elif path not in self.palettes:
-                main = self.main if not has_main or self.main in _trees(read_one) else None
-                yield self._mission(path, read_one, palettes, main)
+                main = self.main if not has_main or self.main in _trees(whole[path]) else None
+                yield self._mission(path, whole[path], palettes, main, taken[path])
+
+    def _files(self, paths: Iterable[str]) -> Dict[str, Union[Judgement, List[Document]]]:
+        """Return the documents of each mission and palette, a file after all that it includes; of
+        any other file what is wrong."""
+        files = {path: self._read(path) for path in self.palettes}
+        for path in paths:
+            try:
+                for file in expanded(named(path)):
+                    files[file] = self._read(file)
+            except ConfigurationError as error:
+                files[path] = Judgement(path, [fault._replace(
+                    file=path, code=rules.UNREADABLE_FILE.code) for fault in error.faults])
+        return files
 
     def _read(self, path: str) -> Union[Judgement, List[Document]]:
         """Return the documents of a mission or a palette; of any other file what is wrong."""
@@ -138,13 +149,9 @@ class Validation:
         if knowledge is not None:
             return Judgement(path, knowledge)
         try:
-            documents = with_includes(read(path))
-            if self.in_folder:
-                documents = _completed(documents)
+            return with_includes(read(path))
         except MissionError as error:
             return Judgement(path, self._reported(error.faults))
-        self.files.update(document.file for document in documents)
-        return documents
 
     def _reported(self, faults: Iterable[Fault]) -> List[Fault]:
         return [fault for fault in dict.fromkeys(faults) if not fault.is_warning
@@ -162,7 +169,7 @@ class Validation:
         return Judgement(path, self._reported(faults), palette=len(list(models(documents))))
 
     def _mission(self, path: str, documents: List[Document], palettes: List[Document],
-                 main: Optional[str]) -> Judgement:
+                 main: Optional[str], taken: Set[str]) -> Judgement:
         registry = leaves.registry()
         specs, faults = stubs(documents + palettes, registry)
         used = set(used_types(documents))
@@ -172,7 +179,7 @@ class Validation:
         lacking = tuple(spec.id for spec in specs if spec.id in used)
         registry.extend(specs)
         judgement = Judgement(path, stubs=lacking, others=theirs,
-                              mains=_main_trees(documents, main))
+                              mains=_main_trees(documents, main, taken))
         of_robot: List[Fault] = []  # in the files with what it knows and says in this mission
         known, _, _ = robot_files(self._settings, folders.mission_name(path), of_robot)
         for tree_id in judgement.mains or (main,):
@@ -185,6 +192,7 @@ class Validation:
                 faults += on_robot(tree, self._settings, known)
         if not lacking and judgement.nodes:
             faults += [fault for fault in of_robot if fault.file not in self._configuration]
+        faults = _without_used(faults, documents[-1], taken.union(judgement.mains))
         judgement.faults = sorted(self._reported(faults), key=by_place)
         return judgement
 
@@ -234,17 +242,19 @@ def _trees(documents: Iterable[Document]) -> Dict[str, List[str]]:
             for tree in document.root.children if tree.tag == "BehaviorTree"}
 
 
-def _main_trees(documents: List[Document], main: Optional[str]) -> Tuple[str, ...]:
-    """Return the trees of a project that no other calls, if nothing says which of several is the
-    main tree."""
+def _main_trees(documents: List[Document], main: Optional[str],
+                taken: Set[str]) -> Tuple[str, ...]:
+    """Return the trees of a project, or of a file of which others take trees, that are neither
+    called nor taken, if nothing says which of several is the main tree."""
     root = documents[-1].root
     kinds = {child.tag for child in root.children}
     is_project = "include" in kinds and "BehaviorTree" not in kinds
-    if main or not is_project or "main_tree_to_execute" in root.attributes:
+    if main or not (is_project or taken) or "main_tree_to_execute" in root.attributes:
         return ()
     trees = _trees(documents)
-    called = {call for calls in trees.values() for call in calls}
-    return tuple(tree_id for tree_id in trees if tree_id not in called)
+    called = taken.union(*trees.values())
+    own = trees if is_project else _trees(documents[-1:])
+    return tuple(tree_id for tree_id in own if tree_id not in called)
 
 
 def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
@@ -258,24 +268,54 @@ def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
 
 
 def _completed(documents: List[Document]) -> List[Document]:
-    """Return ``documents``, preceded by the files of the last one's folder that have the trees
-    which they lack."""
-    own, known = documents[-1].file, {os.path.realpath(document.file) for document in documents}
-    others: List[Document] = []
-    for path in expanded(os.path.dirname(own) or "."):
-        if os.path.realpath(path) not in known:
+    """Return ``documents``, preceded by the trees that they lack of the files in the last one's
+    folder."""
+    known, file = _trees(documents), documents[-1].file
+    lacking = [(call, file) for calls in known.values() for call in calls if call not in known]
+    if not lacking:
+        return documents
+    paths = {os.path.realpath(document.file) for document in documents}
+    others: Dict[str, Document] = {}
+    for path in expanded(os.path.dirname(file) or "."):
+        if os.path.realpath(path) not in paths:
             with contextlib.suppress(MissionError):  # reported when the file is judged itself
-                others.append(read(path))
-    while True:
-        trees = _trees(documents)
-        missing = {call for calls in trees.values() for call in calls} - set(trees)
-        helper = next((document for document in others if missing & set(_trees([document]))), None)
-        if helper is None:
-            return documents
+                others[path] = read(path)
+    trees = {path: _trees([document]) for path, document in others.items()}
+    taken: Dict[str, str] = {}  # with the file that has it: that of the tree that calls it first
+    for tree_id, caller in lacking:
+        path = next((path for path in (caller, *trees) if tree_id in trees.get(path, ())), "")
+        if path and tree_id not in taken:
+            taken[tree_id] = path
+            lacking += [(call, path) for call in trees[path][tree_id] if call not in known]
+    for path, helper in others.items():
         helper.root.children = [
             child for child in helper.root.children if child.tag == "TreeNodesModel"
-            or (child.tag == "BehaviorTree" and child.attributes.get("ID") not in trees)]
-        documents = [helper] + documents
+            or child.tag == "BehaviorTree" and taken.get(child.attributes.get("ID", "")) == path]
+    return [others[path] for path in others if path in taken.values()] + documents
+
+
+def _taken(missions: Dict[str, List[Document]],
+           whole: Dict[str, List[Document]]) -> Dict[str, Set[str]]:
+    """Return the trees of each file that others take from it without including it."""
+    taken: Dict[str, Set[str]] = {os.path.realpath(path): set() for path in missions}
+    for path, documents in whole.items():
+        for helper in documents[:len(documents) - len(missions[path])]:
+            taken.setdefault(os.path.realpath(helper.file), set()).update(_trees([helper]))
+    return {path: taken[os.path.realpath(path)] for path in missions}
+
+
+def _is_taken(document: Document, taken: Set[str]) -> bool:
+    """Return whether a file consists of trees that others take, and is no mission of its own."""
+    is_mission = "main_tree_to_execute" in document.root.attributes
+    return not is_mission and taken.issuperset(_trees([document]))
+
+
+def _without_used(faults: List[Fault], document: Document, used: Set[str]) -> List[Fault]:
+    """Return ``faults`` without those which say that a tree in ``used`` is not used."""
+    places = [(document.file, *tree.place(), rules.TREE_UNUSED.code)
+              for tree in document.root.children if tree.attributes.get("ID") in used]
+    return [fault for fault in faults
+            if (fault.file, fault.line, fault.column, fault.code) not in places]
 
 
 def as_json(fault: Fault) -> Dict[str, object]:
