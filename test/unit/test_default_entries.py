@@ -140,6 +140,12 @@ def test_the_model_of_a_subtree_has_the_defaults_of_its_ports(attributes, local)
     assert reader.seen == {"x": 5, "local": local, "lit": 7}
 
 
+def test_a_port_of_a_model_may_be_an_entry_of_the_root():
+    element, tree = sub("", "<In/>")
+    reader, = of(ran(element, tree + MODEL.replace('"x"', '"@x" default="5"')), Reader)
+    assert reader.seen == {"x": 5, "local": 7, "lit": 7}
+
+
 @pytest.mark.parametrize("body, line, column, code", [
     ('\n<SubTree ID="Sub" name="a"/><SubTree ID="Sub"\n name="a"/>', 3, 2, "same-path"),
     ('<In x="{e}"/>\n<To\n spot="{e}"/>', 3, 2, "entry-type"),

@@ -259,6 +259,6 @@ class _Compiler:
             elif text is not None:
                 value_type, value = ports.subtree_literal(text)
                 inner.set(name, value, value_type)
-                self._numbers[id(inner.local[name])] = element, name
+                self._numbers[id(inner.find(name))] = element, name
         inner.autoremap = autoremap  # not before the literals have found their place here
         return inner
