@@ -222,7 +222,8 @@ def test_each_failure_has_its_cause_in_one_line(robot, talk, cause, words):
     (None, Cause.NOT_ADVERTISED, "no node offers this service"),
     ("rosrpc://127.0.0.1:1", Cause.NOT_REACHABLE, "Connection refused"),
     ("http://127.0.0.1:1", Cause.NOT_REACHABLE, "not an address of a service"),
-    ("rosrpc://127.0.0.1:x", Cause.NOT_REACHABLE, "not an address of a service")])
+    ("rosrpc://127.0.0.1:x", Cause.NOT_REACHABLE, "not an address of a service"),
+    ("rosrpc://127.0.0.1:1²", Cause.NOT_REACHABLE, "not an address of a service")])
 def test_an_entry_at_which_nothing_answers(robot, uri, cause, words):
     robot.master.services[SPEECH.name] = uri
     failure = robot.say()[0]

@@ -70,7 +70,7 @@ def open_service(place: Place, connection: Connection, name: str, md5sum: str, s
 def _address(uri: str) -> Tuple[str, int]:
     """Return host and port of ``rosrpc://host:port``."""
     host, _, port = uri[len(rospy.core.ROSRPC):].rstrip("/").rpartition(":")
-    if not (uri.startswith(rospy.core.ROSRPC) and host and port.isdigit()):
+    if not (uri.startswith(rospy.core.ROSRPC) and host and port.isdecimal()):
         raise Trouble(Cause.NOT_REACHABLE,
                       f"the master lists it at {uri!r}, which is not an address of a service")
     return host, int(port)

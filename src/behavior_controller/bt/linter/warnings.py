@@ -99,7 +99,7 @@ def _check_port(facts: MissionFacts, element: Element, port: Port, tree: str) ->
         report(rules.STATUS_UNKNOWN, element, wrong, hint, name)
     elif port.role is Role.CHILDREN:
         count = len(element.children)
-        if text.isdigit() and int(text[:9]) > count:
+        if text.isdecimal() and int(text[:9]) > count:
             wrong = f"{name}=\"{text}\", but there are only {count} children"
             report(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
         elif text == "0":
