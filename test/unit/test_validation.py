@@ -409,6 +409,14 @@ def test_a_file_with_nothing_but_a_palette_is_one(file):
     assert told(path) == [("p.xml", 2, "id-missing")]
 
 
+def test_of_a_port_that_a_palette_has_twice_the_first_counts(file):
+    model = ('<TreeNodesModel><Action ID="FixtureDrive"><input_port name="far" type="int"/>'
+             '<output_port name="far"/><input_port name="to"/></Action></TreeNodesModel>')
+    assert said(file("p.xml", model)) == ["p.xml: a palette of 1 node type, 1 warning"]
+    path = file("m.xml", TREE.format("Main", '<FixtureDrive far="5" to="x"/>'), model)
+    assert told(path) == [("m.xml", 3, "palette-port")]
+
+
 def test_a_palette_is_compared_with_the_node_types_that_there_are(file):
     path = file("p.xml", '<TreeNodesModel><Condition ID="Sleep"/></TreeNodesModel>')
     assert told(path) == [("p.xml", 2, "palette-kind")]

@@ -158,9 +158,11 @@ class Validation:
                 or fault.code not in self.ignored]
 
     def _palette(self, path: str, documents: List[Document]) -> Judgement:
-        findings = Findings()
-        check_models(documents, leaves.registry(), findings)
-        faults = stubs(documents, leaves.registry())[1] + [
+        findings, registry = Findings(), leaves.registry()
+        specs, faults = stubs(documents, registry)
+        registry.extend(specs)
+        check_models(documents, registry, findings)
+        faults += [
             fault for fault in findings.warnings if fault.code != rules.PALETTE_UNKNOWN_NODE.code]
         palette = documents[-1].root.children[0]
         if not palette.children:

@@ -6,7 +6,7 @@ unnoticed until a node of it is used. With stubs, a mission for another robot ca
 not run.
 """
 from functools import partial
-from typing import Dict, Iterable, Iterator, List, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 from xml.sax.saxutils import escape, quoteattr
 
 from behavior_controller.bt.loader import rules
@@ -150,15 +150,17 @@ def stubs(documents: Sequence[Document], registry: Registry) -> Tuple[List[NodeS
 
 
 def _stub(model: Element, node_id: str) -> NodeSpec:
-    given = [(port.tag, port.attributes) for port in model.children
-             if port.tag in PORT_ELEMENTS and port.attributes.get("name")]
+    given: Dict[str, Tuple[str, Dict[str, str]]] = {}  # the first of each name
+    for port in model.children:
+        if port.tag in PORT_ELEMENTS and port.attributes.get("name"):
+            given.setdefault(port.attributes["name"], (port.tag, port.attributes))
     # the library's own palettes do not tell which ports a node does without; one that does, of a
     # port, means the rest
-    tells = any("optional" in port for _, port in given)
-    ports = tuple(Port(port["name"], _TYPES.get(port.get("type", ANY), ANY), Direction(tag),
-                       port.get("default"),
-                       is_optional=not tells or port.get("optional") in ("true", "1"))
-                  for tag, port in given)
+    tells = any("optional" in attributes for _, attributes in given.values())
+    ports = tuple(Port(name, _TYPES.get(attributes.get("type", ANY), ANY), Direction(tag),
+                       attributes.get("default"),
+                       is_optional=not tells or attributes.get("optional") in ("true", "1"))
+                  for name, (tag, attributes) in given.items())
     kind = Kind(model.tag)
     return NodeSpec(node_id, kind, partial(_FACTORIES[kind]), ports, is_stub=True)
 
@@ -183,14 +185,21 @@ def _check_model(model: Element, spec: NodeSpec, findings: Findings) -> None:
     if model.tag != spec.kind.value:
         text = f"the palette has {spec.id} as of kind {model.tag}; it is of kind {spec.kind.value}"
         findings.report(rules.PALETTE_KIND, model, text)
+    known: Set[str] = set()
     for element in model.children:
         name = element.attributes.get("name", "")
         port = spec.port_named.get(name)
-        if element.tag in PORT_ELEMENTS and port is None:
+        if element.tag not in PORT_ELEMENTS:
+            continue
+        if port is None:
             text = f"the palette has an unknown port {name} of {spec.id}"
             hint = findings.nearest(name, spec.port_named, "its ports")
             findings.report(rules.PALETTE_PORT, element, text, hint, "name")
-        elif element.tag in PORT_ELEMENTS and port and port.direction.value != element.tag:
+        elif name in known:
+            text = f"the palette has the port {name} of {spec.id} twice"
+            findings.report(rules.PALETTE_PORT, element, text, "the first one counts", "name")
+        elif port.direction.value != element.tag:
             direction = f"is an {port.direction.value}, not an {element.tag}"
             text = f"the port {name} of {spec.id} {direction}"
             findings.report(rules.PALETTE_DIRECTION, element, text)
+        known.add(name)

@@ -176,7 +176,7 @@ PALETTE_UNKNOWN_NODE = warning("The palette has an unknown node type.")
 PALETTE_OTHER_NODE = error("The palette is of another robot.")
 PALETTE_EMPTY = warning("The file is a palette without node types.")
 PALETTE_KIND = warning("The palette gives a node type another kind.")
-PALETTE_PORT = warning("The palette gives a node type an unknown port.")
+PALETTE_PORT = warning("The palette gives a node type an unknown port, or one twice.")
 PALETTE_DIRECTION = warning("The palette gives a port another direction.")
 
 # ------------------------------------------------------------------------------------------- robot
