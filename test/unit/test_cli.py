@@ -100,6 +100,22 @@ def test_a_faulty_configuration_is_told(file, tmp_path, monkeypatch, capsys):
     assert lines[3:] == [path + ": 2 errors", LAB_TOUR + ": can be run, 222 nodes, 0 warnings"]
 
 
+@pytest.mark.parametrize("keys, robot, other", [
+    ("robotInterface release-1.0\ntabletSuccessIs yes\nwaitForSpeech all", "release-1.0", "D5.4.3"),
+    ("language Kinyarwanda", "D5.4.3", "release-1.0")])
+def test_keys_for_the_configured_robot_are_no_mistake_for_a_chosen_one(
+        file, monkeypatch, keys, robot, other):
+    path = file(f"scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n{keys}\n",
+                "c.ini")
+    delivered = folders.config
+    monkeypatch.setattr(folders, "config",
+                        lambda name: path if name == settings.FILE_NAME else delivered(name))
+    mission = file('<root BTCPP_format="4"><BehaviorTree ID="M"><Sleep msec="5"/></BehaviorTree>'
+                   "</root>")
+    for chosen in ([], ["--interface", robot], ["--interface", other]):
+        assert cli.validate([*chosen, mission]) == 0
+
+
 def test_json_is_in_the_order_of_places(file, capsys):
     one = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><In/><Slep/>\n<Slep/></Sequence>' \
         "</BehaviorTree></root>"

@@ -87,12 +87,14 @@ class Validation:
         if faults:
             said_by += ": the configuration has mistakes"
         self._settings = chosen or settings.defaults()
+        is_configured = robot in ("", self._settings.robot_interface)
         if robot:
             self._settings, said_by = replace(self._settings, robot_interface=robot), "--interface"
         self.head = f"checked for the robot {self._settings.robot_interface} ({said_by})"
         """The line that says for which robot the files are checked."""
         known, _, _ = robot_files(self._settings, "", faults)
-        faults += keys_without_meaning(self._settings, known)
+        if is_configured:  # else its keys are for another robot
+            faults += keys_without_meaning(self._settings, known)
         self._configuration: Dict[str, List[Fault]] = {}  # the faults of each of its files
         for fault in faults:
             self._configuration.setdefault(fault.file, []).append(fault)
