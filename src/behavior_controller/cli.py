@@ -83,8 +83,8 @@ def _code(text: str) -> str:
 
 
 def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
-    """Print the faults and summaries of all files; return the exit code, and the files that were
-    read."""
+    """Print the faults and summaries of all files; return the exit code, and the files that decide
+    it."""
     validation = Validation(options.main, options.palette, options.ignore, options.folder,
                             options.interface)
     judgements: List[Judgement] = []
@@ -96,12 +96,13 @@ def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
             for fault in judgement.faults:
                 print(f"{fault} [{fault.code}]" if fault.code else fault)
             print(judgement)
+    faults = {fault for judgement in judgements for fault in judgement.faults}
+    files = validation.files.union(fault.file for fault in faults)
     if options.json:
-        faults = {fault for judgement in judgements for fault in judgement.faults}
         print(json.dumps([as_json(fault) for fault in sorted(faults, key=by_place)], indent=1))
     if any(judgement.is_wrong for judgement in judgements):
-        return exit_codes.WRONG_INPUT, validation.files
-    return exit_codes.SUCCESS, validation.files
+        return exit_codes.WRONG_INPUT, files
+    return exit_codes.SUCCESS, files
 
 
 def _watch(options: argparse.Namespace) -> NoReturn:
@@ -113,8 +114,7 @@ def _watch(options: argparse.Namespace) -> NoReturn:
         before, surely_read = _state(given, files), time.time_ns() - int(_CLOCK_STEP * 1e9)
         read_ones = _judge_all(options)[1]
         sys.stdout.flush()
-        added = _state([], read_ones.difference(before))
-        before.update((path, state) for path, state in added.items() if state)
+        before.update(_state([], read_ones.difference(before)))
         # what may have been saved since it was read is checked again
         seen = {path: state for path, state in before.items()
                 if not state or state[0] < surely_read}

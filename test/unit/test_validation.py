@@ -3,6 +3,8 @@ other robots."""
 import io
 import itertools
 import os
+import re
+import shutil
 import subprocess
 import sys
 import threading
@@ -262,7 +264,7 @@ def test_an_included_file_is_judged_as_a_part(file):
         "part.xml: a part of whole.xml", "whole.xml: can be run, 2 nodes, 0 warnings"]
     validation = Validation()
     assert len(list(validation.judge([whole]))) == 1
-    assert validation.files == {part, whole}
+    assert {part, whole} < validation.files
 
 
 def test_files_that_include_each_other_are_no_parts(file):
@@ -545,6 +547,60 @@ def test_what_is_saved_while_it_is_read_is_checked_again_at_once(file, monkeypat
         cli.validate(["--watch", path])
     assert len(results) == checks
     assert shown.getvalue() != b""  # although the buffer is not full
+
+
+@pytest.fixture
+def watched(monkeypatch, tmp_path):
+    """Return the exit code of each check of ``validateMission --watch``, if a change follows each,
+    until the changes end. Configuration and data are in the folder ``share``."""
+    for name in ("config", "data"):
+        shutil.copytree(getattr(folders, name)(""), str(tmp_path / "share" / name))
+    monkeypatch.setattr(folders, "share", lambda *_: str(tmp_path / "share"))
+    check, pause = cli._judge_all, time.sleep
+
+    def codes(argument, *changes):
+        coming, results = iter(changes), []
+
+        def wait(seconds):
+            pause(min(seconds, cli._CLOCK_STEP))
+            if seconds == cli._WATCH_EVERY:
+                change = next(coming, None)
+                if change is None:
+                    raise Stopped
+                change()
+
+        def noted(options):
+            results.append(check(options))
+            return results[-1]
+
+        monkeypatch.setattr(cli, "_judge_all", noted)
+        monkeypatch.setattr(cli.time, "sleep", wait)
+        with pytest.raises(Stopped):
+            cli.validate(["--watch", argument])
+        return [code for code, _ in results]
+    return codes
+
+
+def test_an_included_file_that_is_mended_is_checked_again(file, watched):
+    path = file("m.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
+    assert watched(path, lambda: file("part.xml", "<BehaviorTree"),
+                   lambda: file("part.xml", TREE.format("A", LEAF))) == [2, 2, 0]
+
+
+def test_the_mission_of_a_name_that_is_mended_is_checked_again(file, watched):
+    assert watched("own", lambda: file("share/data/own.xml", "<BehaviorTree"),
+                   lambda: file("share/data/own.xml", TREE.format("A", LEAF))) == [2, 2, 0]
+
+
+@pytest.mark.parametrize("name, line", [
+    ("config/behaviorControllerConfiguration.ini", "startBy operator"),
+    ("config/recoveryPolicy.ini", "whatever"), ("data/phrases_English.ini", "whatever")])
+def test_files_of_the_robot_that_are_mended_are_checked_again(file, watched, tmp_path, name, line):
+    robot_file = tmp_path / "share" / name
+    right = robot_file.read_text(encoding="utf-8")
+    wrong = re.sub(r"^startBy.*", "", right, flags=re.MULTILINE) + line + "\n"
+    assert watched(file("m.xml", TREE.format("Main", LEAF)), lambda: robot_file.write_text(wrong),
+                   lambda: robot_file.write_text(right)) == [0, 2, 0]
 
 
 @pytest.mark.slow

@@ -7,14 +7,15 @@ from typing import Collection, Dict, Iterable, Iterator, List, Optional, Set, Tu
 
 from behavior_controller import folders, leaves
 from behavior_controller.config import knowledge_files, settings
+from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.bt.loader import rules
 from behavior_controller.bt.linter.palette import (
     check_models, is_palette, models, stubs, used_types)
 from behavior_controller.bt.loader.structure import Findings, by_place
-from behavior_controller.bt.loader.document import Document, read, with_includes
+from behavior_controller.bt.loader.document import Document, included_path, read, with_includes
 from behavior_controller.errors import ConfigurationError, Fault, MissionError, attempt
 from behavior_controller.missions.load import (
-    build_tree, find, keys_without_meaning, on_robot, robot_files)
+    POLICY, build_tree, find, keys_without_meaning, on_robot, robot_files)
 from behavior_controller.text import Unreadable, clean, count, first_names, read_text
 
 ENDINGS = (".xml", ".btproj")
@@ -76,9 +77,10 @@ class Validation:
         """Raise BrokenExtension if what a package exports cannot be used."""
         self.main, self.palettes = main, palettes
         self.ignored, self.in_folder = ignored, in_folder
-        self.files: Set[str] = set()  # that were read
         faults: List[Fault] = []
         file = folders.config(settings.FILE_NAME)
+        self.files = {file, folders.config(POLICY)}
+        """The files whose contents decide the judgements, also those that are missing."""
         chosen, said_by = None, "by default"
         if os.path.lexists(file):
             chosen = attempt(lambda: settings.load(file), faults)
@@ -92,7 +94,7 @@ class Validation:
             self._settings, said_by = replace(self._settings, robot_interface=robot), "--interface"
         self.head = f"checked for the robot {self._settings.robot_interface} ({said_by})"
         """The line that says for which robot the files are checked."""
-        known, _, _ = robot_files(self._settings, "", faults)
+        known = self._known("", faults)
         if is_configured:  # else its keys are for another robot
             faults += keys_without_meaning(self._settings, known)
         self._configuration: Dict[str, List[Fault]] = {}  # the faults of each of its files
@@ -109,7 +111,8 @@ class Validation:
         whole = missions
         if self.in_folder:
             whole = {path: _completed(documents) for path, documents in missions.items()}
-        self.files.update(document.file for documents in whole.values() for document in documents)
+        for documents in whole.values():
+            self.files.update(_watched(documents, self.in_folder))
         taken = _taken(missions, whole)
         parts = {path: owner for path, owner in _parts(whole).items()
                  if _is_taken(missions[path][-1], taken[path])}
@@ -137,6 +140,7 @@ class Validation:
                 for file in expanded(named(path)):
                     files[file] = self._read(file)
             except ConfigurationError as error:
+                self.files.add(folders.mission(path))
                 files[path] = Judgement(path, [fault._replace(
                     file=path, code=rules.UNREADABLE_FILE.code) for fault in error.faults])
         return files
@@ -154,6 +158,14 @@ class Validation:
             return with_includes(read(path))
         except MissionError as error:
             return Judgement(path, self._reported(error.faults))
+
+    def _known(self, mission: str, faults: List[Fault]) -> Optional[Knowledge]:
+        """Return what the robot knows in a mission, if files say that; add what is wrong with them,
+        and with the phrases and the policy, to ``faults``."""
+        known, spoken, _ = robot_files(self._settings, mission, faults)
+        sources = [*(known.sources if known else ()), *([spoken.source] if spoken else ())]
+        self.files.update(source.file for source in sources)
+        return known
 
     def _reported(self, faults: Iterable[Fault]) -> List[Fault]:
         return [fault for fault in dict.fromkeys(faults) if not fault.is_warning
@@ -185,7 +197,7 @@ class Validation:
         judgement = Judgement(path, stubs=lacking, others=theirs,
                               mains=_main_trees(documents, main, taken))
         of_robot: List[Fault] = []  # in the files with what it knows and says in this mission
-        known, _, _ = robot_files(self._settings, folders.mission_name(path), of_robot)
+        known = self._known(folders.mission_name(path), of_robot)
         for tree_id in judgement.mains or (main,):
             tree = attempt(lambda: build_tree(documents, tree_id, registry=registry), faults)
             if tree is None:
@@ -244,6 +256,19 @@ def _trees(documents: Iterable[Document]) -> Dict[str, List[str]]:
     return {tree.attributes.get("ID", ""): [call.attributes.get("ID", "") for call in tree.below
                                             if call.tag == "SubTree"] for document in documents
             for tree in document.root.children if tree.tag == "BehaviorTree"}
+
+
+def _watched(documents: List[Document], in_folder: bool) -> Iterator[str]:
+    """Yield the files of a mission, those that it includes in vain, and those beside it if it may
+    take their trees."""
+    for document in documents:
+        yield document.file
+        for element in document.root.children if document.faults else ():
+            if element.tag == "include":
+                with contextlib.suppress(MissionError):
+                    yield included_path(element)
+    if in_folder:
+        yield from listed(os.path.dirname(documents[-1].file) or ".")
 
 
 def _main_trees(documents: List[Document], main: Optional[str],

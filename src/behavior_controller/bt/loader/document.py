@@ -238,7 +238,8 @@ def _include(document: Document, documents: List[Document], seen: Set[str],
     documents.append(document)
 
 
-def _included_path(element: Element) -> str:
+def included_path(element: Element) -> str:
+    """Return the path of the file that an <include> names. Raises MissionError."""
     path, package = element.attributes.get("path", ""), element.attributes.get("ros_pkg")
     folder: Optional[str] = os.path.dirname(element.document.file)
     if not path:
@@ -256,7 +257,7 @@ def _included_path(element: Element) -> str:
 def _included(element: Element, seen: Set[str], chain: Tuple[str, ...]) -> Optional[Document]:
     """Return the document that an <include> names, or None if it was read before. Raises
     MissionError."""
-    path = _included_path(element)
+    path = included_path(element)
     real = os.path.realpath(path)
     if real in chain:
         way = [os.path.basename(file) for file in chain[chain.index(real):] + (real,)]
