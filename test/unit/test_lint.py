@@ -546,6 +546,17 @@ def test_defaults_of_a_model_are_written():
     assert warnings('<SubTree ID="Sub"/>', tree("Sub", '<In in="{x}"/>'), model) == []
 
 
+def test_defaults_of_a_model_do_not_count_where_all_entries_are_given():
+    model = ('<TreeNodesModel><SubTree ID="Sub"><input_port name="pace" default="slow"/></SubTree>'
+             '</TreeNodesModel>')
+    call = '<SubTree ID="Sub" _autoremap="{}"/>'
+    inside = '<ScriptCondition code="-pace > -3"/>'
+    body = '<Sequence><Script code="pace := 2"/>{}</Sequence>'
+    assert warnings(body.format(call.format("true")), tree("Sub", inside), model) == []
+    assert "literal-in-script" in [code for *_, code in warnings(
+        body.format(call.format("false")), tree("Sub", inside), model)]
+
+
 @pytest.mark.parametrize("calls, is_told", [(1, True), (2, False)])
 def test_an_entry_is_misspelt_if_it_is_named_once_only(calls, is_told):
     found = warnings("<Sequence><Script code=\"place := 'lab'\"/>{}</Sequence>".format(

@@ -365,11 +365,11 @@ class Trees:
 
 
 def given(call: Element, model: Iterable[Port]) -> Dict[str, Optional[str]]:
-    """Return what a call gives the tree, by its attributes or by the defaults of the tree's model.
-    """
+    """Return what a call gives the tree, by its attributes or by the defaults of the tree's model,
+    which do not count if it gives all entries of equal names."""
     texts: Dict[str, Optional[str]] = {
         name: text for name, text in call.attributes.items() if is_port_name(name)}
-    for port in model:
+    for port in () if remaps_all(call) else model:
         texts.setdefault(port.name, port.default)
     return texts
 

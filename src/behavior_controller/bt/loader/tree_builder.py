@@ -250,9 +250,7 @@ class _Compiler:
             hint = "give them different names, or none"
             self.faults.append(element.fault(rules.SAME_PATH, wrong, hint, "name"))
         inner = self.blackboards[path] = Blackboard(outer, path)
-        autoremap = remaps_all(element)
-        model = () if autoremap else self.trees.models.get(tree_id, ())
-        for name, text in given(element, model).items():
+        for name, text in given(element, self.trees.models.get(tree_id, ())).items():
             entry = ports.subtree_reference(text, name)
             if entry is not None:
                 inner.remapping[name] = entry
@@ -260,5 +258,5 @@ class _Compiler:
                 value_type, value = ports.subtree_literal(text)
                 inner.set(name, value, value_type)
                 self._numbers[id(inner.find(name))] = element, name
-        inner.autoremap = autoremap  # not before the literals have found their place here
+        inner.autoremap = remaps_all(element)  # not before the literals have found their place here
         return inner
