@@ -707,6 +707,17 @@ def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, code):
     assert found == [(3, 1, code)] * (code is not None)
 
 
+@pytest.mark.parametrize("text, code", [("2 min", "number-cut-short"), ("soon", "wrong-literal"),
+                                        ("{given}", None), ("{=}", None), ("5", None)])
+def test_a_default_of_a_model_is_read_by_the_ports_of_its_tree(text, code):
+    model = '<TreeNodesModel><SubTree ID="Sub"><input_port name="x" \ndefault="{}"/></SubTree>'
+    found = warnings('<Sequence><SubTree ID="Sub"/><SubTree ID="Sub" x="5"/></Sequence>',
+                     tree("Sub", '<Drive target="{x}" speed="5"/>'),
+                     model.format(text) + "</TreeNodesModel>")
+    assert [place for place in found if place[2] != "never-written"] == [
+        (5, 1, code)] * (code is not None)
+
+
 @pytest.mark.parametrize("text, code, told", [
     ("3", "n := n - 1", ""), ("3", "n := n * 2", ""), ("3", "n := (3 > 2)", ""),
     ("3", "m := 4; n += -m", ""), ("3", "n := -0x10", ""), ("3", "n := 1e3", ""),

@@ -22,14 +22,16 @@ def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
     texts = given(call, model)
     forgotten = [name for name in facts.needs[called] if name not in texts]
     is_reported = check_ignored(facts, call)
+    for name in texts:
+        read = facts.flow.name(called, name).read
+        if read is not None and texts[name] is not None:
+            _check_literal(facts, call, name, read)
     for name, text in call.attributes.items():
         if not is_port_name(name):
             continue
         inner, outer = facts.flow.name(called, name), ports.subtree_reference(text, name)
         if outer is not None:
             _check_remapped(facts, call, name, outer, tree)
-        elif inner.read is not None:
-            _check_literal(facts, call, name, inner.read)
         if check_braces(facts, call, name, tree):
             continue
         if not inner.mentions and name not in [port.name for port in model]:
@@ -88,13 +90,16 @@ def _check_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -
 
 def _check_literal(facts: MissionFacts, call: Element, name: str, read: Access) -> None:
     """Warn of a literal that a port of the called tree reads in part, or cannot read."""
-    text, port = call.attributes[name], facts.spec(read.element).port_named.get(read.attribute)
-    if port is None or ports.subtree_literal(text)[0] != TEXT:
+    giver, attribute = facts.trees.giver(call, name)
+    text, port = giver.attributes[attribute], facts.spec(read.element).port_named.get(
+        read.attribute)
+    is_text = ports.subtree_literal(text)[0] == TEXT
+    if port is None or not is_text or ports.subtree_reference(text, name) is not None:
         return
     wrong = ports.literal_fault(text, port, {})
-    if not is_cut_short(facts.report, call, name, port, port.type) and wrong is not None:
+    if not is_cut_short(facts.report, giver, attribute, port, port.type) and wrong is not None:
         refused = f"{name}=\"{text}\" cannot be of type {port.type}, as the port {port.name} there"
-        facts.report(rules.WRONG_LITERAL, call, refused, wrong, name)
+        facts.report(rules.WRONG_LITERAL, giver, refused, wrong, attribute)
 
 
 def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, tree: str) -> None:

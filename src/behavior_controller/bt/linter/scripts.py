@@ -190,7 +190,8 @@ def _check_literals(facts: MissionFacts) -> None:
             entry = literal.text.strip(":${} ")
             if entry.isidentifier() and entry not in ("true", "false"):
                 hint = f"an entry is written {{{entry}}}"
-            facts.report(rules.LITERAL_IN_SCRIPT, literal.call, text, hint, name)
+            giver, attribute = facts.trees.giver(literal.call, name)
+            facts.report(rules.LITERAL_IN_SCRIPT, giver, text, hint, attribute)
 
 
 def _with_literal(facts: MissionFacts, use: Use, name: str,

@@ -264,6 +264,13 @@ class Trees:
         return {word for element in below for text in element.attributes.values()
                 for word in _WORD.findall(text)}
 
+    def giver(self, call: Element, name: str) -> Tuple[Element, str]:
+        """Return the element and its attribute with the text that a call gives the tree for
+        ``name``: the call, or the port of the tree's model."""
+        if name in call.attributes:
+            return call, name
+        return self.model_ports[call.attributes["ID"], name], "default"
+
     def _usable_port(self, port: Element) -> bool:
         name = port.attributes.get("name")
         if name is None:

@@ -217,10 +217,12 @@ class _Compiler:
         text = str(clash)
         if id(clash.entry) in self._numbers:
             call, name = self._numbers[id(clash.entry)]
+            giver, attribute = self.trees.giver(call, name)
             where = blamed.node.element.where(blamed.port.name)
-            text = (f"{name}=\"{call.attributes.get(name, '')}\" is of type {clash.entry.type}, "
+            text = (f"{name}=\"{giver.attributes[attribute]}\" is of type {clash.entry.type}, "
                     f"and {blamed} ({where}) is not")
-            return call.fault(rules.ENTRY_TYPE, text, "give it an entry that a script sets", name)
+            hint = "give it an entry that a script sets"
+            return giver.fault(rules.ENTRY_TYPE, text, hint, attribute)
         uses = list(self._uses(clash.entry))
         if uses:  # otherwise the host made the entry
             other, alike = uses[0], [use for use in uses if use.port.type == blamed.port.type]
