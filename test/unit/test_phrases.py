@@ -163,6 +163,18 @@ def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):
         found[0].file)
 
 
+@pytest.mark.parametrize("yes, no, texts", [
+    ("Yes", "yes", ['tabletYes is "Yes", and tabletNo is "yes"']),
+    ("2", "No", ["tabletYes cannot be 2, which is the number of the other button"]),
+    ("2", "1", ["tabletYes cannot be 2, which is the number of the other button",
+                "tabletNo cannot be 1, which is the number of the other button"])])
+def test_no_button_is_also_the_other_one(tmp_path, monkeypatch, yes, no, texts):
+    found = broken(tmp_path, monkeypatch,
+                   ("tabletYes               Yes", "tabletYes               " + yes),
+                   ("tabletNo                No", "tabletNo                " + no))
+    assert [fault.text for fault in found] == texts
+
+
 # ------------------------------------------------------------------------ what another package says
 
 

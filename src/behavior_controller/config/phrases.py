@@ -8,7 +8,7 @@ import os
 import re
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Callable, Iterable, List, Mapping, NamedTuple, Optional, Pattern, Tuple
+from typing import Callable, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Pattern, Tuple
 
 from behavior_controller import extensions, folders
 from behavior_controller.errors import ConfigurationError, Fault
@@ -212,7 +212,18 @@ def _phrases(source: Source, keys: Tuple[Key, ...]) -> Phrases:
                     "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
               for phrase in sorted(set(values[one]).intersection(values[other]))]
-    ConfigurationError.raise_any(faults)
-    return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS},
-                   (values["tabletYes"], values["tabletNo"]),
+    labels = values["tabletYes"], values["tabletNo"]
+    ConfigurationError.raise_any(faults + list(_ambiguous(source.file, *labels)))
+    return Phrases({name: values[name] for name in values if name not in _OF_ANSWERS}, labels,
                    {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)}, source)
+
+
+def _ambiguous(file: str, yes: str, no: str) -> Iterator[Fault]:
+    """Yield a fault for each label of a button that is a label or number of the other one too."""
+    if yes.lower() == no.lower():
+        text = f"tabletYes is \"{yes}\", and tabletNo is \"{no}\""
+        yield Fault(file, 0, 0, text, "choose labels that differ in more than capital letters")
+    for key, label, number in (("tabletYes", yes, "2"), ("tabletNo", no, "1")):
+        if label == number:
+            text = f"{key} cannot be {number}, which is the number of the other button"
+            yield Fault(file, 0, 0, text, "choose another label")
