@@ -226,6 +226,7 @@ def test_what_cannot_be_meant(rule):
     '<Switch2 variable="{given}" case_1="a" case_2="b"><Act/><Act/><Act/></Switch2>',
     '<Switch2 variable="{given}" case_1="{given}" case_2=" {given} "><Act/><Act/><Act/></Switch2>',
     '<Precondition if="given == 1" else="{given}"><Act/></Precondition>',
+    '<Fallback><Precondition if="given" else="{given}"><Begin/></Precondition><Act/></Fallback>',
     '<Sequence><Out out="{a b}"/><In in="a b"/></Sequence>', """<In in='json:["{given}"]'/>""",
     "<TryCatch><AlwaysFailure/><Recover/></TryCatch>",
     '<Repeat num_cycles="3"><AlwaysSuccess/></Repeat>', '<UnsetBlackboard key="x"/>', "<Out/>"])

@@ -93,7 +93,10 @@ RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
         ('<Precondition if="true" else="RUNNING"><Lose/></Precondition>', FAILS),
         ('<LoopInt queue="1"><Win/></LoopInt>', SUCCEEDS),
         ('<LoopInt queue="1" if_empty="SKIPPED"><Either/></LoopInt>', FAILS | SKIPS),
-        ('<LoopInt queue="1" if_empty="{e}"><Skip/></LoopInt>', ANY_END),
+        ('<LoopInt queue="1" if_empty="RUNNING"><Either/></LoopInt>', FAILS),
+        # a status in an entry may be any
+        ('<Precondition if="true" else="{e}"><Win/></Precondition>', ANY_RESULT),
+        ('<LoopInt queue="1" if_empty="{e}"><Win/></LoopInt>', ANY_RESULT),
         # a choice ends as what it may choose; without an else, its false condition is its end
         ("<IfThenElse><Either/><Win/><Skip/></IfThenElse>", SUCCEEDS | SKIPS),
         ("<IfThenElse><Either/><Win/></IfThenElse>", SUCCEEDS | FAILS),

@@ -16,7 +16,7 @@ Rule = Callable[[Attributes, List[int]], int]
 Outcome = Union[int, Rule]
 """How a node can end: always so, or by its attributes and the ends of its children."""
 
-ENDS_BY_NAME = {"SUCCESS": SUCCEEDS, "FAILURE": FAILS, "SKIPPED": SKIPS}
+ENDS_BY_NAME = {"SUCCESS": SUCCEEDS, "FAILURE": FAILS, "SKIPPED": SKIPS, "RUNNING": 0, "IDLE": 0}
 
 
 def of_any_child(_attributes: Attributes, children: List[int]) -> int:
@@ -69,9 +69,9 @@ def in_parallel(attributes: Attributes, children: List[int]) -> int:
 
 def with_precondition(attributes: Attributes, children: List[int]) -> int:
     """Return how a Precondition can end."""
-    return children[0] | ENDS_BY_NAME.get(attributes.get("else", "FAILURE"), 0)
+    return children[0] | ENDS_BY_NAME.get(attributes.get("else", "FAILURE"), ANY_RESULT)
 
 
 def for_each_item(attributes: Attributes, children: List[int]) -> int:
     """Return how a Loop can end."""
-    return children[0] & FAILS | ENDS_BY_NAME.get(attributes.get("if_empty", "SUCCESS"), OF_A_LEAF)
+    return children[0] & FAILS | ENDS_BY_NAME.get(attributes.get("if_empty", "SUCCESS"), ANY_RESULT)
