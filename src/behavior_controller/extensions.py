@@ -46,6 +46,7 @@ doubts: List[Fault] = []
 read."""
 
 _EXPORT = re.compile(rb"<([\w.-]+)\s[^<>]*\b(?:leaves|interface|phrases)\s*=")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 
 _under_way: List[Tuple[str, str]] = []  # the import that has not ended: package, export
 _watched: List[int] = []  # the thread that is watched from the first import on
@@ -238,6 +239,8 @@ def _exports() -> Tuple[Tuple[str, str, str, str], ...]:
 def _modules(package: str, path: str, manifest: bytes) -> List[Tuple[str, str]]:
     """Return kind and module of each export to us in a package.xml. Most packages have none, and
     need no parsing."""
+    # lines and columns stay as they are
+    manifest = _COMMENT.sub(lambda comment: re.sub(rb"\S", b" ", comment.group()), manifest)
     exports = b"<" + TARGET.encode() in manifest
     other = _EXPORT.search(manifest)
     if other is not None and did_you_mean(other.group(1).decode(), [TARGET]) and not exports:
@@ -247,13 +250,14 @@ def _modules(package: str, path: str, manifest: bytes) -> List[Tuple[str, str]]:
     if not exports and (b"</export>" in manifest or b"</package>" in manifest):
         return []
     try:
-        elements = ElementTree.fromstring(manifest).findall("export/" + TARGET)
+        root = ElementTree.fromstring(manifest)
     except (ValueError, LookupError, ElementTree.ParseError) as error:
         if exports:
             raise BrokenExtension(package, f"{path} is not XML: {error}") from error
         _doubt(os.path.dirname(path), f"is not XML: {error}")
         return []
-    if exports and not elements:
+    elements = root.findall("export/" + TARGET)
+    if not elements and root.find(".//" + TARGET) is not None:
         raise BrokenExtension(package, f"{path}: <{TARGET}> must stand in <export>")
     modules = [export for element in elements for export in element.attrib.items()]
     for attribute, _ in modules:

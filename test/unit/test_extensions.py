@@ -433,6 +433,11 @@ def test_an_export_that_cannot_be_used_is_refused_with_its_place(tmp_path, expor
 @pytest.mark.parametrize("manifest, doubt", [
     (MANIFEST.replace("<cssr_system {1}/>", ""), ""),
     (MANIFEST.replace("cssr_system", "rqt_gui"), ""),
+    (MANIFEST.replace("cssr_system", "cssr_system_viewer"), ""),
+    (MANIFEST.replace("<cssr_system {1}/>", "<!--\n<cssr_system {1}/> -->"), ""),
+    (MANIFEST.replace("<cssr_system {1}/>", "<!-- <cssr_sytem {1}/> -->"), ""),
+    (MANIFEST.replace(">d<", "><![CDATA[<cssr_system leaves='a.b'/>]]><").replace(
+        "<cssr_system {1}/>", ""), ""),
     ("<package><name>a</name><odd></package>", ""),  # it exports nothing
     ("<package><name>a</name><export></odd></export>", ""),
     ("<package><name>a</name>", "is not XML: no element found: line 1, column 23")])
