@@ -29,20 +29,25 @@ class Blocks(SyncActionLeaf):
         return SUCCESS
 
 
-def watched(monkeypatch, act, ticks=1):
-    """Tick a tree with the leaf, whose tick calls ``act(standstill)``; return the lines of the
-    watch."""
-    tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence>\n<Blocks "
+def blocking_tree():
+    return load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence>\n<Blocks "
                      "name='grip'/></Sequence></BehaviorTree></root>",
                      Registry(builtin_specs() + [NodeSpec("Blocks", Kind.ACTION, Blocks)]), "m.xml")
+
+
+def watched(monkeypatch, act, ticks=1, reloads=0):
+    """Tick a tree with the leaf, whose tick calls ``act(standstill)``, and then what is reloaded;
+    return the lines of the watch."""
+    tree = blocking_tree()
     lines = []
     runner = Runner(Running(tree, one_leaf("<AlwaysSuccess/>").mission, "m.xml", 1), lambda: False)
     watch = BlockedTickMonitor(runner, lambda severity, text: lines.append((severity, text)))
     tree.wake.emit()
     runner.wait(None)  # it is awake now
     monkeypatch.setattr(Blocks, "act", lambda self: act(watch))
-    for _ in range(ticks):
-        tree.tick_once()
+    for tree in [tree] + [blocking_tree() for _ in range(reloads)]:
+        for _ in range(ticks):
+            tree.tick_once()
     return lines
 
 
@@ -63,6 +68,10 @@ def test_a_leaf_that_blocks_is_named_once_with_both_places(monkeypatch, count):
     assert severity == "warning" and " for 1 s: " in text
     assert text.startswith(
         "m.xml:2:1: the leaf 'grip' [Blocks] has not returned from unit/test_standstill.py:")
+
+
+def test_a_leaf_of_a_mission_that_was_reloaded_is_another_one(monkeypatch):
+    assert len(watched(monkeypatch, lambda watch: checks(watch, CHECKS + 1), 2, reloads=1)) == 2
 
 
 def test_a_leaf_that_is_often_met_but_returns_is_not_named(monkeypatch):

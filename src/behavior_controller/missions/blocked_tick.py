@@ -2,7 +2,8 @@
 can report it."""
 import threading
 import time
-from typing import Callable, Optional, Set, Tuple
+from typing import Any, Callable, Optional, Tuple
+from weakref import WeakSet
 
 from behavior_controller.bt.engine.failure import node_on
 from behavior_controller.foreign_code import place
@@ -12,8 +13,8 @@ from behavior_controller.missions.runner import Runner
 INTERVAL = 0.25
 """Seconds between two checks."""
 
-NO_LEAF = 0, "the tick thread has not reacted"
-"""The number and the words when the tick thread is in the code of no leaf."""
+NO_LEAF = None, "the tick thread has not reacted"
+"""The leaf and the words when the tick thread is in the code of no leaf."""
 
 CHECKS = 4
 """A leaf that has been in the same tick at so many checks in a row, for a second, is reported."""
@@ -26,9 +27,10 @@ class BlockedTickMonitor:
         """``tell`` gets severity and text of a line, on the thread of the watch."""
         self._runner, self._tell = runner, tell
         self._tick_thread = threading.get_ident()
-        self._before: Optional[Tuple[object, int]] = None  # moment and leaf of the last check
+        self._before: Optional[Tuple[object, Any]] = None  # moment and leaf of the last check
         self._checks = 0
-        self._reported: Set[int] = set()
+        # not by number: another mission, after a reload, has the same numbers
+        self._reported: "WeakSet[Any]" = WeakSet()
 
     def start(self) -> None:
         """Check from now on, on a separate thread."""
@@ -43,13 +45,13 @@ class BlockedTickMonitor:
         """Report the leaf that blocks the tick thread, once."""
         # counted, not timed: a machine that was suspended has blocked nothing
         moment = self._runner.moment()
-        uid, text = self._leaf() if moment is not None else NO_LEAF
+        leaf, text = self._leaf() if moment is not None else NO_LEAF
         self._checks += 1
-        if not uid or (moment, uid) != self._before:
+        if leaf is None or (moment, leaf) != self._before:
             self._checks = 0
-        self._before = moment, uid
-        if self._checks == CHECKS and uid not in self._reported:
-            self._reported.add(uid)
+        self._before = moment, leaf
+        if self._checks == CHECKS and leaf not in self._reported:
+            self._reported.add(leaf)
             self._tell("warning", f"{text} for {CHECKS * INTERVAL:g} s: the mission stands still "
                                   "until it returns")
 
@@ -64,11 +66,12 @@ class BlockedTickMonitor:
         """Return which leaf's code the tick thread is in, as the beginning of a sentence."""
         return self._leaf()[1]
 
-    def _leaf(self) -> Tuple[int, str]:
-        """Return number and place of the leaf in whose code the tick thread is, or ``NO_LEAF``."""
+    def _leaf(self) -> Tuple[Any, str]:
+        """Return the leaf in whose code the tick thread is, and the words for that, or ``NO_LEAF``.
+        """
         node, frame = node_on(frame_of(self._tick_thread))
         if node is None or frame is None:
             return NO_LEAF
-        return node.uid, "{}the leaf '{}' [{}] has not returned from {}".format(
+        return node, "{}the leaf '{}' [{}] has not returned from {}".format(
             node.place_in_file(), node.full_path, node.registration_id,
             place(frame.f_code.co_filename, frame.f_lineno))
