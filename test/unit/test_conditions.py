@@ -393,3 +393,14 @@ def test_without_a_question_in_the_mission_no_answer_is_ignored():
     hear(rig, "yes")
     rig.tick()
     assert not rig.topics.ignoring.get(SPEECH)
+
+
+def test_a_mission_that_is_reloaded_without_a_question_ignores_no_answer():
+    before = one_leaf("<Sequence><QueryTourSpeech/><IsYesNoUttered/></Sequence>")
+    before.tree.setup(mission=before.mission)
+    before.mission.begin_visit(before.tree.blackboard, before.clock.now())
+    assert before.topics.ignoring[SPEECH] == NOT_ASKED
+    rig = one_leaf("<IsYesNoUttered/>")
+    rig.mission.topics = before.topics
+    rig.mission.begin_visit(rig.tree.blackboard, rig.clock.now())
+    assert not before.topics.ignoring[SPEECH]

@@ -127,7 +127,9 @@ class MissionContext:
 
         Without a question in the mission, answers count at any time of the visit.
         """
-        if self.has_questions and self.interface.tells(Sense.UTTERANCE):
+        if not self.has_questions:
+            reason = ""  # the mission before a reload may have had one
+        if self.interface.tells(Sense.UTTERANCE):
             topic = self.interface.evidence(Sense.UTTERANCE).topic
             self.topics.ignore(topic, reason, self.phrases.is_answer)
 
