@@ -10,6 +10,7 @@ rospy = pytest.importorskip("rospy", reason="needs ROS")
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.robot import d543, release_1_1  # noqa: E402
+from behavior_controller.robot.rhythm import Rhythm  # noqa: E402
 from behavior_controller.robot.requests import (  # noqa: E402
     AttentionStatus, GoTo, GoToGoal, Say)
 from behavior_controller.ros import service_client, subscriber, watchdog  # noqa: E402
@@ -293,6 +294,37 @@ def test_a_silence_is_told_once_and_connected_again_meanwhile(watch, topic, name
     buffer.rhythm.last = now[0]
     watched.monitor._check_topic(topic, buffer)
     assert watched.told()[1:] == [(name, True, again)]
+
+
+def test_a_silence_is_counted_from_the_return_of_a_topic_that_was_gone(watch, monkeypatch):
+    monkeypatch.setattr(watchdog, "NO_CONNECTION_LIMIT", -1.0)
+    watched, now = watch(), [100.0]
+    buffer = Quiet(d543.FACES, types.SimpleNamespace(source=lambda: now[0]), 97.5)
+    name, check = d543.FACES.name, lambda: watched.monitor._check_topic(d543.FACES, buffer)
+    check()
+    buffer.is_connected = False
+    for now[0] in (101.0, 160.0):
+        check()
+    buffer.is_connected = True
+    for now[0] in (160.25, 164.0, 170.0):
+        check()
+    # it has been silent since before, but its connection is new
+    assert watched.told() == [(name, False, "silent for 2.5 s"),
+                              (name, False, "gone: no node publishes it"),
+                              (name, True, "available again")]
+    assert not buffer.reconnects
+    buffer.rhythm.hear(now[0])
+    check()
+    assert watched.told()[3:] == [(name, True, "heard again")]
+
+
+def test_a_topic_that_is_not_heard_from_time_zero_on_is_silent(watch):
+    watched = watch()
+    buffer = Quiet(d543.FACES, types.SimpleNamespace(source=lambda: 10.25), 0.0)
+    buffer.rhythm = Rhythm(0.0)
+    watched.monitor._check_topic(d543.FACES, buffer)
+    assert watched.told() == [(d543.FACES.name, False, "silent for 10.2 s")]
+    assert not buffer.reconnects
 
 
 def test_a_topic_of_events_may_be_silent(watch):

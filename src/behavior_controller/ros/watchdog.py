@@ -19,7 +19,7 @@ from behavior_controller.run.health import (
 from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Service, Topic)
 from behavior_controller.robot.gateway import Cause
-from behavior_controller.robot.rhythm import SILENCE
+from behavior_controller.robot.rhythm import SILENCE, Rhythm
 from behavior_controller.ros.tcpros import (
     RECONNECT_PAUSE, READ_SIZE, Connection, RETRY_INTERVAL, STEP_LIMIT, Trouble, open_publisher)
 from behavior_controller.ros.master import DIRECTORY
@@ -232,6 +232,8 @@ class Monitor:
             if buffer.is_searched and now - self._lonely.setdefault(topic, now) > (
                     NO_CONNECTION_LIMIT):
                 self._tell_gone(topic, buffer.absence)
+                # its silence is counted from its return
+                buffer.rhythm = Rhythm(buffer.clock.source())
             return
         self._lonely.pop(topic, None)
         self._tell_back(topic)
@@ -252,7 +254,7 @@ class Monitor:
 
     def _check_silence(self, topic: Topic, buffer: TopicBuffer, now: float) -> None:
         """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""
-        last_arrival, again_at = self._silent.get(topic, (0.0, 0.0))
+        last_arrival, again_at = self._silent.get(topic, (None, 0.0))
         silence = now - buffer.rhythm.last
         if last_arrival == buffer.rhythm.last:
             # still silent: a new connection alone proves nothing
@@ -266,6 +268,8 @@ class Monitor:
             self._silent[topic] = buffer.rhythm.last, silence + RECONNECT_AFTER
             status = f"silent for {silence:.1f} s"
             consequence = "until it is heard again, " + topic.impact_if_missing
+        elif not buffer.rhythm.count:
+            return  # it was gone, and is not heard yet
         kind = topic.kind
         if topic is CLOCK:
             kind = SIMULATED_TIME
