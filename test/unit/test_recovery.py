@@ -8,7 +8,7 @@ import pytest
 from behavior_controller import folders, leaves
 from behavior_controller.config import recovery_policy
 from behavior_controller.bt.values.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.errors import ConfigurationError
+from behavior_controller.errors import ConfigurationError, MissionError
 from behavior_controller.run.events import (HealthChanged, LeafFinished, Noticed, Recovered,
                                                   Recovering, Retried, SafeStateReported,
                                                   StopChanged)
@@ -17,8 +17,10 @@ from behavior_controller.run.health import GONE
 from behavior_controller.robot.requests import (
     Answer, Faces, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.robot.d543 import FACES
+from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 from behavior_controller.leaves.data import TARGET_LOCATION
 from behavior_controller.simulation.rehearsal.plays import Scenario, ScenarioRunner
+from behavior_controller.text import Source
 from mission_rig import EXHIBITS, one_leaf, refusal, service_of, write
 
 SPEC = {spec.id: spec for spec in leaves.SPECS}
@@ -503,6 +505,46 @@ def test_a_subtree_has_no_stand_in(tmp_path):
     write(rig, gestureTarget=Point(1.0, 2.0, 3.0))
     assert to_the_end(rig) is SUCCESS
     assert len(rig.requests) == 1
+
+
+class Beep(ServiceLeaf):
+    """Prepares what it says, as a leaf of another package may."""
+
+    asks = Say
+    sound = ""
+
+    def configure(self):
+        super().configure()
+        self.sounds = [self.sound]
+
+    def join(self):
+        self.said = self.sounds[0].upper()
+
+    def request(self):
+        return Say(self.said)
+
+
+def beeping(sound):
+    """Return a rig whose failed speech is replaced by the sound."""
+    rig = fallback("<WelcomeSpeech/>", lambda request: Answer() if request == Say("BEEP")
+                   else refusal(request))
+    spec = leaf_spec("Beep", Beep, "Beeps.", arguments={"sound": sound})
+    text = "budget 5 10\nWelcomeSpeech refused 0 0 Beep\n"
+    rig.mission.policy = recovery_policy.read(
+        Source("policy.ini", text), leaves.mission_specs() + (spec,))
+    return rig
+
+
+def test_a_stand_in_is_set_up_as_any_other_leaf():
+    rig = beeping("beep")
+    assert to_the_end(rig) is SUCCESS
+    assert [event.outcome for event in rig.of(Recovered)] == ["substituted"]
+
+
+def test_a_mistake_in_a_stand_in_refuses_the_mission():
+    with pytest.raises(MissionError, match="HandleFallBack cannot be set up: AttributeError: 'int'"
+                                           r".*test_recovery\.py:\d+"):
+        beeping(7).tick()
 
 
 VISIT = (

@@ -1,6 +1,6 @@
 """HandleFallBack: finds the failure that led to it and does what the recovery policy says (D5.4.3
 §3.2.4)."""
-from typing import Any, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.origin import origins, steps_before
@@ -34,12 +34,19 @@ class HandleFallBack(WorkingLeaf):
     PORTS = LEAVING_OUT
     _patience: Optional[Timer] = None  # ends the wait for a service that is gone
     _known = 0  # the changes of status at the last recovery
+    _substitutes: Dict[str, Any]  # by node type
     # of the recovery under way
     _leaf: Node  # the step that failed
     _failure: Failure  # the last one of that step
     _rule: Rule  # for this failure
     _reason = ""  # why the policy's rule is not followed
     _attempts = 0  # retries so far
+
+    def join(self) -> None:
+        """Make the substitutes for the steps before it: a mistake in one refuses the mission."""
+        rules = [self.rule(step, cause) for step in steps_before(self) for cause in Cause]
+        specs = {rule.substitute.id: rule.substitute for rule in rules if rule.substitute}
+        self._substitutes = {name: self._substitute(spec) for name, spec in specs.items()}
 
     def work(self) -> Waiting[Result]:
         """Find the failure, and recover from it."""
@@ -116,7 +123,7 @@ class HandleFallBack(WorkingLeaf):
         substitute = self._rule.substitute
         if substitute is not None:
             self._tell(0, substitute.id)
-            if (yield from self._try(self._substitute(substitute))) is None:
+            if (yield from self._try(self._substitutes[substitute.id])) is None:
                 return SUBSTITUTED
         return ""
 
@@ -176,7 +183,8 @@ class HandleFallBack(WorkingLeaf):
         leaf.registration_id, leaf.full_path = spec.id, self.full_path
         leaf.spec, leaf.attributes = spec, defaults(spec.ports)
         leaf.blackboard, leaf.services = self.blackboard, self.services
-        leaf.mission = self.mission
+        leaf.configure()
+        leaf.setup(mission=self.mission)
         return leaf
 
     def _make_safe(self) -> Waiting[None]:
