@@ -459,6 +459,16 @@ def test_what_was_read_anew_runs_from_the_next_pass_on():
     assert others == 2 * others[:1] != 2 * [first]
 
 
+def test_a_reloaded_mission_whose_passes_are_done_already_says_so():
+    rig, other = one_leaf("<WelcomeSpeech/>"), one_leaf("<FollowMeSpeech/>")
+    waiting = [Running(other.tree, other.mission, "other.xml", 2)]
+    assert rig.run(advance, runs=0, successor=lambda: waiting.pop()
+                   if waiting and len(rig.of(PassFinished)) == 3 else None) == 0
+    assert [event.text for event in other.of(Noticed)] == [
+        "missionRuns 2 is reached already: 3 passes of this run are over"]
+    assert not other.of(PassStarted) and other.of(RunFinished)
+
+
 def test_a_stop_while_another_mission_waits_halts_the_one_that_runs():
     stopped = []
     rig = one_leaf("<Sequence><LookUpHome/><Navigate/></Sequence>", hanging(GoTo))

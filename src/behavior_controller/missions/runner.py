@@ -15,6 +15,7 @@ from behavior_controller.run.events import (
 from behavior_controller.leaves.base import MissionContext, MissionLeaf
 from behavior_controller.robot.declarations import Service
 from behavior_controller.robot.gateway import Cause
+from behavior_controller.text import count
 
 _SHORTEST_PASS = 1.0
 """Seconds: after a pass that ends sooner, the runner pauses that long; a mission that fails at once
@@ -172,6 +173,10 @@ class Runner:
         self._use(following)
         self._persistence.reset()
         self._begin()
+        if 0 < self.runs <= self._number:
+            done = count(self._number, "pass of this run is", "passes of this run are")
+            self.mission.events.emit(Noticed(
+                "warning", f"missionRuns {self.runs} is reached already: {done} over"))
         return True
 
     def _begin(self) -> None:
