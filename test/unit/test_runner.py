@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.bt.values.status import IDLE
-from behavior_controller.run.events import (Answered, HealthChanged, LeafFinished,
+from behavior_controller.run.events import (Answered, Asked, HealthChanged, LeafFinished,
                                                   Noticed, PassFinished, PassStarted, Paused,
                                                   RunFinished, RunStarted, SafePart,
                                                   SafeStateReported, Suspended)
@@ -903,6 +903,37 @@ def test_a_pause_waits_for_what_the_robot_does_and_begins_nothing_new():
                                  Suspended("")] and len(rig.requests) == 3
     arrived = next(event for event in rig.of(Answered) if event.call == 2)
     assert rig.events.index(arrived) < rig.events.index(Suspended("paused"))  # nothing drives
+
+
+def test_a_pause_takes_hold_although_branches_overlap():
+    rig = one_leaf("<Parallel><Repeat num_cycles='-1'><WelcomeGesture/></Repeat>"
+                   "<Repeat num_cycles='-1'><WelcomeSpeech/></Repeat></Parallel>",
+                   lambda request: Answer() if request in SAFE else None)
+    operator, asked = Operator(), []
+
+    def end(number):
+        def act(rig):
+            rig.gateway.calls[number].finish(Answer())
+            asked.append(len(rig.requests))
+        return act
+
+    operator.acts = [operator.hold("paused"), end(0), end(1), operator.hold(""), operator.stop]
+    operator.run(rig)
+    assert asked == [2, 2] and rig.requests[4:] == SAFE
+    assert rig.of(Suspended) == [Suspended("paused", is_due=True), Suspended("paused"),
+                                 Suspended("")]
+
+
+def test_a_timeout_ends_a_drive_during_a_pause_too():
+    rig, operator = one_leaf("<Timeout msec='1000'><Navigate target='1;2;90'/></Timeout>",
+                             hanging(GoTo)), Operator()
+    dropped = []
+    operator.acts = [operator.hold("paused")] + 6 * [nothing] + [
+        lambda rig: dropped.extend(rig.gateway.dropped), operator.hold("")]
+    operator.run(rig)
+    assert dropped == rig.requests
+    assert rig.of(Suspended) == [Suspended("paused", is_due=True), Suspended("paused"),
+                                 Suspended("")]
 
 
 def test_a_pause_while_a_cause_persists_is_reported():

@@ -237,8 +237,11 @@ class Runner:
         return bool(seconds)
 
     def _is_suspended(self) -> bool:
-        """Return whether the operator holds the run, and the robot has done what it was asked for;
-        report a change."""
+        """Return whether the operator holds the run; report a change, also when the robot has done
+        what it was asked for.
+
+        Until then nothing is ticked either: other branches would begin something new.
+        """
         words = self._held()
         if words == self._suspended.words == "":  # as at almost every tick
             return False
@@ -246,7 +249,7 @@ class Runner:
         if now != self._suspended:
             self._suspended = now
             self.mission.events.emit(now)
-        return bool(words) and not now.is_due
+        return bool(words)
 
     def _tick(self) -> Result:
         """Emit changes of the robot's health, and tick once; an exception in a tree node ends the
