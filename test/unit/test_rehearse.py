@@ -30,6 +30,7 @@ from behavior_controller.simulation.rehearsal.findings import RobotCall, Finding
 from behavior_controller.simulation.rehearsal.plays import Outcome, Scenario, Search, ScenarioRunner
 from behavior_controller.simulation.rehearsal.summary import (
     FindingSummary, VisitorRow, Share, Survey, shortened)
+from behavior_controller.simulation.configuration import SEEDS
 from behavior_controller.simulation.faults import KINDS, PlannedFault
 from behavior_controller.simulation.visitor import BEHAVIOURS
 
@@ -816,6 +817,17 @@ def test_a_command_plays_its_scene_again(tmp_path, scene, words):
         scene) == "rosrun cssr_system rehearseMission {} 'language:=a b' {}".format(path, words)
     assert [each._replace(is_traced=False)
             for each in first_round(cli.Plan(cli.read([path] + words.split())))] == [scene]
+
+
+def test_the_commands_of_runs_have_their_limit_their_exact_rate_and_seeds_in_range(tmp_path):
+    todo = plan(tmp_path, SPEECH, "--limit", "10.25", "--runs", "2", "--seed", str(SEEDS),
+                "--failureRate", "0.123456789", "asrEnabled:=true")
+    scenes = first_round(todo)
+    survey = Survey(todo.runner, True, todo.chosen)
+    again = [cli.Plan(cli.read(shlex.split(survey.command(scene))[3:])) for scene in scenes]
+    assert [scene.seed for scene in scenes] == [SEEDS, 1]
+    assert [(each.runner.limit, first_round(each)) for each in again] == [
+        (10.25, [scene]) for scene in scenes]
 
 
 @pytest.mark.parametrize("words, scene", [

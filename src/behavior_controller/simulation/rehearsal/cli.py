@@ -32,7 +32,7 @@ from behavior_controller.simulation.rehearsal.summary import (
 from behavior_controller.simulation.behaviour import SERVERS, rehearsed_topics
 from behavior_controller.simulation.faults import KINDS, PlannedFault
 from behavior_controller.simulation.visitor import ALIASES, BEHAVIOURS, ENGAGES
-from behavior_controller.simulation.configuration import CONTROLLER, load_controller, parse
+from behavior_controller.simulation.configuration import CONTROLLER, SEEDS, load_controller, parse
 
 NO_FAULTS, PAIRS = "none", "pairs"
 FAULTS = (NO_FAULTS, "single", PAIRS)
@@ -94,6 +94,8 @@ class Plan:
             and len(ways) == len(self.runner.ways) and not is_restricted
         others = [word for word in options.settings if not word.startswith(ASR + ":=")]
         self.chosen = [options.mission, *others]
+        if options.limit != PASS_LIMIT:
+            self.chosen += ["--limit", repr(options.limit)]
 
     def rounds(self, survey: Survey, search: Search) -> Iterator[List[Scenario]]:
         """Yield the scenes of one round after the other; the ``survey`` has the outcomes of each
@@ -190,7 +192,7 @@ def _parser() -> argparse.ArgumentParser:
     rates = ", ".join(f"{rate:g}" for rate in RATES)
     option("failureRate", _list_of(_allowed(number(0, 1))), "P",
            f"failure rates for --runs, with commas between them; {rates} if not given")
-    option("seed", _allowed(integer(1, 10 ** 9)), "N", "the first seed for --runs; 1 if not given")
+    option("seed", _allowed(integer(1, SEEDS)), "N", "the first seed for --runs; 1 if not given")
     option("limit", _allowed(number(1, 10 ** 6)), "SECONDS",
            f"of the mission's time, after which a pass does not end; {PASS_LIMIT:g} if not given")
     option("jobs", _allowed(integer(1, 1024)), "N", "processes; one for each core if not given")

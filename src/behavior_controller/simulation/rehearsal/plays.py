@@ -26,7 +26,7 @@ from behavior_controller.simulation.rehearsal.findings import (
 from behavior_controller.simulation.faults import CRASH, KINDS, PlannedFault
 from behavior_controller.simulation.journal import JournalEntry
 from behavior_controller.simulation.rehearsal.play import CALM, LoadedMission, Place, RunResult
-from behavior_controller.simulation.configuration import REAL
+from behavior_controller.simulation.configuration import REAL, SEEDS
 from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES, HABITS
 
 MESSAGE_INTERVAL = 1.0
@@ -317,8 +317,9 @@ def successors(outcomes: Sequence[Outcome]) -> Iterator[List[Scenario]]:
 def random(scenes: Sequence[Scenario], runs: int, rates: Sequence[float], seed: int,
            kinds: Sequence[str]) -> List[Scenario]:
     """Return that many scenes for each failure rate, with the visitors in turn and a seed for each
-    run."""
-    return [scenes[run % len(scenes)]._replace(rate=rate, seed=seed + run, kinds=tuple(kinds))
+    run; after the last seed comes 1."""
+    return [scenes[run % len(scenes)]._replace(
+                rate=rate, seed=(seed + run - 1) % SEEDS + 1, kinds=tuple(kinds))
             for rate in rates for run in range(runs)]
 
 

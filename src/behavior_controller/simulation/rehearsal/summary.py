@@ -257,7 +257,7 @@ class Survey:
         words = ["rosrun", "cssr_system", "rehearseMission", *self._chosen, "--visitors",
                  scene.visitor]
         if scene.seed:
-            words += ["--runs", "1", "--failureRate", f"{scene.rate:g}", "--seed", str(scene.seed)]
+            words += ["--runs", "1", "--failureRate", repr(scene.rate), "--seed", str(scene.seed)]
             words += ["--kinds", ",".join(scene.kinds)] if scene.kinds != KINDS else []
         elif scene.is_calm:
             words += ["--faults", "none"]
