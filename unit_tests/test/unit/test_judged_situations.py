@@ -24,7 +24,7 @@ from behavior_controller.simulation import virtual_robot
 from behavior_controller.simulation.rehearsal.play import LoadedMission
 from behavior_controller.simulation.virtual_robot import VirtualTopics
 
-from unit_tests.judge import reference
+from unit_tests.judge import numbers, reference
 from unit_tests.judge.failures import failure_rows
 from unit_tests.judge.verdict import Verdict
 
@@ -129,6 +129,29 @@ def test_a_script_that_fails_ends_the_pass_and_what_runs_beside_it(beside):
                      and line.event.status == "IDLE" else [line])
     assert "WelcomeSpeech ended with IDLE; on record is nothing" in objections(silent)[1]
     assert str(replay(list(of_test.run.lines))).startswith("the same path: 2 passes")
+
+
+def test_a_retry_that_its_precondition_ends_makes_no_attempt():
+    of_test = of_mission("<ForceSuccess><RetryUntilSuccessful num_attempts='3' _failureIf='true'>"
+                         "<AlwaysFailure/></RetryUntilSuccessful></ForceSuccess>")
+    assert objections(of_test) == ()
+
+    def attempt(line):
+        if isinstance(line.event, Tick) and (4, "F") in line.event.changes:
+            line = replace(line, event=replace(line.event, changes=[(5, "F"), (4, "F")]))
+        return [line]
+    nodes = of_test.mission.tree.nodes
+    assert list(numbers.objections(changed(of_test, attempt), nodes)) == [
+        f"{nodes[3].full_path} made 1 attempts that failed, of 3"]
+
+
+def test_the_numbers_of_a_mission_are_those_of_its_own_part_of_the_record():
+    """A node may take up another mission while it runs."""
+    first, last = (of_mission(f"<Sleep msec='{milliseconds}'/>") for milliseconds in (500, 2000))
+    both = last._replace(run=Run([*first.run.lines, *last.run.lines]))
+    assert list(numbers.objections(both, last.mission.tree.nodes)) == []
+    wrong, = numbers.objections(both, first.mission.tree.nodes)
+    assert wrong.endswith("lasted 2.0 s instead of 0.5 s")
 
 
 def test_a_mission_that_is_skipped_as_a_whole_ends_its_pass():

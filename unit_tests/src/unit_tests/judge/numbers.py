@@ -1,26 +1,38 @@
 """The numbers of a mission file against the record, whatever the engine makes of them: how long a
 Sleep lasts, and how often a step is tried again."""
 import re
-from typing import Any, Dict, Iterator, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, Sequence, Tuple
 
-from behavior_controller.run.events import Tick
+from behavior_controller.run.events import RunStarted, Tick
 
 from unit_tests.judge import reference
-from unit_tests.judge.facts import Facts, of
+from unit_tests.judge.facts import Facts
 
 Changes = Sequence[Tuple[float, float, int, str]]
 """Changes of status: Unix time, time by the mission's clock, the node's number, its letter."""
 
 
 def objections(facts: Facts, nodes: Sequence[Any]) -> Iterator[str]:
-    """Object to a time, or a number of attempts, that is another than the mission file has."""
-    changes = [(time, tick.at, uid, letter) for time, tick in of(facts.run.lines, Tick)
-               for uid, letter in tick.changes]
+    """Object to a time, or a number of attempts, that is another than the mission file has.
+    ``nodes`` are those of the last mission on record."""
+    changes = _changes(facts)
     for node in nodes:
         port = reference.NUMBERED.get(node.registration_id, "")
         if re.fullmatch(r"\d+", node.attributes.get(port, "")):
             check = _of_sleep if node.registration_id == reference.SLEEP else _of_attempts
             yield from check(facts, changes, node, int(node.attributes[port]))
+
+
+def _changes(facts: Facts) -> Changes:
+    """Return the changes since the last mission on record was taken up: before that, a number is
+    another node's."""
+    changes: List[Tuple[float, float, int, str]] = []
+    for line in facts.run.lines:
+        if isinstance(line.event, RunStarted):
+            changes.clear()
+        elif isinstance(line.event, Tick):
+            changes += [(line.time, line.event.at, *change) for change in line.event.changes]
+    return changes
 
 
 def _of_sleep(facts: Facts, changes: Changes, node: Any, milliseconds: int) -> Iterator[str]:
@@ -46,6 +58,7 @@ def _of_attempts(facts: Facts, changes: Changes, node: Any, attempts: int) -> It
         if uid == child:
             failed += letter == "F"
         elif uid == node.uid and letter != "R":
-            if failed > attempts or letter == "F" and failed != attempts:
+            may_have_none = not failed and "_failureIf" in node.attributes
+            if failed > attempts or letter == "F" and failed != attempts and not may_have_none:
                 yield f"{node.full_path} made {failed} attempts that failed, of {attempts}"
             failed = 0
