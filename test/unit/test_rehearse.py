@@ -424,7 +424,7 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
     rows = [VisitorRow("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2))),
             VisitorRow("leaves", False, "", 59.6, 0, ()),
             VisitorRow("silent", False, "FAILURE", 59.4, 0, ())]
-    shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
+    shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, None)]
     left_on, not_home = (findings.KIND_BY_NAME[name] for name in ("left-on", "not-home"))
     told = [FindingSummary(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scenario("engages"),
                            80.0, (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""),),
@@ -549,6 +549,19 @@ def test_a_planned_fault_that_no_call_meets_is_reported(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if "in vain" in line] == [
         "planned in vain: robotNavigation:99:crash, since no play makes that call"]
+
+
+def test_a_fault_that_the_first_of_two_visitors_meets_is_not_planned_in_vain(capsys, tmp_path):
+    planned = "textToSpeech:1:refused,textToSpeech:5:refused"
+    _, text = run(capsys, mission(tmp_path, meeting(SPEECH)), "asrEnabled:=true", *ENGAGES,
+                  "--planned", planned, "--then", "silent", "--json")
+    assert json.loads(text)["planned_in_vain"] == ["textToSpeech:5:refused"]
+
+
+def test_a_share_without_a_pass_that_ended_has_no_seconds_in_json(capsys, tmp_path):
+    _, text = run(capsys, mission(tmp_path, "<Sleep msec='90000'/>"), "--limit", "10", "--json",
+                  "--runs", "1", "--failureRate", "0.5")
+    assert [share["seconds"] for share in json.loads(text)["shares"]] == [None]
 
 
 @pytest.mark.parametrize("words, told", [
@@ -795,7 +808,7 @@ def test_a_share_is_counted_for_each_failure_rate(tmp_path):
                                      (10.0, 20.0, 900.0) + 3 * (900.0, )):
         survey.take(outcome(scene, ended, seconds))
     none, half = survey.shares()
-    assert half == Share(0.5, 3, 1, 15.0) and none[:3] == (0.0, 3, 0) and math.isnan(none.seconds)
+    assert half == Share(0.5, 3, 1, 15.0) and none == Share(0.0, 3, 0, None)
 
 
 @pytest.mark.parametrize("scene, words", [

@@ -6,7 +6,9 @@ the answer is sent, and none is lost while connections come up.
 """
 import json
 import os
-from typing import Any, Dict, List, NamedTuple, Optional
+from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
+
+from behavior_controller.simulation.faults import PlannedFault
 
 _FILE_NAME = "journal.jsonl"
 
@@ -34,6 +36,13 @@ class JournalEntry(NamedTuple):
     def done(self) -> bool:
         """Whether the node carried out the request."""
         return self.fault is None and self.objection is None
+
+
+def unmet(planned: Sequence[PlannedFault],
+          journal: Iterable[JournalEntry]) -> Tuple[PlannedFault, ...]:
+    """Return the planned faults whose call was not made."""
+    made = {(entry.node, entry.call) for entry in journal}
+    return tuple(fault for fault in planned if fault[:2] not in made)
 
 
 def plain(value: Any) -> Any:

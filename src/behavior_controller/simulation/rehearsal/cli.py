@@ -278,8 +278,8 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
     played = len(survey.outcomes)
     findings = survey.findings(search if todo.is_complete and played == planned else None)
     story = survey.story(survey.outcomes[0].scene) if planned == played == 1 else ()
-    made = {call[:2] for outcome in survey.outcomes for call in outcome.calls}
-    unmet = tuple(fault for fault in todo.options.planned if fault[:2] not in made)
+    unmet = tuple(fault for fault in todo.options.planned
+                  if all(fault in outcome.unmet for outcome in survey.outcomes))
     return Result(todo, survey.rows(), survey.shares(), findings, played, planned,
                   time.monotonic() - began, tuple(_story_lines(story)), unmet, survey.runs())
 
@@ -384,6 +384,7 @@ def as_json(result: Result) -> Dict[str, Any]:
     return {
         "mission": result.plan.runner.mission, "plays": result.plays,
         "planned_plays": result.planned, "silent_topics": result.plan.silent,
+        "planned_in_vain": list(map(str, result.unmet)),
         "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],
         "shares": [dict(share._asdict(), share=share.share, interval=list(share.interval))
                    for share in result.shares],

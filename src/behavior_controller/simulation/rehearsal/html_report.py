@@ -43,7 +43,7 @@ def share_cells(share: Share) -> Sequence[str]:
     """Return the cells for the runs at one failure rate."""
     return [f"{share.rate:g}", str(share.runs), str(share.successes), f"{100 * share.share:.1f} %",
             "{:.1f} to {:.1f} %".format(*(100 * end for end in share.interval)),
-            duration(share.seconds) if share.seconds == share.seconds else "-"]
+            "-" if share.seconds is None else duration(share.seconds)]
 
 
 def duration(seconds: float) -> str:

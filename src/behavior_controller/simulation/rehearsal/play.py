@@ -34,7 +34,8 @@ from behavior_controller.robot.requests import Request
 from behavior_controller.simulation.rehearsal import blocked_leaf
 from behavior_controller.simulation.rehearsal.situations import Situations
 from behavior_controller.simulation.behaviour import rehearsed_topics
-from behavior_controller.simulation.journal import JournalEntry
+from behavior_controller.simulation.faults import PlannedFault
+from behavior_controller.simulation.journal import JournalEntry, unmet
 from behavior_controller.simulation.virtual_robot import SHORTEST_GAP, VirtualRobot
 from behavior_controller.simulation.visitor import Visitor
 from behavior_controller.simulation.world import World, world as read_world
@@ -94,6 +95,7 @@ class RunResult(NamedTuple):
     # what each call met that reached a node, by that and its number, if it was asked for
     situations: Mapping[Tuple[str, int], bytes] = {}
     left_behind: bytes = b""  # by the last pass, for the next visitor (``Situations``)
+    unmet: Tuple[PlannedFault, ...] = ()  # planned, and no pass has made that call
 
     @property
     def has_timed_out(self) -> bool:
@@ -195,7 +197,8 @@ class PlayRunner(VirtualTimeRunner):
                          frozenset(self._ticked), waiting,
                          min(robot.clock.now(), self._ended) - START,
                          [query for query in robot.asked if query[0] <= self._ended],
-                         robot.presence, self._ended, self._situations.met, self._left_behind)
+                         robot.presence, self._ended, self._situations.met, self._left_behind,
+                         unmet(robot.test.planned_faults, robot.journal))
 
     def _tick(self) -> Result:
         result = super()._tick()

@@ -139,6 +139,7 @@ class Outcome(NamedTuple):
     calls: Tuple[RobotCall, ...] = ()
     last: FrozenSet[str] = frozenset()  # nodes with a call that did not end before that of another
     left_behind: bytes = b""  # for the next visitor: see ``Situations``
+    unmet: Tuple[PlannedFault, ...] = ()  # planned, and no visitor in turn causes that call
 
     def rank(self) -> Tuple[Any, ...]:
         """Return the key by which the shortest play sorts first; of equals, the first declared
@@ -219,7 +220,7 @@ class ScenarioRunner:
                            tuple(play.switched.items()),
                            tuple(play.calls()) if scene.is_listed else (),
                            _last(play.played) if scene.is_calm else frozenset(),
-                           play.played.left_behind)
+                           play.played.left_behind, play.played.unmet)
 
 
 def _last(played: RunResult) -> FrozenSet[str]:

@@ -77,7 +77,7 @@ class Share(NamedTuple):
     rate: float
     runs: int
     successes: int
-    seconds: float  # of a pass that ended, on average
+    seconds: Optional[float]  # of a pass that ended, on average; None: none did
 
     @property
     def share(self) -> float:
@@ -294,7 +294,7 @@ class Survey:
             runs = [outcome for outcome in self.outcomes if outcome.scene.rate == rate]
             seconds = [outcome.seconds for outcome in runs if outcome.outcome]
             shares.append(Share(rate, len(runs), sum(run.outcome == "SUCCESS" for run in runs),
-                                sum(seconds) / len(seconds) if seconds else math.nan))
+                                sum(seconds) / len(seconds) if seconds else None))
         return shares
 
 
