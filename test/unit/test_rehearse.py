@@ -578,6 +578,8 @@ def test_a_share_without_a_pass_that_ended_has_no_seconds_in_json(capsys, tmp_pa
     (["lab_tour", "xyz"], "(config/behaviorControllerConfiguration.ini lists all)"),
     (["lab_tour", "--planned", "x:1"
       ], "argument --planned: the robot D5.4.3 has no node x (there are: "),
+    (["lab_tour", "--quick", "robotLocalization"
+      ], "argument --quick: the robot D5.4.3 has no node robotLocalization ("),
     (["lab_tour", "--silent", "/faces"], "/faceDetection/data"),
     (["lab_tour", "--silent", "/x"
       ], "argument --silent: the robot D5.4.3 has no topic /x (there are: ")])

@@ -80,7 +80,8 @@ def test_every_key_can_be_given_and_arrives(key):
     text, value = next(found for found in map(functools.partial(read_by, key), LEGAL)
                        if found is not None)
     robot = {"robotInterface": "release-1.1"} if key.name in (
-        "recogniseBy", "absentServices", "absentActions", "tabletSuccessIs") else {}
+        "recogniseBy", "absentServices", "absentActions", "tabletSuccessIs",
+        "use_real_robotLocalization") else {}
     given = dict(robot, **parse(["{}:={}".format(key.name, text)]))
     check(given)
     if key.name in options.TEST:
@@ -160,6 +161,38 @@ def test_what_only_another_robot_has_is_named_with_its_place(monkeypatch, tmp_pa
         "{} {}\n".format(*pair) for pair in given.items()))
     monkeypatch.setattr(options, "path", lambda: str(file))
     assert faults(check, {}) == ["{}: {}".format(file, line) for line in told]
+
+
+@pytest.mark.parametrize("given, told", [
+    ({"plannedFaults": "robotLocalization:1, robotLocalization:2:crash, textToSpeech:1"},
+     "plannedFaults: the robot D5.4.3 has no service of robotLocalization (leave it out, or choose "
+     "another robotInterface)"),
+    ({"plannedFaults": "speechEvent:1"},
+     "plannedFaults: the robot D5.4.3 has no service of speechEvent (leave it out, or choose "
+     "another robotInterface)"),
+    ({"quickNodes": "speechEvent"},
+     "quickNodes: the robot D5.4.3 has no service of speechEvent (leave it out, or choose another "
+     "robotInterface)"),
+    ({"use_real_robotLocalization": "true"},
+     "use_real_robotLocalization: the robot D5.4.3 does not have robotLocalization anyway (leave "
+     "it out, or choose another robotInterface)")])
+def test_a_node_that_only_another_robot_has_is_named(given, told):
+    assert faults(check, given) == ["argument " + told]
+    check(dict(given, robotInterface="release-1.0"))
+
+
+@pytest.mark.parametrize("key, value, node", [
+    ("plannedFaults", "textToSpeech:1", "textToSpeech"),
+    ("quickNodes", "textToSpeech", "textToSpeech"),
+    ("absentActions", "/textToSpeech/say_text", "textToSpeech"),
+    ("recogniseBy", "idleAction", "speechEvent")])
+def test_a_node_that_is_real_is_not_made_to_behave_otherwise(key, value, node):
+    given = {key: value, "robotInterface": "release-1.1"}
+    real = {"use_real_" + node: "true"}
+    assert faults(check, {**given, **real}) == [
+        f"argument {key}: {node} is real, and not simulated (leave it out, or use_real_{node})"]
+    check(given)
+    check(dict(real, robotInterface="release-1.1"))
 
 
 @pytest.mark.parametrize("robot", ["D5.4.3", "release-1.0"])

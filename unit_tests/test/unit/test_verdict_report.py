@@ -213,6 +213,12 @@ def test_a_pass_is_told_with_what_the_faults_cost():
     assert "5 of 5 exhibits completed; 1 fault, 0.2 s lost; " in shown.visitors[1]
 
 
+def test_a_planned_fault_whose_call_was_not_made_is_named():
+    shown = Report(facts(["textToSpeech:1", "robotNavigation:99:crash"]), "title").text()
+    assert re.findall("(?m)^planned in vain.*", shown) == [
+        "planned in vain: robotNavigation:99:crash, since that call was not made"]
+
+
 def test_a_budget_that_is_spent_is_the_cause():
     shown = Report(facts(failure_rate=0.5, mission_runs=2), "title")
     assert any("the budget of 30 recoveries in 600 s is spent" in line for line in shown.visitors)

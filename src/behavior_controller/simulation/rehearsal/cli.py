@@ -226,9 +226,10 @@ def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
 def _check_robot(interface: Any, options: argparse.Namespace) -> None:
     """Raise ConfigurationError with every node and topic that the robot does not have."""
     faults = []
+    nodes = {service.node for service in interface.services}
     for option, kind, given, known in (
-            ("planned", "node", [fault.node for fault in options.planned],
-             {service.node for service in interface.services}),
+            ("planned", "node", [fault.node for fault in options.planned], nodes),
+            ("quick", "node", options.quick, nodes),
             ("silent", "topic", options.silent,
              {topic.name for topic in rehearsed_topics(interface)})):
         hint = f"there are: {', '.join(sorted(known))}"

@@ -18,6 +18,7 @@ from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean, count
 from behavior_controller.simulation.behaviour import servers
 from behavior_controller.simulation.configuration import Configuration, KEYS
+from behavior_controller.simulation.journal import unmet
 
 from unit_tests.folders import COMMAND
 from unit_tests.judge.facts import Facts, of
@@ -136,7 +137,9 @@ class Report:
         """``warnings`` were printed before the start."""
         self.verdict, self._title, self._run = Verdict(facts), title, facts.run
         self.rows = failure_rows(self.verdict)
-        self.visitors = list(warnings) + [clean(line) for line in _visitors(facts, self.rows)]
+        in_vain = [f"planned in vain: {fault}, since that call was not made"
+                   for fault in unmet(facts.test.planned_faults, facts.journal)]
+        self.visitors = [*warnings, *in_vain, *map(clean, _visitors(facts, self.rows))]
         self._began = next((line.time for line in facts.run.lines), 0.0)
         self._counts = [clean(line) for line in summary_lines(facts)]
 

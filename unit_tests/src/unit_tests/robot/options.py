@@ -12,7 +12,7 @@ import sys
 import textwrap
 from dataclasses import dataclass
 from functools import partial
-from typing import Collection, Dict, List, Mapping, NamedTuple, Sequence
+from typing import Collection, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 from behavior_controller import folders as controller_folders, ros_arguments
 from behavior_controller.config import config_file, settings
@@ -22,6 +22,7 @@ from behavior_controller.config.settings import split_arguments, unread
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, attempt
 from behavior_controller.robot.declarations import Action, Interface, Service
 from behavior_controller.ros_arguments import ASSIGNMENT
+from behavior_controller.simulation import behaviour
 from behavior_controller.simulation.behaviour import NODES
 from behavior_controller.simulation.configuration import (
     CONTROLLER, Configuration, KEYS, SEEDS, SHORT, TOPIC, load_controller, parse)
@@ -177,10 +178,10 @@ def read(arguments: Arguments) -> Options:
         faults += _output_faults(values["outputFile"])
     around = None
     if controller is not None:
-        behaviour = test.visitor_behaviour if test is not None else ENGAGES
-        around = attempt(partial(world, behaviour, controller), faults)
+        visitor = test.visitor_behaviour if test is not None else ENGAGES
+        around = attempt(partial(world, visitor, controller), faults)
         if test is not None:
-            faults += _not_of_robot(test, controller.interface, values)
+            faults += _without_effect(test, controller.interface, arguments)
     if faults or test is None or around is None:
         raise ConfigurationError(faults)
     return Options(arguments, test, around, of_test.result()[SPEED.name])
@@ -218,28 +219,46 @@ def _chosen(values: Mapping[str, str], names: Collection[str]) -> Dict[str, str]
 
 def _drawn(test: Configuration, values: Mapping[str, str]) -> Configuration:
     """Return a configuration with a seed and a visitor for those that are to be random."""
-    seed, behaviour = test.random_seed, test.visitor_behaviour
+    seed, visitor = test.random_seed, test.visitor_behaviour
     if seed is None:
         # a node that runs alone needs no common seed
         seed = int(values.get(DRAWN) or random.randrange(SEEDS))
-    if behaviour == RANDOM:
-        behaviour = random.Random("{}/behaviour".format(seed)).choice(BEHAVIOURS)
-    return dataclasses.replace(test, random_seed=seed, visitor_behaviour=behaviour)
+    if visitor == RANDOM:
+        visitor = random.Random("{}/behaviour".format(seed)).choice(BEHAVIOURS)
+    return dataclasses.replace(test, random_seed=seed, visitor_behaviour=visitor)
 
 
-def _not_of_robot(test: Configuration, interface: Interface,
-                  values: Mapping[str, str]) -> List[Fault]:
-    """Return a fault for each key of the test that does not apply to the controller's robot."""
-    reasons = [(key, f"does not have {name} anyway")
-               for key, names, kind in (("absentServices", test.absent_services, Service.kind),
-                                        ("absentActions", test.absent_actions, Action.kind))
-               for name in names if name not in (
-                   service.name for service in interface.services if service.kind == kind)]
-    if test.recognise_by != TOPIC and not any(topic.action for topic in interface.topics):
-        reasons.insert(0, ("recogniseBy", "recognises speech by no action"))
-    return [Fault(("argument " if name in values else path() + ": ") + name, 0, 0,
-                  f"the robot {interface.name} {why}",
-                  "leave it out, or choose another robotInterface") for name, why in reasons]
+def _without_effect(test: Configuration, robot: Interface, arguments: Arguments) -> List[Fault]:
+    """Return a fault for each key that changes nothing: it is about what the controller's robot
+    lacks, or about a node that is real."""
+    about, real = list(_nodes_meant(test, robot)), set(NODES).difference(arguments.simulated)
+    lacks = [(key, why) for key, why, nodes in about if not nodes]
+    lacks += [(USE_REAL[node], f"does not have {node} anyway")
+              for node in sorted(real.difference(behaviour.nodes(robot)))]
+    reasons = [(key, f"the robot {robot.name} {why}", "choose another robotInterface")
+               for key, why in lacks]
+    reasons += [(key, f"{node} is real, and not simulated", USE_REAL[node])
+                for key, _, nodes in about for node in nodes if node in real]
+    return [Fault(("argument " if name in arguments.values else path() + ": ") + name, 0, 0, why,
+                  "leave it out, or " + hint) for name, why, hint in reasons]
+
+
+def _nodes_meant(test: Configuration, robot: Interface) -> Iterator[Tuple[str, str, List[str]]]:
+    """Yield each key that is about some nodes of the robot, the reason against it if there are none
+    such, and these nodes."""
+    if test.recognise_by != TOPIC:
+        yield ("recogniseBy", "recognises speech by no action",
+               [topic.node for topic in robot.topics if topic.action])
+    for key, names, kind in (("absentServices", test.absent_services, Service.kind),
+                             ("absentActions", test.absent_actions, Action.kind)):
+        for name in names:
+            yield (key, f"does not have {name} anyway", [
+                service.node for service in robot.services
+                if (service.kind, service.name) == (kind, name)])
+    for key, names in (("plannedFaults", tuple(fault.node for fault in test.planned_faults)),
+                       ("quickNodes", test.quick_nodes)):
+        for node in dict.fromkeys(names):
+            yield key, f"has no service of {node}", [node] * (node in behaviour.servers(robot))
 
 
 # ----------------------------------------------------------------------------------------- the help
