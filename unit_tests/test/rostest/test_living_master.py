@@ -65,12 +65,13 @@ class TestLivingMaster(Launched):
         printed, title = self.run_launch("asrEnabled:=false", "mutualGazeValue:=2", "seed:=5",
                                          "verbose:=true", "speed:=10", *QUICK)
         self.assertIn("\nPASSED: ", printed)
-        self.assertRegex(title, "randomSeed 5; asrEnabled false; mutualGazeValue 2; speed 10$")
+        self.assertRegex(title, "randomSeed 5; callTimes none; asrEnabled false; mutualGazeValue 2; "
+                                "speed 10$")
         self.assertNotIn("REQUIRED", printed)
         self.assertEqual(self.left_behind(), set())
         printed, title = self.run_launch(*QUICK)
         self.assertIn("\nPASSED: ", printed)
-        self.assertRegex(title, "arrivalRate 3000; randomSeed [0-9]+$")
+        self.assertRegex(title, "arrivalRate 3000; randomSeed [0-9]+; callTimes none$")
         self.assertNotRegex(title, r"randomSeed 5\b")
         self.assert_runs_as_configured()
 
@@ -84,7 +85,8 @@ class TestLivingMaster(Launched):
         printed, title = self.run_launch(*QUICK)
         self.assertIn("\nPASSED: ", printed)
         self.assertRegex(
-            title, "visitorBehaviour declines; failureRate 0; arrivalRate 3000; randomSeed [0-9]+$")
+            title, "visitorBehaviour declines; failureRate 0; arrivalRate 3000; "
+            "randomSeed [0-9]+; callTimes none$")
 
     def test_a_launch_that_is_killed_leaves_nothing_that_counts(self):
         process = self.launch("asrEnabled:=false", "language:=Kinyarwanda", *QUICK)

@@ -47,11 +47,15 @@ def test_the_title_tells_all_that_is_needed_to_repeat_the_run():
                ("mutualGazeValue", 2), ("topicMaxAge", 2.0), ("verboseMode", True))
     told = heading(facts(mission=mission), "speechEvent", arrivalRate="inf", missionRuns="2",
                    faultKinds="crash, wrong",
-                   plannedFaults="robotNavigation:3,textToSpeech:1:unanswered", testTimeout="8")
+                   plannedFaults="robotNavigation:3,textToSpeech:1:unanswered",
+                   absentActions="/textToSpeech/say_text", quickNodes="textToSpeech",
+                   callTimes="none", testTimeout="8", verboseMode="true")
     assert told.endswith(
         "; arrivalRate inf; randomSeed 7; missionRuns 2; faultKinds crash,wrong; "
-        "plannedFaults robotNavigation:3:refused,textToSpeech:1:unanswered; asrEnabled false; "
-        "language Kinyarwanda; mutualGazeValue 2; use_real_speechEvent true")
+        "plannedFaults robotNavigation:3:refused,textToSpeech:1:unanswered; "
+        "absentActions /textToSpeech/say_text; quickNodes textToSpeech; callTimes none; "
+        "testTimeout 8; asrEnabled false; language Kinyarwanda; mutualGazeValue 2; "
+        "use_real_speechEvent true")
 
 
 def test_the_title_of_a_mission_that_did_not_start():

@@ -30,8 +30,8 @@ from unit_tests.judge.journal_check import CAUSE_OF
 ALWAYS_SHOWN = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
 """Keys of the test that the title always shows."""
 
-SHOWN_IF_SET = ("missionRuns", "faultKinds", "plannedFaults", "recogniseBy", "absentServices")
-"""Keys of the test that it shows if they differ from the default. The others do not change the
+SHOWN_IF_SET = [key for key in KEYS if key.name not in (*ALWAYS_SHOWN, "verboseMode")]
+"""Keys of the test that it shows if they differ from the default. verboseMode does not change the
 test."""
 
 NOT_SHOWN = {"scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port",
@@ -48,8 +48,8 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     if begun is not None:
         mission, given = os.path.basename(begun.mission), begun.settings
     shown = [(name, chosen[name]) for name in ALWAYS_SHOWN]
-    shown += [(key.name, chosen[key.name]) for key in KEYS
-             if key.name in SHOWN_IF_SET and chosen[key.name] != key.default]
+    shown += [(key.name, chosen[key.name]) for key in SHOWN_IF_SET
+              if chosen[key.name] != key.default]
     shown += [(name, given[name]) for name, usual in settings.defaults().values.items()
              if name not in NOT_SHOWN and given.get(name, usual) != usual]
     shown += [("use_real_" + node, True) for node in sorted(facts.real)]
