@@ -56,6 +56,7 @@ def _table(head: List[str], rows: List[List[object]]) -> Iterator[str]:
 
 def _run(listed: Listed) -> str:
     digest = listed.digest
-    facts = joined(", ", digest.mission, joined(" to ", time_of(digest.began), time_of(digest.ended)),
-                   count(len(digest.visits), "visit"), listed.ending)
+    times = joined(" to ", time_of(digest.began), time_of(digest.ended))
+    visits = count(len(digest.visits), "visit")
+    facts = joined(", ", digest.mission, times, visits, listed.ending)
     return clean(f"{listed.name}  {facts}")

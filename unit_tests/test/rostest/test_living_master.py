@@ -65,8 +65,8 @@ class TestLivingMaster(Launched):
         printed, title = self.run_launch("asrEnabled:=false", "mutualGazeValue:=2", "seed:=5",
                                          "verbose:=true", "speed:=10", *QUICK)
         self.assertIn("\nPASSED: ", printed)
-        self.assertRegex(title, "randomSeed 5; callTimes none; asrEnabled false; mutualGazeValue 2; "
-                                "speed 10$")
+        self.assertRegex(title, "randomSeed 5; callTimes none; asrEnabled false; "
+                                "mutualGazeValue 2; speed 10$")
         self.assertNotIn("REQUIRED", printed)
         self.assertEqual(self.left_behind(), set())
         printed, title = self.run_launch(*QUICK)
