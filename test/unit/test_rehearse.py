@@ -135,6 +135,11 @@ def test_single_faults_are_each_call_in_each_way_each_service_for_good_and_each_
     assert len(made) == 3 * 5 + 2 + 1
 
 
+def test_four_visitors_in_a_row_have_no_successor():
+    assert [Scenario("engages", then=("declines",) * others).may_have_successors
+            for others in range(5)] == [True, True, True, False, False]
+
+
 @pytest.mark.parametrize("ended, is_played", [
     ("SUCCESS", True), ("FAILURE", True), (plays.NO_VISITOR, False), ("", False)])
 def test_a_pass_that_does_not_end_without_a_fault_is_not_played_with_one(ended, is_played):

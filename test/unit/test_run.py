@@ -16,7 +16,8 @@ from behavior_controller.run.state import (
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.run.health import GONE, SLOW
 from behavior_controller.robot.requests import (
-    Answer, GoTo, Location, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
+    Answer, GoTo, Location, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation, SetAttention,
+    SetPose)
 from behavior_controller.run.moment import card
 from behavior_controller.run.record.reader import read_record
 from behavior_controller.run.story import step_words
@@ -510,6 +511,16 @@ def test_a_robot_that_answers_early_goes_on_until_the_step_ends(end, is_speaking
 def test_a_run_that_ends_awaits_nothing_more():
     run = after(DRIVES, Asked(1, "/nav", GoTo(ARM)), RunFinished("stopped", 0))
     assert run.state.exchanges == () and run.state.robot.goal is None
+
+
+@pytest.mark.parametrize("answer, place", [(Answer(), ARM), (BUSY, None)])
+def test_the_robot_is_where_its_first_pose_was_set_to_be(answer, place):
+    run = after(Asked(1, "/pose", SetPose(ARM)), Answered(1, answer))
+    assert run.state.robot.place == place
+    # what is told after a drive moves nothing
+    drive = [DRIVES, Asked(2, "/nav", GoTo(DESK)), Answered(2, Answer()), ended()]
+    later = [Asked(3, "/pose", SetPose(ARM)), Answered(3, answer)]
+    assert after(*drive, *later).state.robot.place == DESK
 
 
 def test_where_the_robot_is_after_a_drive_that_failed_or_was_dropped():
