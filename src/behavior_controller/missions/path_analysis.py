@@ -18,7 +18,8 @@ from behavior_controller.robot.requests import Prompt
 from behavior_controller import leaves
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.config.node_facts import whole_mission
-from behavior_controller.leaves.data import CURRENT_EXHIBIT, VISITOR_RESPONSE
+from behavior_controller.leaves.data import (
+    CURRENT_EXHIBIT, QUESTION_ASKED_AT, VISITOR_RESPONSE)
 from behavior_controller.config.settings import Settings
 
 MAX_PATH_DEPTH, MAX_ELEMENTS = 150, 2_000
@@ -33,6 +34,8 @@ class PathState(NamedTuple):
     mode: str = ""
     missed_by: str = ""  # the node type that last looked for the visitor, if it found none
     has_answer: bool = False
+    is_asked_again: bool = False  # since that answer, which may be a yes
+    is_unanswered: bool = False  # no answer was stored when it was asked again
     known: FrozenSet[Tuple[str, int]] = frozenset()  # of conditions on the answer, how each ended
 
 
@@ -72,6 +75,11 @@ def _of_one(node: MissionLeaf, states: Set[PathState], settings: Settings) -> It
             text = (f"{node.registration_id} can never succeed: overtAttention reports "
                     f"{node.sense.noun} only in the mode {mode}")
             yield node.element.fault(rules.MODE_MISSING, text, hint)
+    if _needs_answer(node) and any(state.is_unanswered for state in states):
+        text = (f"{node.registration_id} may count the answer to an earlier question: the visitor "
+                "is asked again, and may be silent")
+        hint = "clear it before that question: <Script code=\"@visitorResponse := ''\"/>"
+        yield node.element.fault(rules.EARLIER_ANSWER, text, hint)
     missed_by = sorted({state.missed_by for state in states} - {""})
     is_known = settings.interface.numbers_phrases or not node.spec.says_phrase
     if missed_by and is_known and node.spec.says_goodbye(node.name):
@@ -188,21 +196,35 @@ class _Follower:
     def _after(self, node: MissionLeaf, state: PathState, end: int) -> PathState:
         """Return ``state`` after a mission leaf has ended with ``end``. A mode that could not be
         set counts as set: no mission counts on such a failure."""
+        state = self._with_answer(node, state, end)
         state = state._replace(mode=node.spec.mode(node.name) or state.mode)
-        if node.spec.writes(VISITOR_RESPONSE.name):
-            state = state._replace(known=frozenset())
-        elif self._is_answer_kept and _needs_answer(node):
-            state = state._replace(known=state.known | {(node.registration_id, end)})
         if end == FAILS:
             if node.sense in (Sense.VISITOR, Sense.PRESENCE):
                 return state._replace(missed_by=node.registration_id)
             return state
         if node.spec.is_recovery or node.sense in (Sense.VISITOR, Sense.PRESENCE, Sense.GAZE):
             return state._replace(missed_by="")
-        is_stored = (node.spec.writes(VISITOR_RESPONSE.name)
-                     and (state.is_heard or Sense.UTTERANCE not in node.spec.listens)
-                     and (self._tablet_stores or Prompt not in node.spec.calls))
-        return state._replace(has_answer=state.has_answer or is_stored)
+        return state
+
+    def _with_answer(self, node: MissionLeaf, state: PathState, end: int) -> PathState:
+        """Return ``state`` with what is stored as the answer, and known of it, after that end."""
+        spec, is_prompt = node.spec, Prompt in node.spec.calls
+        if spec.begins_pass:
+            return state._replace(has_answer=False, is_asked_again=False, is_unanswered=False,
+                                  known=frozenset())
+        if spec.writes(VISITOR_RESPONSE.name):
+            state = state._replace(known=frozenset())
+            if (end == SUCCEEDS and (state.is_heard or Sense.UTTERANCE not in spec.listens)
+                    and (self._tablet_stores or not is_prompt)):
+                return state._replace(has_answer=True, is_asked_again=False, is_unanswered=False)
+            if spec.kind is Kind.CONDITION or is_prompt:  # another may clear it before
+                return state._replace(is_unanswered=state.is_asked_again)
+        elif self._is_answer_kept and _needs_answer(node):
+            return state._replace(known=state.known | {(node.registration_id, end)})
+        elif (spec.kind is Kind.ACTION and spec.writes(QUESTION_ASKED_AT.name) and state.has_answer
+              and self._is_answer_kept and FAILS not in {end for _, end in state.known}):
+            return state._replace(is_asked_again=True)
+        return state
 
 
 def _needs_answer(node: MissionLeaf) -> bool:

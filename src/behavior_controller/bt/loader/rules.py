@@ -185,6 +185,7 @@ MODE_MISSING = warning("A condition needs a mode of attention that no node befor
 FAREWELL_TO_NOBODY = warning("The mission says goodbye to a visitor who has left.")
 STEP_LEFT_OUT = warning("A failure before it leaves out a step that no policy may skip.")
 BEGINS_LATE = warning("A pass begins after a node has asked the robot for something.")
+EARLIER_ANSWER = warning("An earlier answer counts when the visitor is asked again and is silent.")
 NO_STOP = warning("Without speech recognition the mission never reaches its stops.")
 ROBOT_LACKS = error("A node cannot work, because the configured robot lacks a part.")
 DOES_WITHOUT = warning("A node does nothing, because the configured robot lacks a part.")
