@@ -6,9 +6,18 @@ import pytest
 import rospy
 from rosgraph.names import load_mappings, resolve_name
 
+from behavior_controller.bt import ManualClock
+from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.config import settings
 from behavior_controller.errors import ConfigurationError
+from behavior_controller.robot.d543 import FACES, INTERFACE
+from behavior_controller.robot.gateway import FakeGateway, FakeTopics
+from behavior_controller.robot.requests import Answer, Say
+from behavior_controller.ros import configuration
 from behavior_controller.ros.names import enter, words_of
+from behavior_controller.ros.types import resolved
+from behavior_controller.run.events import Events
+from behavior_controller.run.health import GONE, gone
 from behavior_controller.run.record import files
 from behavior_controller.run.record.unended import may_be_live
 from behavior_controller.viewer.server import opened
@@ -59,6 +68,39 @@ def test_a_node_that_has_no_name_yet_resolves_names_in_its_namespace(monkeypatch
     monkeypatch.setattr(rospy.names, "_caller_id", rospy.names.get_caller_id())
     enter(["program", *words])
     assert rospy.resolve_name("say") == say and rospy.resolve_name("/clock") == "/clock"
+
+
+def test_a_replay_has_the_names_of_its_record():
+    offers, values = INTERFACE.offers, dict(settings.defaults().values)
+    mappings = {SAY: "/voice/say", FACES.name: "/cam/faces"}
+    names = [mappings.get(offer.name, offer.name) for offer in offers]
+    robot = settings.recorded(values, "settings", names).interface
+    assert [robot.name_of(offer) for offer in offers] == names
+    # that of another release, or without remapped names
+    for others in (names[1:], [offer.name for offer in offers], ()):
+        assert settings.recorded(values, "settings", others).interface is INTERFACE
+
+
+def test_what_is_remapped_has_one_name_for_leaves_and_monitor(monkeypatch):
+    mappings = {SAY: "/voice/say", FACES.name: "/cam/faces"}
+    monkeypatch.setattr(rospy.names, "_resolved_mappings", mappings)
+    monkeypatch.setattr(rospy.names, "_caller_id", "/behaviorController")
+    monkeypatch.setattr(configuration, "_private_parameters", lambda: {"missionRuns": 2})
+    monkeypatch.setattr(configuration, "_given", dict)
+    clock, wake = ManualClock(100.0), WakeUp()
+    plan = configuration.read_plan(clock, wake, lambda severity, text: None)
+    robot, say = plan.settings.interface, INTERFACE.service(Say)
+    assert {offer.name: robot.name_of(offer) for offer in robot.offers
+            if robot.name_of(offer) != offer.name} == mappings
+    assert robot.topic(FACES.name) is FACES and plan.settings.interface is robot
+    gateway = FakeGateway(wake.emit, lambda request: Answer())
+    mission = plan.context(gateway, FakeTopics(clock.now, wake.emit), Events())
+    mission.health.report(GONE, gone("service", resolved(say), "textToSpeech", "so", "no voice"))
+    mission.health.publish(mission.events)
+    asked = []
+    mission.events.subscribe(asked.append)
+    mission.gateway.start(Say("hello", "English"))
+    assert mission.health.is_gone(asked[0].service) and asked[0].service == "/voice/say"
 
 
 @pytest.mark.parametrize("words, environment", [(["__ns:=/hall"], ""), ([], "hall")])

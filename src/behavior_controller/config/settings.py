@@ -1,14 +1,14 @@
 """The controller's configuration: its keys, each with its type, default and meaning, as one frozen
 record."""
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Collection, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 from behavior_controller.ros_arguments import ASSIGNMENT, ROS_WORDS
 from behavior_controller.errors import Fault
 from behavior_controller.robot.declarations import Interface, Plain, Service
-from behavior_controller.robot.interfaces import DEFAULT, INTERFACES, interface_of
+from behavior_controller.robot.interfaces import DEFAULT, INTERFACES, Remapped, interface_of
 from behavior_controller.config.config_file import (
     Key, KeyReader, REQUIRED, bind_address, boolean, collected, filled, folder, integer, key,
     keys_of, language_name, mission_name, namespace, number, one_of, port, read_source, seconds,
@@ -34,7 +34,7 @@ class Settings:
     ``asrEnabled``.
 
     ``deadlines`` has the seconds of each key of a deadline: see ``deadline``. ``warnings`` are
-    about keys without effect.
+    about keys without effect. ``remapped`` are names that are no keys: see ``interface``.
     """
 
     deadlines: Mapping[str, float]
@@ -87,6 +87,7 @@ class Settings:
                         "for a call of `~start` (with `rosInterface true`)")
     record_directory: str = key(folder, "", "folder for the records; empty: one among ROS' "
                                             "logs; `none`: no record")
+    remapped: Remapped = ()
 
     def deadline(self, service: Service) -> float:
         """Return the seconds that a call of ``service`` may take."""
@@ -95,7 +96,7 @@ class Settings:
     @property
     def interface(self) -> Interface:
         """What the robot offers."""
-        return interface_of(self.robot_interface, self.robot)
+        return interface_of(self.robot_interface, self.robot, self.remapped)
 
     @property
     def tablet_tells(self) -> bool:
@@ -197,9 +198,15 @@ def valid_values(path: str, overrides: Mapping[str, object],
                                     if value is not None}}
 
 
-def recorded(values: Mapping[str, object], where: str) -> Settings:
-    """Return settings from their values in a record. Raises ConfigurationError with every fault."""
+def recorded(values: Mapping[str, object], where: str, names: Collection[str] = ()) -> Settings:
+    """Return settings from their values in a record, and from the resolved ``names`` of all that
+    the robot offers. Raises ConfigurationError with every fault."""
     reader = KeyReader(Source(where, ""), KEYS)
     for name, value in values.items():
         reader.given(name, value, where)
-    return _settings(reader.result())
+    chosen = _settings(reader.result())
+    usual = {offer.name: chosen.interface.name_of(offer) for offer in chosen.interface.offers}
+    if len(names) != len(usual):  # of another release, or two have one name
+        return chosen
+    return replace(chosen, remapped=tuple(
+        (canonical, name) for canonical, name in zip(usual, names) if name != usual[canonical]))

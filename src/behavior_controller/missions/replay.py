@@ -91,7 +91,7 @@ def _restored(started: events.RunStarted, clock: ManualClock, mission: Optional[
     edited = load_tree(mission, clock=clock) if mission is not None else None
     try:
         return Mission(
-            settings.recorded(started.settings, "settings"), started.mission,
+            settings.recorded(started.settings, "settings", started.offers), started.mission,
             phrases.recorded(sources.phrases),
             recovery_policy.read(sources.policy, leaves.mission_specs()),
             edited or build_tree([parse(text, file) for file, text in sources.documents],

@@ -6,7 +6,7 @@ robot use only these declarations for their knowledge of a service or topic.
 import enum
 import itertools
 import reprlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import (Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional,
                     Sequence, Tuple, Type, TypeVar, Union)
@@ -273,7 +273,8 @@ class Interface:
     gesture has an arm and a shape of the hand. ``numbers_phrases``: the number of a utility phrase
     says what it is about. ``ends_location``: after the mode ``location`` attention is switched off.
     ``never_asked``: the kinds of requests that are left out for this robot. ``namespace`` stands
-    before the names of a robot beside others. Raises ValueError if two services carry out the same
+    before the names of a robot beside others; ``names`` has the resolved names of what is remapped,
+    by canonical name. Raises ValueError if two services carry out the same
     kind of request, or kinds of the same name.
     """
 
@@ -290,6 +291,7 @@ class Interface:
     ends_location: bool = False
     never_asked: Tuple[type, ...] = ()
     namespace: str = ""
+    names: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._by_request: Dict[type, Service] = {
@@ -353,8 +355,8 @@ class Interface:
         return self.name_of(self.service(request))
 
     def name_of(self, offer: Offer) -> str:
-        """Return the name of a service or topic of this robot."""
-        return self.namespace + offer.name
+        """Return the resolved name of a service or topic of this robot."""
+        return self.names.get(offer.name, self.namespace + offer.name)
 
     def node_of(self, offer: Offer) -> str:
         """Return the name of the node that has a service or topic, without the first slash; empty:

@@ -3,7 +3,7 @@ import functools
 import math
 import re
 from dataclasses import replace
-from typing import Dict
+from typing import Dict, Tuple
 
 import msgspec
 
@@ -83,19 +83,23 @@ def _request_fault(request: object) -> str:
     return ""
 
 
+Remapped = Tuple[Tuple[str, str], ...]
+"""Canonical and resolved name of each service and topic that is remapped."""
+
 INTERFACES: Dict[str, Interface] = {robot.name: _extended(robot) for robot in (
     d543.INTERFACE, release_1_0.INTERFACE, release_1_1.INTERFACE)}
 
 DEFAULT = INTERFACES[d543.INTERFACE.name]
 
 
-def interface_of(name: str, robot: str = "") -> Interface:
-    """Return the interface of that name; its names are below the namespace ``robot``, if any."""
-    if not robot:
+def interface_of(name: str, robot: str = "", remapped: Remapped = ()) -> Interface:
+    """Return the interface of that name; its names are below the namespace ``robot``, if any, or as
+    they are ``remapped``."""
+    if not robot and not remapped:
         return INTERFACES[name]
-    return _in_namespace(INTERFACES[name], "/" + robot)
+    return _renamed(INTERFACES[name], robot and "/" + robot, remapped)
 
 
 @functools.lru_cache(maxsize=None)
-def _in_namespace(robot: Interface, namespace: str) -> Interface:
-    return replace(robot, namespace=namespace)
+def _renamed(robot: Interface, namespace: str, remapped: Remapped) -> Interface:
+    return replace(robot, namespace=namespace, names=dict(remapped))

@@ -1,6 +1,7 @@
 """Builds the mission for the node: its files, overridden by the node's parameters and arguments."""
 import contextlib
 import sys
+from dataclasses import replace
 from typing import Any, Callable, Dict
 
 import rospy
@@ -15,6 +16,7 @@ from behavior_controller.errors import FaultsFound, NodesMissing
 from behavior_controller.robot.requests import Prompt
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.ros.tcpros import Trouble, ask_master
+from behavior_controller.ros.types import resolved
 from behavior_controller.text import count
 
 _LAUNCH_FILE = "behaviorController.launch"
@@ -38,7 +40,10 @@ def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> load.Mission:
     overriding = [f"{key} {overrides[key]}" for key in chosen.values if key in overrides]
     if overriding:
         tell("info", f"parameters of the node override the configuration: {', '.join(overriding)}")
-    plan = load.load(chosen, clock, wake)
+    robot = chosen.interface
+    names = {offer.name: resolved(offer) for offer in robot.offers
+             if resolved(offer) != robot.name_of(offer)}
+    plan = load.load(replace(chosen, remapped=tuple(names.items())), clock, wake)
     _announce(plan, tell)
     return plan
 
