@@ -239,6 +239,12 @@ def test_a_loop_without_its_entry_is_over():
                 "<AlwaysSuccess/></LoopInt></Sequence>").tick_once() is FAILURE
 
 
+def test_a_loop_whose_value_is_a_text_writes_nothing():
+    tree = load("<LoopString queue='a;b' value='item'><Script code='n := 1'/></LoopString>")
+    assert [tree.tick_exactly_once() for _ in range(3)] == [RUNNING, RUNNING, SUCCESS]
+    assert list(tree.blackboard) == ["n"]
+
+
 def test_a_substitute_that_does_not_exist_is_a_fault_of_the_node():
     with pytest.raises(MissionError) as raised:
         load_substituted("Slep")

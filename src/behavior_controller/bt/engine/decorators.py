@@ -294,7 +294,8 @@ class Loop(Decorator):
             if not self.queue:
                 return self.get_input("if_empty")
             item = self.queue.popleft()
-            if "value" in self.attributes:
+            # as in the library, a literal is passed over
+            if ports.reference(self.attributes.get("value", ""), "value") is not None:
                 self.set_output("value", item)
         if self.status is IDLE:
             self.store(RUNNING)
