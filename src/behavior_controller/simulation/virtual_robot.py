@@ -137,13 +137,16 @@ class VirtualNode(SimulatedNode):
         super().__init__(name, robot.test, robot.world, robot.stamp, robot.write)
         self._robot, self.is_away = robot, False
         self.listens_until = -math.inf  # an action returns nothing later
+        self.calls: Dict["_VirtualCall", None] = {}  # under way here, in their order
         self._timer: Optional[Timer] = None  # of its next message, if it publishes
 
     # ------------------------------------------------------------------------------------- presence
 
     def crash(self) -> None:
-        """Be unreachable for a while."""
+        """Lose all calls, and be unreachable for a while."""
         self.is_away = True
+        for call in self.calls:
+            call.lose()
         if self._timer is not None:
             self._timer.cancel()
         self._robot.after(NOTICED, lambda: self._report(False))
@@ -253,6 +256,16 @@ class _VirtualCall:
     def _cancel(self) -> None:
         for timer in self._timers[1:]:  # what is sent arrives
             timer.cancel()
+        self._robot.node(self._service.node).calls.pop(self, None)
+
+    def lose(self) -> None:
+        """End without the answer: the node's process has ended."""
+        for timer in self._timers[3:]:  # those of the answer and of feedback
+            timer.cancel()
+        self._timers.append(self._robot.after(HANDLING, partial(self._finish, self._hung_up())))
+
+    def _hung_up(self) -> Failure:
+        return self._failure(Cause.CONNECTION_LOST, "the server hung up")
 
     def _finish(self, result: Result) -> None:
         self._cancel()
@@ -286,8 +299,11 @@ class _VirtualCall:
                 result = self._failure(Cause.TYPE_MISMATCH, str(error))
             except Unusable as error:
                 result = self._failure(Cause.UNUSABLE_ANSWER, str(error))
-        # a dropped call no longer has timers
-        if result is not None and self._timers[1].callback is not None:
+        if self._timers[1].callback is None:  # it was dropped
+            return
+        if not node.is_away:
+            node.calls[self] = None
+        if result is not None:
             self._timers.append(robot.after(seconds, partial(self._finish, result)))
 
     def _await_feedback(self, entry: JournalEntry) -> None:
@@ -318,7 +334,7 @@ class _VirtualCall:
         if fault == EXCEPTION:
             return self._failure(Cause.HANDLER_EXCEPTION, reply.exception)
         if fault == CRASH:
-            return self._failure(Cause.CONNECTION_LOST, "the server hung up")
+            return self._hung_up()
         if reply.answer is None and isinstance(service, Publication):
             return self._failure(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
         if reply.answer is None and isinstance(service, Action) and fault != WRONG:

@@ -93,6 +93,25 @@ def test_a_request_that_is_halted_may_reach_its_node_after_the_next_one_or_never
     assert lines_of(queries, lines) == expected
 
 
+A_LONG, B_LONG, C_LONG = ((text, 0.0, 3.0, None) for text in "abc")
+
+
+@pytest.mark.parametrize("queries, lines, expected", [
+    ([A_LONG, B_LONG], [("b", 0.001), ("a", 0.003)], [1, 0]),
+    ([A_LONG, B_LONG, C_LONG], [("c", 0.1), ("a", 0.1), ("b", 0.2)], [1, 2, 0]),
+    ([A_LONG, B_LONG], [("b", 0.1), ("x", 0.1), ("a", 0.2)], [None, 0]),
+    ([A_LONG, B_LONG], [("b", 0.1), ("a", 3.3)], [None, 0]),
+    # one after the other
+    ([("a", 0.0, 1.0, None), ("b", 1.0, 2.0, None)], [("b", 1.1), ("a", 1.2)], [None, 0]),
+    # one that was dropped was on its way
+    ([A_HALTED, B], [("b", 1.5), ("a", 1.9)], [1, 0]),
+    ([A_HALTED, B], [("b", 1.5), ("a", 2.1)], [None, 0]),
+    ([A_HALTED, B, ("a", 1.2, 3.0, None)], [("b", 1.5), ("a", 1.9)], [None, 0, 1])])
+def test_of_requests_under_way_at_once_a_later_one_may_reach_the_node_first(
+        queries, lines, expected):
+    assert lines_of(queries, lines) == expected
+
+
 def test_a_request_as_before_one_that_never_reached_its_node_is_not_sent_twice():
     queries = [("b", 0.0, 0.1, Cause.CONNECTION_LOST), A_HALTED, ("b", 20.0, 20.2, None),
                ("a", 20.4, 20.6, None)]
@@ -250,6 +269,22 @@ def test_each_fault_has_its_cause_on_record_and_no_other(fault):
     for cause in [None, *Cause]:
         found = objected(at, cause, got=(0.0, fault, at), health=[(at, {})] * (cause in AWAY))
         assert (found == []) is (cause is RESULTS[fault]), cause
+
+
+@pytest.mark.parametrize("answered, cause, crash, is_well", [
+    (1.5, Cause.CONNECTION_LOST, ("textToSpeech", 1.5, "crash"), True),
+    (3.0, Cause.CONNECTION_LOST, ("textToSpeech", 3.0, "crash"), True),  # before it was sent
+    (3.0, None, ("textToSpeech", 3.0, "crash"), True),
+    (1.5, Cause.CONNECTION_LOST, ("tabletEvent", 1.5, "crash"), False),
+    (1.5, Cause.CONNECTION_LOST, ("textToSpeech", 1.5, "refused"), False),
+    (3.0, Cause.CONNECTION_LOST, ("textToSpeech", 1.5, "crash"), False),
+    (3.0, None, ("textToSpeech", 1.5, "crash"), False)])
+@pytest.mark.parametrize("fault", [None, "unanswered"])
+def test_a_crash_of_the_node_ends_its_other_calls(fault, answered, cause, crash, is_well):
+    if fault is None or answered == 1.5:
+        found = objected(answered, cause, got=(0.0, fault, 3.0), more=[crash],
+                         health=[(crash[1], {})])
+        assert ([words for words in found if "was taken for gone" not in words] == []) is is_well
 
 
 @pytest.mark.parametrize("end, outcome", [

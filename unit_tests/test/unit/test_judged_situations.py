@@ -115,6 +115,16 @@ SCRIPT_FAILS = '<Script code="n := nowhere + 1"/>'
 TWO_PASSES = {"mission_runs": 2}
 
 
+def test_a_crash_ends_each_call_at_its_node():
+    of_test = of_mission(
+        '<Parallel success_count="2" failure_count="1"><ForceSuccess><WelcomeGesture/>'
+        '</ForceSuccess><ForceSuccess><Sequence><Sleep msec="1500"/><GoodbyeGesture/></Sequence>'
+        '</ForceSuccess></Parallel>', ["gestureExecution:2:crash"], call_times="real")
+    assert {failed.node: failed.failure.cause for failed in of_test.run.failures} == dict.fromkeys(
+        ["WelcomeGesture", "GoodbyeGesture"], Cause.CONNECTION_LOST)
+    assert objections(of_test) == ()
+
+
 @pytest.mark.parametrize("beside", [
     "<WelcomeSpeech/>", '<WelcomeSpeech/><Sleep msec="1000" _onHalted="halted := 1"/>',
     # what is halted after one that fails is halted too

@@ -91,16 +91,20 @@ class JournalCheck:
         return self._facts.test.carrier(declared, self._interface)
 
     def _pair(self, name: str) -> Iterator[Pair]:
-        """Yield the requests to a service, each with its line: the next one while it was under way.
+        """Yield the requests to a service, each with its line: the next one while it was under way,
+        or of several requests under way at once that with its content.
         """
         lines = [line for line in self._facts.journal if line.call and line.resource == name]
         queries = [query for query in self._execution.queries.values() if query.service == name]
         service = next(each for each in self._interface.services if self._name_of(each) == name)
         paired: Optional[JournalEntry] = None
-        for query, following in itertools.zip_longest(queries, queries[1:]):
+        for number, (query, following) in enumerate(itertools.zip_longest(queries, queries[1:]), 1):
             service = self._carrier(query)
             while lines and lines[0].time < query.asked - self._facts.early:
                 yield Pair(service, None, lines.pop(0))
+            place = self._overtaken_by(lines, query, itertools.islice(queries, number, None))
+            if place:
+                lines.insert(0, lines.pop(place))
             while paired is not None and self._is_repeated(paired, lines, query, following):
                 yield Pair(service, None, lines.pop(0))
             line = None
@@ -109,6 +113,33 @@ class JournalCheck:
             yield Pair(service, query, line)
         for line in lines:
             yield Pair(service, None, line)
+
+    def _overtaken_by(self, lines: Sequence[JournalEntry], query: Query,
+                      later: Iterator[Query]) -> int:
+        """Return how many of the next lines are those of ``later`` requests that were under way at
+        the same time and reached the node before this one, whose line comes after them; 0: none."""
+        following = next(later, None)
+        if following is None or not lines or self._fits(query, lines[0]):
+            return 0
+        until = query.answered
+        if until is None:  # it was dropped
+            until = self._facts.latest(following.asked)
+        beside = list(itertools.takewhile(lambda other: other.asked < until,
+                                          itertools.chain([following], later)))
+        for place, line in enumerate(lines):
+            owners = [other for other in beside if self._fits(other, line)]
+            if self._fits(query, line):
+                is_theirs = query.answered is None and bool(owners)
+                if is_theirs or not self._is_of(lines[place:], query, following):
+                    return 0
+                return place
+            if not any(other.asked <= line.time + self._facts.early for other in owners):
+                break
+        return 0
+
+    def _fits(self, query: Query, line: JournalEntry) -> bool:
+        """Return whether a line has the content of a request."""
+        return line.content == self._fields(query, line)
 
     def _is_repeated(self, paired: JournalEntry, lines: Sequence[JournalEntry], query: Query,
                      following: Optional[Query]) -> bool:
@@ -126,7 +157,7 @@ class JournalCheck:
         """Return whether the next line may be that of a request: the node got it while it was under
         way, or soon after. One that was dropped need not have reached its node."""
         line = lines[0]
-        if not _reaches(query, line) or self._is_next(line, query, following):
+        if not self._reaches(query, line) or self._is_next(line, query, following):
             return False
         if query.answered is not None:
             # a request without an answer may have been late on its way
@@ -138,16 +169,36 @@ class JournalCheck:
         if following is None or line.time <= following.asked - skew:
             return True
         is_in_time = line.time <= self._facts.latest(following.asked)
-        if not is_in_time or line.content != self._fields(query, line):
+        if not is_in_time or not self._fits(query, line):
             return False
         has_another = len(lines) > 1 and lines[1].time <= (following.answered or math.inf)
-        fits_following = line.content == self._fields(following, line)
-        return has_another or not _reaches(following, line) or not fits_following
+        fits_following = self._fits(following, line)
+        return has_another or not self._reaches(following, line) or not fits_following
+
+    def _reaches(self, query: Query, line: JournalEntry) -> bool:
+        """Return whether a request with that result can have reached its node, as that line."""
+        if query.cause is Cause.CONNECTION_LOST:
+            return self._as_ended(query, line).fault == CRASH
+        return query.cause is not Cause.TYPE_MISMATCH and query.cause not in AWAY_CAUSES
+
+    def _as_ended(self, query: Query, line: JournalEntry) -> JournalEntry:
+        """Return a line as the call ended: with a crash, if another call crashed the node first."""
+        ends = math.inf
+        if line.fault != UNANSWERED:
+            ends = line.time + line.seconds
+        limit = ends - self._facts.early
+        if query.cause is Cause.CONNECTION_LOST:
+            limit = self._facts.latest(ends)
+        crash = next((crash.time for crash in self._crashes
+                      if crash.node == line.node and line.time < crash.time < limit), None)
+        if crash is None:
+            return line
+        return line._replace(fault=CRASH, seconds=crash - line.time)
 
     def _is_next(self, line: JournalEntry, query: Query, following: Optional[Query]) -> bool:
         """Return whether a line can only be that of the following request."""
         return following is not None and line.time >= following.asked and (
-            self._fields(query, line) != line.content == self._fields(following, line))
+            self._fits(following, line) and not self._fits(query, line))
 
     def objections(self) -> Iterator[str]:
         """Object to requests, answers, messages and losses that record and journal do not share: of
@@ -199,7 +250,7 @@ class JournalCheck:
             if line.objection is not None:
                 yield (f"{asker}: {line.resource} received a request that makes no sense: "
                        f"{line.objection}")
-            yield from self._of_result(query, line, service)
+            yield from self._of_result(query, self._as_ended(query, line), service)
 
     def _fields(self, query: Query, line: JournalEntry) -> Dict[str, Any]:
         """Return the fields of a request as they have to be sent."""
@@ -323,13 +374,6 @@ class JournalCheck:
             is_there = query.cause not in AWAY_CAUSES or query.service in absent
             if not is_there and not is_noticed:
                 yield f"{query.node}: {query.service} was gone, and that was not noticed"
-
-
-def _reaches(query: Query, line: JournalEntry) -> bool:
-    """Return whether a request with that result can have reached its node, as that line."""
-    if query.cause is Cause.CONNECTION_LOST:
-        return line.fault == CRASH
-    return query.cause is not Cause.TYPE_MISMATCH and query.cause not in AWAY_CAUSES
 
 
 def _cause(fault: Optional[str], service: Service) -> Optional[Cause]:
