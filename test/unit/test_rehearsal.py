@@ -33,10 +33,10 @@ def on_stage(mission, chosen, manners, knowledge):
     given = settings.defaults(**chosen)
     world = World(Visitor(manners), knowledge, given)
     stage = LoadedMission(given, with_includes(read(mission)), world)
-    played = stage.play(dataclasses.replace(CALM, visitor_behaviour=manners.behaviour,
-                                            test_timeout=PASS_LIMIT))
+    test = dataclasses.replace(CALM, visitor_behaviour=manners.behaviour, test_timeout=PASS_LIMIT)
+    played = stage.play(test)
     outcomes = [visit.outcome for visit in played.run().visits]
-    return outcomes, nodes(leaves_reached(stage, manners.behaviour))
+    return outcomes, nodes(leaves_reached(stage, test))
 
 
 def nodes(paths):
@@ -94,7 +94,21 @@ def test_a_mission_that_never_ends_is_not_rehearsed(monkeypatch):
     stage = LoadedMission(settings.defaults(), [parse(
         '<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><AlwaysFailure/>'
         '<Sleep msec="99999999"/></ReactiveFallback></BehaviorTree></root>')])
-    assert leaves_reached(stage, "engages") is None
+    assert leaves_reached(stage, CALM) is None
+
+
+def test_the_leaves_of_a_pass_without_faults_are_those_of_the_robot_of_the_test():
+    """Speech comes by an action that never handles a goal: no answer of the visitor is heard."""
+    stage = LoadedMission(settings.defaults(robotInterface="release-1.0",
+                                            scenarioSpecification="release_1_0_tour"))
+    heard, unheard = (dataclasses.replace(CALM, recognise_by=way) for way in ("topic", "idleAction"))
+    faulty = dataclasses.replace(
+        unheard, failure_rate=1.0, planned_faults=(PlannedFault("textToSpeech", 1, "crash"),),
+        mission_runs=3, random_seed=5, arrival_rate=60.0, call_times="real", test_timeout=8.0)
+    reached = {name: leaves_reached(stage, test)
+               for name, test in (("heard", heard), ("unheard", unheard), ("faulty", faulty))}
+    assert len(reached["unheard"]) < len(reached["heard"])
+    assert reached["faulty"] == reached["unheard"]
 
 
 def situations(steps, seconds, call_times, node):

@@ -10,7 +10,7 @@ pytest.importorskip("rospkg", reason="needs ROS, which this interpreter does not
 from behavior_controller.simulation import behaviour, configuration
 from behavior_controller.simulation.rehearsal import arrival_waits
 from behavior_controller.simulation.rehearsal.play import leaves_reached
-from behavior_controller.simulation.visitor import BEHAVIOURS, ENGAGES, LONG_WAIT
+from behavior_controller.simulation.visitor import BEHAVIOURS, LONG_WAIT
 from unit_tests.judge import execution, facts, outcome
 from unit_tests.robot import options
 from unit_tests.judge.report import Report, summary_lines
@@ -67,8 +67,8 @@ def in_a_simulated_run(line):
 
 
 def test_the_guide_quotes_what_a_test_prints():
-    of_test = plays.facts(failure_rate=0.1, random_seed=1, arrival_rate=inf)._replace(
-        expected=leaves_reached(plays.stage(), ENGAGES))
+    of_test = plays.facts(failure_rate=0.1, random_seed=1, arrival_rate=inf)
+    of_test = of_test._replace(expected=leaves_reached(plays.stage(), of_test.test))
     told = [str(Verdict(of_test)), *Report(of_test, "title").visitors, *summary_lines(of_test)]
     quoted = text_of("testers_guide.md").partition("## What a test prints")[2].partition("```")[2]
     wanted = [line for line in quoted.partition("```")[0].splitlines()

@@ -262,11 +262,14 @@ def _node_of(error: BehaviorControllerError, nodes: Sequence[Node]) -> int:
     return node.uid if node is not None else 0
 
 
-def leaves_reached(stage: LoadedMission, behaviour: str) -> Optional[FrozenSet[str]]:
-    """Return the paths of the mission leaves that one pass reaches without faults, with a visitor
-    of that behaviour; None if the pass does not end."""
-    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=PASS_LIMIT)
-    played = stage.play(test, shortest_gap=STEP)
+def leaves_reached(stage: LoadedMission,
+                   test: configuration.Configuration) -> Optional[FrozenSet[str]]:
+    """Return the paths of the mission leaves that one pass reaches with the visitor and the robot
+    of ``test``, but without faults; None if the pass does not end."""
+    calm = dataclasses.replace(test, failure_rate=0.0, planned_faults=(), mission_runs=1,
+                               arrival_rate=CALM.arrival_rate, call_times=CALM.call_times,
+                               test_timeout=PASS_LIMIT)
+    played = stage.play(calm, shortest_gap=STEP)
     if not played.run().visits:
         return None
     return frozenset(node.full_path for node in stage.mission.tree.nodes

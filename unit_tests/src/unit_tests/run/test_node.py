@@ -131,8 +131,7 @@ def _test(own: Options) -> int:
     facts = facts._replace(cut_off=facts.cut_off or claims.replacement(own),
                            real=frozenset(NODES).difference(arguments.simulated))
     if stage is not None:
-        facts = facts._replace(mission=stage.mission,
-                               expected=leaves_reached(stage, test.visitor_behaviour))
+        facts = facts._replace(mission=stage.mission, expected=leaves_reached(stage, test))
     stalls = [stall.ends - stall.begins for stall in facts.stalls]
     told = count(sum(seconds > WORTH_TELLING for seconds in stalls), "time")
     if max(stalls, default=0.0) > WORTH_TELLING:
