@@ -3,6 +3,7 @@ it."""
 import argparse
 import contextlib
 import errno
+import itertools
 import json
 import math
 import os
@@ -16,10 +17,12 @@ import threading
 import time
 import types
 import urllib.request
+from unittest import mock
 
 import pytest
 import zmq
 
+from behavior_controller.errors import MissionError
 from behavior_controller.run.events import (
     Asked, BreakpointChanged, Line, Noticed, RunFinished, SignOfLife, clock_shift,
     follow_simulated_time, unix_at, unix_now, use_clock_of)
@@ -381,6 +384,20 @@ def test_a_clock_that_was_set_after_the_start_of_the_node_makes_nothing_old(tmp_
         record.close()
     finally:
         use_clock_of(own)
+
+
+def test_a_record_that_is_not_there_ends_the_viewer_and_a_newest_run_is_awaited(
+        tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    monkeypatch.setattr(main, "Viewer", lambda *_: types.SimpleNamespace(is_serving=True))
+    monkeypatch.setattr(main, "NEWER_RUN_POLL", 0.0)
+    looks = itertools.chain(3 * [MissionError.of("records", "none there")], [KeyboardInterrupt])
+    monkeypatch.setattr(main, "find_record", mock.Mock(side_effect=looks))
+    assert main.main([str(tmp_path / "none"), "--port", "9"]) == 2
+    assert capsys.readouterr().err == "records: none there\n"
+    with pytest.raises(KeyboardInterrupt):
+        main.main(["latest", "--records", str(tmp_path), "--port", "9"])
+    assert capsys.readouterr().err.count("none there") == 1  # in two looks
 
 
 def test_simulated_time_is_followed_and_changes_no_time_of_day():
