@@ -101,7 +101,8 @@ def test_the_leaves_of_a_pass_without_faults_are_those_of_the_robot_of_the_test(
     """Speech comes by an action that never handles a goal: no answer of the visitor is heard."""
     stage = LoadedMission(settings.defaults(robotInterface="release-1.0",
                                             scenarioSpecification="release_1_0_tour"))
-    heard, unheard = (dataclasses.replace(CALM, recognise_by=way) for way in ("topic", "idleAction"))
+    heard, unheard = (dataclasses.replace(CALM, recognise_by=way)
+                      for way in ("topic", "idleAction"))
     faulty = dataclasses.replace(
         unheard, failure_rate=1.0, planned_faults=(PlannedFault("textToSpeech", 1, "crash"),),
         mission_runs=3, random_seed=5, arrival_rate=60.0, call_times="real", test_timeout=8.0)
