@@ -103,6 +103,19 @@ def test_a_handler_that_fails_and_a_node_that_dies_on_purpose(make, monkeypatch)
     assert written(again)[-1].call == 1
 
 
+def test_a_node_of_a_launch_that_died_goes_on_where_it_was(make, monkeypatch):
+    launched = {"drawn": "5", "plannedFaults": "textToSpeech:1:crash"}
+    monkeypatch.setattr(os, "_exit", lambda code: 1 // (code - ros_nodes.CRASHED))
+    with pytest.raises(ZeroDivisionError):
+        make("textToSpeech", **launched)._handle(SAY, REQUEST)
+    again = make("textToSpeech", **launched)
+    assert again._handle(SAY, REQUEST).success
+    assert [(entry.call, entry.fault) for entry in written(again)] == [(1, "crash"), (2, None)]
+    other = make("textToSpeech", drawn="6")  # has nothing to do with it
+    other._handle(SAY, REQUEST)
+    assert [entry.call for entry in written(other)] == [1]
+
+
 @pytest.mark.parametrize("is_verbose", ["true", "false"])
 def test_each_request_is_a_line_if_it_is_to_be(make, monkeypatch, is_verbose):
     lines = []

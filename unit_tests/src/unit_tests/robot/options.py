@@ -103,7 +103,10 @@ class Arguments(NamedTuple):
 
     @property
     def folder(self) -> str:
-        """The folder of this run's journal and record."""
+        """The folder of this run's journal and record; nodes that were started alone share one."""
+        if self.is_in_launch and not self.is_launched:  # what was drawn is the launch's own
+            return os.path.join(controller_folders.ros_home(), "log",
+                                "simulatedRobot_" + self.values[DRAWN])
         own = ["unit_tests", self.values.get("robot", "").strip("/")]
         return self.values.get(FOLDER) or os.path.join(controller_folders.ros_home(),
                                                        *filter(None, own))

@@ -142,7 +142,8 @@ class RosNode:
     def __init__(self, name: str, own: Options, now: ComputerTime):
         self._test, self._time = own.test, now
         # the entries of an earlier run are skipped; in a launch they are of the time before a crash
-        self._journal = Journal(own.arguments.folder, skips=not own.arguments.is_launched)
+        is_alone = not (own.arguments.is_launched or own.arguments.is_in_launch)
+        self._journal = Journal(own.arguments.folder, skips=is_alone)
         # for the journal and the visitor: each service connection is a thread
         self._lock = threading.Lock()
         self._node = SimulatedNode(name, own.test, own.world, now.now, self._write)
