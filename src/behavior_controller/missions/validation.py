@@ -163,8 +163,10 @@ class Validation:
         """Return what the robot knows in a mission, if files say that; add what is wrong with them,
         and with the phrases and the policy, to ``faults``."""
         known, spoken, _ = robot_files(self._settings, mission, faults)
-        sources = [*(known.sources if known else ()), *([spoken.source] if spoken else ())]
-        self.files.update(source.file for source in sources)
+        if known is not None:
+            self.files.update(source.file for source in known.sources)
+        if spoken is not None:
+            self.files.add(spoken.source.file)
         return known
 
     def _reported(self, faults: Iterable[Fault]) -> List[Fault]:
@@ -263,8 +265,8 @@ def _watched(documents: List[Document], in_folder: bool) -> Iterator[str]:
     take their trees."""
     for document in documents:
         yield document.file
-        for element in document.root.children if document.faults else ():
-            if element.tag == "include":
+        for element in document.root.children:
+            if document.faults and element.tag == "include":
                 with contextlib.suppress(MissionError):
                     yield included_path(element)
     if in_folder:
