@@ -29,7 +29,7 @@ def parse_planned_fault(text: str, nodes: Sequence[str]) -> PlannedFault:
     node, _, rest = text.partition(":")
     call, _, kind = rest.partition(":")
     kind = kind or REFUSED
-    if node not in nodes or not call.isdigit() or int(call) < 1 or kind not in KINDS:
+    if node not in nodes or not call.isdecimal() or int(call) < 1 or kind not in KINDS:
         raise ValueError(text)
     return PlannedFault(node, int(call), kind)
 

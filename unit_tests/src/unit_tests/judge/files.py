@@ -127,7 +127,7 @@ def knowledge(environment: str, culture: str, takes_arm: bool = False) -> Knowle
     language, facts = chosen["phraseLanguage"], _facts(environment)
     utility = {int(key[len(start):]): text for start in ["utilityPhrase" + language]
                for key, text in chosen.items()
-               if key.startswith(start) and key[len(start):].isdigit()}
+               if key.startswith(start) and key[len(start):].isdecimal()}
     arm, shape = chosen.get("gestureArm", "EITHER"), chosen.get("deicticShape", "PALM_UPWARDS")
     tour = []
     for place in facts["tourSpecification"].split()[1:]:
