@@ -61,9 +61,7 @@ class _Reading:
             goes_on = is_written(self.path)
         try:
             if not self.trouble:
-                for line in self._tail.news():
-                    self._digester.take(line)
-                for line in [] if goes_on else self._tail.missing_end():
+                for line in self._tail.news(is_over=not goes_on):
                     self._digester.take(line)
         except BehaviorControllerError as error:
             self.trouble = str(error)

@@ -41,15 +41,13 @@ def find_record(name: str) -> str:
 
 
 def read_record(path: str) -> List[events.Line]:
-    """Return the lines of a record, the last one ``KILLED`` if it has no end. Raises MissionError if
-    it cannot be read or is invalid."""
+    """Return the lines of a record, the last one ``KILLED`` if it has no end. Raises MissionError
+    if it cannot be read or is invalid."""
     return list(stream_record(path))
 
 
 def stream_record(path: str) -> Iterator[events.Line]:
     """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
-    goes_on, tail = is_under_way(path), RunTail(path)
-    yield from tail.news()
+    is_over, tail = not is_under_way(path), RunTail(path)
+    yield from tail.news(is_over)
     tail.finish()
-    if not goes_on:
-        yield from tail.missing_end()

@@ -26,12 +26,11 @@ def follow(path: str, newest: int = 0) -> Iterator[Optional[Line]]:
     tail, goes_on = RunTail(path, newest), True
     while goes_on:
         goes_on = is_under_way(path)  # asked before reading: what was written until then is read
-        yield from tail.news()
+        yield from tail.news(is_over=not goes_on)
         if goes_on:
             tail.use_clock()
             yield None
             time.sleep(TAIL_POLL)
-    yield from tail.missing_end()
 
 
 def is_under_way(path: str) -> bool:
@@ -53,9 +52,10 @@ class RunTail:
         self._decoder: Optional[Decoder] = None  # of the last one
         self._has_end, self._time = is_further(path), 0.0  # of its last line
 
-    def news(self) -> Iterator[Line]:
-        """Yield the lines that were added since the last call. Raises MissionError if a file cannot
-        be read, or for a line that is not one of a record."""
+    def news(self, is_over: bool = False) -> Iterator[Line]:
+        """Yield the lines that were added since the last call; ``is_over``, if nobody writes the
+        run any more: then also an end, if it has none. Raises MissionError if a file cannot be
+        read, or for a line that is not one of a record."""
         last = list(self._places)[-1:]
         # looked for before reading: then the file before them is complete
         new = [file for file in parts(self._path) if file not in self._places]
@@ -74,10 +74,7 @@ class RunTail:
                 self._has_end, self._time = self._has_end or isinstance(
                     line.event, RunFinished), line.time
                 yield line
-
-    def missing_end(self) -> Iterator[Line]:
-        """Yield an end if nobody writes the run any more, and its last file does not have one."""
-        if self._time and not self._has_end:
+        if is_over and self._time and not self._has_end:
             yield Line(self._time, KILLED)
 
     def finish(self) -> None:

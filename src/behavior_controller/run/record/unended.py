@@ -3,7 +3,7 @@ import os
 import time
 
 from behavior_controller.errors import MissionError
-from behavior_controller.run.events import KILLED, RunFinished
+from behavior_controller.run.events import RunFinished
 from behavior_controller.run.fold import fold
 from behavior_controller.run.state import State
 from behavior_controller.run import moment
@@ -44,8 +44,8 @@ def _end(path: str) -> State:
     """Return what was so when the run with this first file was killed. Raises TimeoutError after
     ``TIME_LIMIT``."""
     state, until = State(), time.monotonic() + TIME_LIMIT
-    for line in RunTail(path, NEWEST_FILES).news():
+    for line in RunTail(path, NEWEST_FILES).news(is_over=True):
         state = fold(state, line.time, line.event)
         if time.monotonic() > until:
             raise TimeoutError
-    return fold(state, state.at, KILLED)
+    return state
