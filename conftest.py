@@ -22,11 +22,13 @@ ROS = {
 
 
 class _WithoutRos(pytest.Module):
-    """A test module that cannot be imported here."""
+    """A test module of an interpreter that has no ROS."""
 
     def collect(self):
-        """Skip the module as a whole."""
-        pytest.skip("needs ROS, which this interpreter does not have", allow_module_level=True)
+        """Skip the module as a whole if it cannot be imported here."""
+        if any(map(_needs_ros, _imports(self.path))):
+            pytest.skip("needs ROS, which this interpreter does not have", allow_module_level=True)
+        return super().collect()
 
 
 def _imports(path) -> Iterator[str]:
@@ -45,8 +47,8 @@ def _needs_ros(name: str) -> bool:
 
 
 def pytest_pycollect_makemodule(module_path, parent):
-    """Replace a module that imports ROS, or a part of ours that does, if there is no rospy."""
-    if importlib.util.find_spec("rospy") is None and any(map(_needs_ros, _imports(module_path))):
+    """Look at what a module imports before it is collected, if there is no rospy."""
+    if importlib.util.find_spec("rospy") is None:
         return _WithoutRos.from_parent(parent, path=module_path)
     return None
 

@@ -162,6 +162,8 @@ workspace_key() {
 
 catkin_build() {
   use_ros
+  # our nodes need the messages in Python alone
+  export ROS_LANG_DISABLE=gencpp:geneus:genlisp:gennodejs
   cd "$BUILD" && catkin_make --force-cmake -DPYTHON_EXECUTABLE="$BUILD/venv/bin/python"
 }
 

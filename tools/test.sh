@@ -10,13 +10,14 @@ RESULTS="$BUILD/log/tests"
 
 main() {
   # three for two cores: a test with ROS nodes mostly waits
-  local tier="not long" words="" places="" processes=$(($(nproc) * 3 / 2))
+  local tier="not long" words="" places="" share=worksteal processes=$(($(nproc) * 3 / 2))
   case "${1:-}" in
     --unit)
       tier="not long and not slow" places="test/unit unit_tests/test/unit" processes="$(nproc)"
       shift
       ;;
-    --long) tier="long"; shift ;;
+    # a process has all tests of a file, with what they share
+    --long) tier="long" share=loadfile; shift ;;
   esac
   [ $# = 0 ] || words="$(printf ' or %s' "$@")"
   "$REPOSITORY/tools/setup.sh" --tests
@@ -26,7 +27,7 @@ main() {
   use_workspace
   cd "$REPOSITORY"
   [ "$tier" = long ] || rm -rf "$RESULTS"
-  run_tests "$tier and not timing" "${words# or }" -n "$processes" --dist worksteal $places
+  run_tests "$tier and not timing" "${words# or }" -n "$processes" --dist "$share" $places
   # of all the tests few measure time: their files alone are collected once more
   [ -n "$places" ] || run_tests "$tier and timing" "${words# or }" --reruns 2 \
     $(grep -rlE 'mark\.timing|measures time' --include='*.py' --include='*.test' test unit_tests/test)

@@ -15,7 +15,10 @@ OF_ONE_PYTHON = ["test_{}.py".format(name) for name in (
     "fuzz_missions", "no_false_alarm", "operators_guide", "page", "planted_mistakes",
     "receptionist", "report", "run_list", "situations", "tampered", "tasks")]
 """What reads files, looks at pages or draws many inputs for code that other files run as well."""
-PARTS = 4  # of the tests on the other interpreter, so that they run side by side
+SLOW_TOO = ["test_{}.py".format(name) for name in (
+    "conformance", "groot2", "node", "server", "ticks_on_demand", "try_robot", "viewer")]
+"""What goes by threads and sockets, which differ between versions of Python."""
+UNIT = "not long and not slow"  # the tests of make unit
 LIMIT = 900.0  # seconds
 
 
@@ -41,13 +44,13 @@ def test_the_types_agree():
 
 
 def test_the_engine_and_the_leaves_on_the_other_python():
-    run_on_other("-m", "not long and not slow", *ENGINE_AND_LEAVES)
+    run_on_other("-m", UNIT, *ENGINE_AND_LEAVES)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("part", range(PARTS))
-def test_all_on_the_other_python(part):
+def test_all_on_the_other_python():
     files = [path for folder in ("test/conformance", "test/unit", "unit_tests/test/unit")
              for path in sorted((REPOSITORY / folder).glob("test_*.py"))
              if path.name not in OF_ONE_PYTHON]
-    run_on_other(*map(str, files[part::PARTS]))
+    run_on_other("-m", UNIT, *(str(path) for path in files if path.name not in SLOW_TOO))
+    run_on_other("-m", "not long", *(str(path) for path in files if path.name in SLOW_TOO))

@@ -17,8 +17,7 @@ import rostest
 from behavior_controller.run.record.files import runs
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import (  # noqa: E402
-    NodeCase, end_shared, mission_starts, on_one_python, robot_for)
+from robot import NodeCase, end_shared, mission_starts, robot_for  # noqa: E402
 
 SPEAKS = "<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomeSpeech/></BehaviorTree></root>"
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
@@ -99,33 +98,31 @@ class TestStartUp(NodeCase):
         for name, node in PARTS.items():
             self.assert_line(text, "ERROR", " " + name + " ", "node /" + node, "without it")
 
-    def test_one_that_is_missing_is_named_with_what_it_means_and_nothing_is_called(self):
-        robot = self.robot({"/robotNavigation/set_goal": "absent"})
+    def test_each_part_is_named_with_what_is_wrong_with_it_and_nothing_is_called(self):
+        wrong = {DRIVE: "absent", SAY: "absent", "/faceDetection/data": "absent",
+                 "/knowledgeBase/query": "wrong", "/speechEvent/text": "wrong"}
+        robot, master = self.robot(wrong), rosgraph.Master("/elsewhere")
+        where = SAY, "rosrpc://robot.invalid:4711"  # RFC 6761: this name never resolves
+        master.registerService(*where, "http://robot.invalid:4712/")
+        self.addCleanup(master.unregisterService, *where)
         code, text = self.run_node()
         self.assertEqual(code, 1)
-        self.assert_line(text, "ERROR", "/robotNavigation/set_goal", "node /robotNavigation",
-                         "not advertised", "drive")
         for name in PARTS:
-            self.assertEqual(name in text, name == "/robotNavigation/set_goal")
-        self.assertEqual(robot.requests(), [])
-
-    def test_a_topic_that_nobody_publishes(self):
-        self.robot({"/faceDetection/data": "absent"})
-        code, text = self.run_node()
-        self.assertEqual(code, 1)
+            self.assertEqual(name in text, name in wrong)
+        self.assert_line(text, "ERROR", DRIVE, "node /robotNavigation", "not advertised", "drive")
         self.assert_line(text, "ERROR", "topic /faceDetection/data", "node /faceDetection",
                          "no node publishes it")
-
-    def test_types_that_differ_are_named_with_both_md5s(self):
-        self.robot({"/knowledgeBase/query": "wrong", "/speechEvent/text": "wrong"})
-        code, text = self.run_node()
-        self.assertEqual(code, 1)
         self.assert_line(text, "/knowledgeBase/query", "type mismatch", "cssr_system/textService",
                          "10b91f7565804f90610ee9fc2d0e20ba", "cssr_system/knowledgeBaseService",
                          "230b5e3f3d344348479332bc683f6f11")
         self.assert_line(text, "/speechEvent/text", "type mismatch",
                          "cssr_system/overtAttentionMessage", "std_msgs/String",
                          "992ce8a1687cec8c8bd883ec73ca41d1")
+        self.assert_line(text, "ERROR", SAY, "robot.invalid", "cannot be resolved", "/etc/hosts",
+                         "ROS_IP")
+        self.assertEqual(robot.requests(), [])
+        robot.stop()
+        self.assertEqual(robot.log.text(), "", "it logs nothing of the questions")
 
     def test_entries_whose_node_is_dead_do_not_count(self):
         self.robot().kill()
@@ -133,17 +130,6 @@ class TestStartUp(NodeCase):
         self.assertEqual(code, 1)
         for name in PARTS:
             self.assert_line(text, name, "not reachable", "Connection refused")
-
-    def test_a_node_whose_computers_name_cannot_be_resolved(self):
-        self.robot({SAY: "absent"})
-        master = rosgraph.Master("/elsewhere")
-        where = SAY, "rosrpc://robot.invalid:4711"  # RFC 6761: this name never resolves
-        master.registerService(*where, "http://robot.invalid:4712/")
-        self.addCleanup(master.unregisterService, *where)
-        code, text = self.run_node()
-        self.assertEqual(code, 1)
-        self.assert_line(text, "ERROR", SAY, "robot.invalid", "cannot be resolved", "/etc/hosts",
-                         "ROS_IP")
 
     def test_a_robot_that_hangs_does_not_hang_the_start(self):
         robot = self.robot()
@@ -156,12 +142,6 @@ class TestStartUp(NodeCase):
         for name in PARTS:
             self.assert_line(text, "ERROR", name, "without it")
 
-    def test_the_nodes_that_are_asked_whether_they_are_there_log_nothing_of_it(self):
-        robot = self.robot({DRIVE: "absent"})
-        self.assertEqual(self.run_node("_startupCheck:=all")[0], 1)
-        robot.stop()
-        self.assertEqual(robot.log.text(), "")
-
     def test_the_resolved_name_is_told(self):
         self.robot()
         code, text = self.run_node("/textToSpeech/say_text:=/voice/say")
@@ -169,7 +149,6 @@ class TestStartUp(NodeCase):
         self.assert_line(text, "ERROR", "/voice/say", "node /textToSpeech", "not advertised")
         self.assertNotIn("/textToSpeech/say_text", text)
 
-    @on_one_python
     def test_a_mission_that_only_speaks_needs_text_to_speech_alone(self):
         self.robot(dict.fromkeys(set(PARTS) - {SAY}, "absent"))
         self.package.write("data/speaks.xml", SPEAKS)
@@ -180,7 +159,6 @@ class TestStartUp(NodeCase):
         self.assertEqual(code, 1)
         self.assert_line(text, "ERROR", "/robotNavigation/set_goal", "not advertised")
 
-    @on_one_python
     def test_without_speech_recognition_nobody_needs_speechEvent(self):
         self.robot({"/speechEvent/text": "absent"})
         self.package.configure(asrEnabled="false")
@@ -188,7 +166,6 @@ class TestStartUp(NodeCase):
         controller.lines.wait_for(lambda line: "[WARN]" in line and "/speechEvent/text" in line, 15)
         controller.lines.wait_for(lambda line: mission_starts() in line, 15)
 
-    @on_one_python
     def test_it_waits_for_nodes_that_come_late(self):
         end_shared()
         self.package.configure(startupTimeout="30")
@@ -220,12 +197,10 @@ class TestStartUp(NodeCase):
             self.assert_line(text, "ERROR", *words)
         self.assertEqual(robot.requests(), [])
 
-    @on_one_python
     def test_no_configuration(self):
         os.remove(self.package.path("config/behaviorControllerConfiguration.ini"))
         self.assert_refused(("behaviorControllerConfiguration.ini", "No such file"))
 
-    @on_one_python
     def test_all_mistakes_of_all_files_come_in_one_go(self):
         self.package.configure(scenarioSpecification="wrong", language="Klingon")
         self.package.write("data/wrong.xml",
@@ -258,7 +233,6 @@ class TestStartUp(NodeCase):
 
     # --------------------------------------------------------------------------------- command line
 
-    @on_one_python
     def test_help_is_printed_by_the_installed_command(self):
         text = subprocess.check_output(["rosrun", "cssr_system", "behaviorController", "--help"],
                                        universal_newlines=True, timeout=20)
@@ -266,7 +240,6 @@ class TestStartUp(NodeCase):
                      "seconds to wait for missing robot nodes"):
             self.assertIn(word, text)
 
-    @on_one_python
     def test_a_word_that_looks_like_a_key_is_no_remapping(self):
         self.check_word("missionRuns:=1", "_missionRuns")
 
@@ -276,7 +249,6 @@ class TestStartUp(NodeCase):
         self.assertEqual(code, 2)
         self.assert_line(text, "ERROR", "argument " + word, "did you mean {}?".format(meant))
 
-    @on_one_python
     def test_an_argument_that_our_launch_file_does_not_declare(self):
         for given, code in ((["missionRun:=1"], 2), (["missionRuns:=0", "foo:=1"], 2),
                             (["missionRuns:=0"], 1)):
@@ -293,7 +265,6 @@ class TestStartUp(NodeCase):
 
     # ----------------------------------------------------------------- files that are no such files
 
-    @on_one_python
     def test_a_configuration_or_mission_that_is_no_file(self):
         self.package.configure(scenarioSpecification="odd")
         for name in ("data/odd.xml", "config/behaviorControllerConfiguration.ini"):
@@ -350,7 +321,6 @@ class TestStartUp(NodeCase):
         self.assert_line(text, "WARN", "no log file is written to")
         self.assertEqual(text.count("WARN"), 1)
 
-    @on_one_python
     def test_a_log_file_that_hangs(self):
         self.check_hanging_log("behaviorController")
 

@@ -64,8 +64,7 @@ class TestTryRobot(NodeCase):
         for words, service, code, said in (
                 (["say", "Good", "morning"], SAY, 0, "saying “Good morning”"),
                 (["gesture", "goodbye"], GESTURE, 0, "making iconic gesture 3"),
-                (["attention", "scanning"], MODE, 0, "tryRobot attention disabled"),
-                (["attention", "disabled"], MODE, 0, "switching attention off")):
+                (["attention", "scanning"], MODE, 0, "tryRobot attention disabled")):
             before = len(self.robot.requests())
             found, text = self.tries(*words)
             self.assertEqual(found, code, text)
@@ -98,8 +97,8 @@ class TestTryRobot(NodeCase):
 
     def test_a_robot_of_another_release_is_asked_in_its_types(self):
         self.robot = robot_for(self, {"interface": "release-1.1"})
-        for words, service in ((["say", "Hello"], SAY), (["gesture", "welcome"], GESTURE),
-                               (["attention", "location", "2", "-1", "1"], MODE)):
+        for words, service in ((["attention", "location", "2", "-1", "1"], MODE),
+                               (["say", "Hello"], SAY)):
             found, text = self.tries(*words, "_robotInterface:=release-1.1")
             self.assertEqual(found, 0, text)
             self.assertEqual(self.robot.requests()[-1]["service"], service)
@@ -114,18 +113,15 @@ class TestTryRobot(NodeCase):
                          ["action " + SAY])
 
     def test_without_a_master_one_line_says_so(self):
-        for words, code in ((["say", "Hello"], 1), (["gesture", "wave"], 2), (["--help"], 0)):
-            found, text = self.tries(*words, "__master:=http://localhost:9")
-            self.assertEqual(found, code, text)
-            self.assertNotIn("Traceback", text)
+        found, text = self.tries("gesture", "wave", "__master:=http://localhost:9")
+        self.assertEqual((found, "Traceback" in text), (2, False), text)
         with mock.patch.dict(os.environ, ROS_MASTER_URI="http://localhost:9"):
             found, text = self.tries("say", "Hello")
         self.assertEqual((found, text.count("\n")), (1, 1), text)
         self.assertIn("no ROS master at http://localhost:9", text)
 
     def test_names_are_those_of_the_robot_and_of_remappings(self):
-        for words, name in ((["_robot:=lab"], "/lab" + SAY), (["robot:=lab"], "/lab" + SAY),
-                            ([SAY + ":=/voice/say"], "/voice/say"),
+        for words, name in ((["_robot:=lab"], "/lab" + SAY),
                             (["robot:=lab", SAY + ":=/voice/say"], "/voice/say")):
             found, text = self.tries("say", "Hello", *words)
             self.assertEqual(found, 1, text)
@@ -137,11 +133,10 @@ class TestTryRobot(NodeCase):
     def test_while_a_mission_uses_the_robot_nothing_is_tried(self):
         running = self.controller()
         self.assert_speaks(running)
-        for words in (["say", "Hello"], ["gesture", "welcome"], ["attention", "social"]):
-            found, text = self.tries(*words)
-            self.assertEqual(found, 1, text)
-            self.assertIn("node /behaviorController already controls this robot", text)
-            self.assertNotIn("asks the service", text)
+        found, text = self.tries("gesture", "welcome")
+        self.assertEqual(found, 1, text)
+        self.assertIn("node /behaviorController already controls this robot", text)
+        self.assertNotIn("asks the service", text)
         self.assertEqual(self.robot.requests(GESTURE), [])
         self.assert_speaks(running)
 

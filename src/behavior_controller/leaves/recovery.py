@@ -44,6 +44,9 @@ class HandleFallBack(WorkingLeaf):
 
     def join(self) -> None:
         """Make the substitutes for the steps before it: a mistake in one refuses the mission."""
+        self._substitutes = {}
+        if not any(rule.substitute for rule in self.mission.policy.rules):
+            return
         rules = [self.rule(step, cause) for step in steps_before(self) for cause in Cause]
         specs = {rule.substitute.id: rule.substitute for rule in rules if rule.substitute}
         self._substitutes = {name: self._substitute(spec) for name, spec in specs.items()}

@@ -126,9 +126,8 @@ class TestBeforeItStarts(LivingRobot):
         machine = self.place(node, "/nav_stack")[1]
         node.send_signal(signal.SIGSTOP)
         self.addCleanup(node.send_signal, signal.SIGCONT)
-        for command in (TEST, ("roslaunch", "unit_tests", "simulatedRobot.launch")):
-            self.assert_refuses(command, ("/nav_stack", machine, "does not answer"),
-                                "use_real_robotNavigation:=true")
+        self.assert_refuses(TEST, ("/nav_stack", machine, "does not answer"),
+                            "use_real_robotNavigation:=true")
 
     def test_a_living_mission_is_not_displaced(self):
         controller = self.stand_in("behaviorController")
@@ -137,21 +136,17 @@ class TestBeforeItStarts(LivingRobot):
         self.start_robot()  # for it
         self.assertIsNone(controller.poll())
 
-    def test_a_real_node_takes_part_if_the_argument_says_so(self):
+    def test_a_real_node_takes_part_and_what_dead_ones_left_is_in_nobodys_way(self):
+        for arguments in (("nav_stack", "/gestureExecution/perform_gesture"),
+                          ("behaviorController", ), ("recogniser", "/speechEvent/text")):
+            dead = self.stand_in(*arguments)
+            dead.kill()
+            dead.wait(LIMIT)
+        self.assertIn("/behaviorController", self.registered())
         node = self.stand_in(*NAVIGATION)
         code, printed = self.run_to_end(*TEST, "use_real_robotNavigation:=true", *QUICK)
         self.assertEqual(code, 0, printed)
         self.assertIsNone(node.poll())
-
-    def test_what_dead_nodes_left_at_the_master_is_in_nobodys_way(self):
-        for arguments in (NAVIGATION, ("nav_stack", GOAL), ("behaviorController", ),
-                          ("recogniser", "/speechEvent/text")):
-            node = self.stand_in(*arguments)
-            node.kill()
-            node.wait(LIMIT)
-        self.assertIn("/behaviorController", self.registered())
-        code, printed = self.run_to_end(*TEST, *QUICK)
-        self.assertEqual(code, 0, printed)
 
 
 class TestWhileItRuns(LivingRobot):
@@ -165,7 +160,7 @@ class TestWhileItRuns(LivingRobot):
             self.assertIn(part.strip(), verdict)
 
     def test_a_node_that_is_replaced_ends_the_test(self):
-        for arguments in (NAVIGATION, ("nav_stack", GOAL), ("recogniser", "/speechEvent/text"),
+        for arguments in (("nav_stack", GOAL), ("recogniser", "/speechEvent/text"),
                           ("behaviorController", )):
             node = self.prepare(*arguments)
             process = self.start(*TEST, *WAITS)
