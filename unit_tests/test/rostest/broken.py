@@ -13,34 +13,6 @@ from behavior_controller.leaves.recovery import HandleFallBack
 update = HandleFallBack.update
 HandleFallBack.update = lambda self: {Status.FAILURE: Status.SUCCESS}.get(result := update(self), result)
 """
-SKIPS_EXHIBITS = """
-from behavior_controller.leaves.knowledge import SelectExhibit
-act = SelectExhibit.act
-SelectExhibit.act = lambda self: act(self) or act(self) and None
-"""
-GIVES_UP_A_RETRY_TOO_EARLY = """
-from behavior_controller.leaves.recovery import HandleFallBack
-rule = HandleFallBack.rule
-def one_less(self, leaf, cause):
-    found = rule(self, leaf, cause)
-    return found._replace(retries=max(0, found.retries - 1))
-HandleFallBack.rule = one_less
-"""
-RETRIES_ONCE_TOO_OFTEN = """
-from behavior_controller.leaves.recovery import HandleFallBack
-rule = HandleFallBack.rule
-def one_more(self, leaf, cause):
-    found = rule(self, leaf, cause)
-    return found._replace(retries=found.retries + 1)
-HandleFallBack.rule = one_more
-"""
-SKIPS_WHAT_MAY_NOT_BE_SKIPPED = """
-from behavior_controller.config.recovery_policy import SKIP
-from behavior_controller.leaves.recovery import HandleFallBack
-rule = HandleFallBack.rule
-HandleFallBack.rule = lambda self, leaf, cause: rule(self, leaf, cause)._replace(then=SKIP)
-"""
-
 RAISES_IN_EACH_SPEECH = """
 from behavior_controller.leaves.speech import FixedSpeech
 def request(self):

@@ -97,10 +97,9 @@ class TestSpeeds(WholeTest):
 
     def test_the_tour_has_the_proportions_of_a_robot(self):
         wanted = seconds(played("engages", failureRate=0.1))
-        for speed in (10, 20):
-            result = run_test(*SEED, "failureRate:=0.1", f"speed:={speed}")
-            self.assert_passed(result, "SUCCESS")
-            self.assertLess(abs(seconds(result.run) - wanted), 0.2 * wanted)
+        result = run_test(*SEED, "failureRate:=0.1", "speed:=20")
+        self.assert_passed(result, "SUCCESS")
+        self.assertLess(abs(seconds(result.run) - wanted), 0.2 * wanted)
 
     def test_the_verdict_is_that_of_the_computers_time(self):
         kinds = [(*SEED, "visitorBehaviour:=declines", "failureRate:=0.2", "faultKinds:=" + kind)
