@@ -9,15 +9,15 @@ REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 RESULTS="$BUILD/log/tests"
 
 main() {
-  # three for two cores: a test with ROS nodes mostly waits
-  local tier="not long" words="" places="" share=worksteal processes=$(($(nproc) * 3 / 2))
+  # two for each core: a test with ROS nodes waits more than half of its time
+  local tier="not long" words="" places="" share=worksteal processes=$(($(nproc) * 2))
   case "${1:-}" in
     --unit)
       tier="not long and not slow" places="test/unit unit_tests/test/unit" processes="$(nproc)"
       shift
       ;;
-    # a process has all tests of a file, with what they share
-    --long) tier="long" share=loadfile; shift ;;
+    # a process has all tests of a file, with what they share; a whole test takes more than a core
+    --long) tier="long" share=loadfile processes=$(($(nproc) * 3 / 2)); shift ;;
   esac
   [ $# = 0 ] || words="$(printf ' or %s' "$@")"
   "$REPOSITORY/tools/setup.sh" --tests

@@ -7,9 +7,6 @@ import pytest
 
 from rostest_items import BUILD, OTHER_PYTHON, REPOSITORY
 
-ENGINE_AND_LEAVES = ["test/unit/test_{}.py".format(module) for module in (
-    "blackboard", "codec", "conditions", "document", "leaves", "outcomes", "own_types", "ports",
-    "py_trees", "recovery", "registry", "runner", "script", "tree", "values", "wakeup")]
 OF_ONE_PYTHON = ["test_{}.py".format(name) for name in (
     "add_to_workspace", "architecture", "documents", "examples", "flawed_missions", "flawed_tours",
     "fuzz_missions", "no_false_alarm", "operators_guide", "page", "planted_mistakes",
@@ -41,10 +38,6 @@ def run_on_other(*arguments):
 
 def test_the_types_agree():
     run(sys.executable, "-m", "mypy")
-
-
-def test_the_engine_and_the_leaves_on_the_other_python():
-    run_on_other("-m", UNIT, *ENGINE_AND_LEAVES)
 
 
 @pytest.mark.long
