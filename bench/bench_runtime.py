@@ -220,7 +220,7 @@ def hung(bench, count, seconds):
     behind."""
     import rospy
     from behavior_controller.bt.engine.clock import Clock
-    from behavior_controller.bt.engine.wakeup import WakeUp
+    from behavior_controller.wakeup import WakeUp
     from behavior_controller.robot.d543 import INTERFACE
     from behavior_controller.robot.requests import Say
     from behavior_controller.ros.service_client import RosGateway

@@ -23,7 +23,7 @@ from std_msgs.msg import Header
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.run.events import Events  # noqa: E402
 from behavior_controller.run.health import Health  # noqa: E402
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402

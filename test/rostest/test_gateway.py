@@ -17,7 +17,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import BUSY, forget_dead_entries, places, robot_for  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.run.safe_state import SafeState  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.robot.declarations import Publication, Success  # noqa: E402

@@ -19,7 +19,7 @@ from release_parts import ACTION, MISSION, EndingServer, ReleaseCase  # noqa: E4
 from robot import Robot, forget_dead_entries, robot_for  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.robot.gateway import Cause, Failure  # noqa: E402
 from behavior_controller.robot.requests import (
     Answer, GoTo, Location, PerformGesture, Point, Prompt, Say, SetAnimation, SetAttention,

@@ -15,7 +15,7 @@ from release_parts import MISSION, EndingServer, ReleaseCase  # noqa: E402
 from robot import Controller, Robot, forget_dead_entries  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.robot import release_1_0  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.robot.release_1_1 import INTERFACE, SERVICES  # noqa: E402

@@ -21,7 +21,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from commanded_robot import garbled  # noqa: E402
 from robot import Robot, forget_dead_entries, registrations  # noqa: E402
 
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.run.events import Events  # noqa: E402
 from behavior_controller.run.health import Health  # noqa: E402
 from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH  # noqa: E402

@@ -6,7 +6,7 @@ import pytest
 
 from behavior_controller.ros import timeouts
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 
 
 def test_the_result_and_the_error_come_through():

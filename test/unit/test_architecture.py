@@ -54,7 +54,7 @@ LAYERS = [
     ["output_files"],
     ["errors", "exit_codes", "ros_arguments"],
     ["ros_packages"],
-    ["text", "foreign_code", "folders", "thread_check", "interpreter"]]
+    ["text", "foreign_code", "folders", "thread_check", "wakeup", "interpreter"]]
 ROS = {"actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph",
        "roslaunch", "roslib", "rosnode", "rospy", "rosservice", "rostopic", "std_msgs"}
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
@@ -260,10 +260,19 @@ def test_no_two_public_classes_have_one_name():
     assert {name: modules for name, modules in owners.items() if len(modules) > 1} == {}
 
 
+def test_a_simulated_node_starts_without_the_engine():
+    """A launch starts ten of them."""
+    reached, new = set(), {"unit_tests.robot.ros_nodes"}
+    while new:
+        reached |= new
+        new = {other for name in new for other in imports(name)} & set(MODULES) - reached
+    assert [name for name in reached if name.startswith(PRODUCT + ".bt")] == []
+
+
 def test_the_engine_knows_neither_ros_nor_this_robot():
     below = tuple(PRODUCT + inner for inner in (
         ".bt", ".errors", ".foreign_code", ".interpreter", ".ros_packages", ".text",
-        ".thread_check"))
+        ".thread_check", ".wakeup"))
     assert [(name, other) for name in OURS if name.startswith(PRODUCT + ".bt.")
             for other in imports(name)
             if outer(other) == PRODUCT and not other.startswith(below)] == []

@@ -7,7 +7,7 @@ import pytest
 rospy = pytest.importorskip("rospy", reason="needs ROS")
 
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.config import settings  # noqa: E402
 from behavior_controller.errors import NodesMissing  # noqa: E402
 from behavior_controller.missions import load  # noqa: E402

@@ -11,7 +11,7 @@ import pytest
 rospy = pytest.importorskip("rospy", reason="needs ROS")
 
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock  # noqa: E402
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.robot.d543 import INTERFACE  # noqa: E402
 from behavior_controller.robot.declarations import Publication  # noqa: E402
 from behavior_controller.robot.gateway import Cause  # noqa: E402

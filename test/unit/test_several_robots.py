@@ -7,7 +7,7 @@ import rospy
 from rosgraph.names import load_mappings, resolve_name
 
 from behavior_controller.bt import ManualClock
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.config import settings
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.robot.d543 import FACES, INTERFACE

@@ -10,7 +10,7 @@ import pytest
 
 from behavior_controller import exit_codes
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.bt.loader.document import parse, with_includes
 from behavior_controller.config import settings
 from behavior_controller.missions import load

@@ -6,7 +6,7 @@ import pytest
 
 rospy = pytest.importorskip("rospy", reason="needs ROS")
 
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.errors import NodesMissing  # noqa: E402
 from behavior_controller.robot import d543, release_1_0, release_1_1  # noqa: E402
 from behavior_controller.robot.declarations import Publication  # noqa: E402

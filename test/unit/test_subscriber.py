@@ -11,7 +11,7 @@ import pytest
 rospy = pytest.importorskip("rospy", reason="needs ROS")
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.robot import release_1_0  # noqa: E402
 from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH  # noqa: E402
 from behavior_controller.robot.requests import AttentionStatus  # noqa: E402

@@ -5,7 +5,7 @@ import signal
 import threading
 import time
 
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 
 
 def test_a_signal_before_the_wait_is_not_lost():

@@ -4,7 +4,7 @@ from typing import Any, Dict, Optional
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node_types import Registry
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.bt.linter.walker import lint
 from behavior_controller.bt.loader.document import Document, parse, read, with_includes
 from behavior_controller.bt.loader.tree_builder import build

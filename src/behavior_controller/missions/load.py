@@ -12,7 +12,7 @@ from behavior_controller.bt.linter.walker import lint
 from behavior_controller.bt.loader.tree_builder import build
 from behavior_controller.bt import Clock, Registry, Tree
 from behavior_controller.bt.engine.registry import argument
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.bt.loader.document import Document, read, with_includes
 from behavior_controller.bt.loader import rules
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, MissionError, attempt

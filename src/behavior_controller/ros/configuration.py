@@ -11,7 +11,7 @@ from behavior_controller import folders, ros_arguments
 from behavior_controller.config import settings
 from behavior_controller.missions import load
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.errors import FaultsFound, NodesMissing
 from behavior_controller.robot.requests import Prompt
 from behavior_controller.config.node_facts import MissionSpec

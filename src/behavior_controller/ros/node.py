@@ -18,7 +18,7 @@ import rospy
 from behavior_controller import exit_codes, extensions, folders
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together, start_thread
 from behavior_controller.bt.engine.clock import Clock, SimulatedClock
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.errors import (
     BehaviorControllerError, ConfigurationError, Fault, FaultsFound, NodesMissing)
 from behavior_controller.run.events import Events, Noticed, RunFinished, use_simulated_time

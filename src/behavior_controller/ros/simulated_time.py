@@ -10,7 +10,7 @@ import genpy
 import rospy
 
 from behavior_controller.bt.engine.clock import SimulatedClock
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
 from behavior_controller.ros.master import DIRECTORY, USE_SIM_TIME
 from behavior_controller.ros.startup_check import PROBE_LIMIT

@@ -12,7 +12,7 @@ from typing import Any, Callable, Dict, Iterable, List, Sequence, Set, Tuple
 
 import rospy
 
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
 from behavior_controller.run.events import AWAITED, DOUBTFUL, MISSING, READY, Checked
 from behavior_controller.robot.gateway import Cause, NO_ACTION, NO_SUBSCRIBER

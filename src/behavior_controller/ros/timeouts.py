@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from types import FrameType
 from typing import Any, Callable, Iterable, Optional, Tuple
 
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.interpreter import frame_of
 from behavior_controller.ros.shortage import SHORTAGE

@@ -11,7 +11,7 @@ import rospy
 
 from behavior_controller import exit_codes
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.config import knowledge_files, settings
 from behavior_controller.errors import BehaviorControllerError, ConfigurationError, FaultsFound
 from behavior_controller.leaves.attention import MODES

@@ -13,7 +13,7 @@ rospy = pytest.importorskip("rospy", reason="needs ROS, which this interpreter d
 from actionlib_msgs.msg import GoalStatus  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
-from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.wakeup import WakeUp  # noqa: E402
 from behavior_controller.robot import d543, release_1_1  # noqa: E402
 from behavior_controller.robot.requests import Answer, GoToGoal, Say  # noqa: E402
 from behavior_controller.ros import service_client  # noqa: E402

@@ -17,7 +17,7 @@ from py_trees.common import BlackBoxLevel, Status
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.failure import TickError, failure_of
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.values.blackboard import Blackboard
 from behavior_controller.bt.script.parser import Script, ScriptError, to_bool

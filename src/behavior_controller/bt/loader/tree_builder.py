@@ -16,7 +16,7 @@ from behavior_controller.bt.engine.node import (
     PRE_CONDITIONS, ConfigureError, Node, Parent, Services)
 from behavior_controller.bt.engine.substitution import Substitutions, TestNode
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.values.blackboard import Blackboard, Entry
 from behavior_controller.bt.loader.document import Document, Element

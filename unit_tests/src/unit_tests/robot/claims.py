@@ -18,7 +18,7 @@ from rosgraph.names import get_ros_namespace, load_mappings, resolve_name
 from behavior_controller.ros.master import NAME_IS_TAKEN, USE_SIM_TIME
 from behavior_controller.ros.types import CLOCK
 from behavior_controller.ros.timeouts import Late, run_apart, run_together
-from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
 from behavior_controller.robot.declarations import Action
 from behavior_controller.ros.tcpros import NO_ANSWER, Trouble, ask, ask_master
