@@ -105,9 +105,10 @@ class Registry(Dict[str, NodeSpec]):
 
     def __init__(self, specs: Iterable[NodeSpec] = ()):
         """``specs`` are added to the built-in ones, which may be among them."""
-        super().__init__((spec.id, spec) for spec in builtin_specs())
+        builtin = {spec.id: spec for spec in builtin_specs()}
+        super().__init__(builtin)
         self._types: Dict[str, PortType] = {}
-        self.extend(spec for spec in specs if spec not in builtin_specs())
+        self.extend(spec for spec in specs if spec != builtin.get(spec.id))
 
     def register_action(self, name: str, function: LeafFunction, ports: Sequence[Port] = (),
                         description: str = "") -> None:
