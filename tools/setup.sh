@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Prepares everything that running and testing need, and skips what is there: packages of the system, a virtual
 # environment (build/venv) and the catkin workspace (build/devel, built from the links in build/src).
-# With --tests also a virtual environment for each other supported Python that is installed.
+# With --tests also the packages that tests need, with --pythons those and a virtual environment for each other supported
+# Python that is installed.
 set -eo pipefail
 
 # ROS 1 from Debian 12's own packages
@@ -42,7 +43,7 @@ main() {
   install_packages "${1:-}"
   make_environment "$BUILD/venv" /usr/bin/python3 --system-site-packages
   build_workspace
-  if [ "${1:-}" = --tests ]; then
+  if [ "${1:-}" = --pythons ]; then
     make_other_environments
   fi
 }
@@ -53,7 +54,7 @@ install_packages() {
     wanted="$NOETIC_PACKAGES"
   else
     wanted="$DEBIAN_PACKAGES"
-    [ "${1:-}" != --tests ] || wanted="$wanted $TEST_PACKAGES"
+    [ -z "${1:-}" ] || wanted="$wanted $TEST_PACKAGES"
   fi
   command -v dpkg-query >/dev/null || fail "This needs Debian 12, or Ubuntu 20.04 with ROS Noetic."
   missing="$(missing_packages $wanted)"

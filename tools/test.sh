@@ -10,17 +10,17 @@ RESULTS="$BUILD/log/tests"
 
 main() {
   # two for each core: a test with ROS nodes waits more than half of its time
-  local tier="not long" words="" places="" share=worksteal processes=$(($(nproc) * 2))
+  local tier="not long" words="" places="" setup=--tests share=worksteal processes=$(($(nproc) * 2))
   case "${1:-}" in
     --unit)
       tier="not long and not slow" places="test/unit unit_tests/test/unit" processes="$(nproc)"
       shift
       ;;
     # a process has all tests of a file, with what they share; a whole test takes more than a core
-    --long) tier="long" share=loadfile processes=$(($(nproc) * 3 / 2)); shift ;;
+    --long) tier="long" setup=--pythons share=loadfile processes=$(($(nproc) * 3 / 2)); shift ;;
   esac
   [ $# = 0 ] || words="$(printf ' or %s' "$@")"
-  "$REPOSITORY/tools/setup.sh" --tests
+  "$REPOSITORY/tools/setup.sh" "$setup"
   exec 8>"$BUILD/tests.lock"
   flock --nonblock 8 ||
     fail "Another run of the tests writes to build/log/tests: wait until it ends."

@@ -9,9 +9,10 @@ from rostest_items import BUILD, OTHER_PYTHON, REPOSITORY
 
 OF_ONE_PYTHON = ["test_{}.py".format(name) for name in (
     "add_to_workspace", "architecture", "documents", "examples", "flawed_missions", "flawed_tours",
-    "fuzz_missions", "no_false_alarm", "operators_guide", "page", "planted_mistakes",
-    "receptionist", "report", "run_list", "situations", "tampered", "tasks")]
-"""What reads files, looks at pages or draws many inputs for code that other files run as well."""
+    "fuzz_missions", "judge_trials", "judged_situations", "lab_tour", "no_false_alarm",
+    "operators_guide", "page", "planted_mistakes", "reception", "receptionist", "release_1_1_robot",
+    "report", "run_list", "shared_faults", "situations", "tampered", "tasks", "tutorial")]
+"""What reads files, looks at pages or plays many visits with code that other files run as well."""
 SLOW_TOO = ["test_{}.py".format(name) for name in (
     "conformance", "groot2", "node", "server", "ticks_on_demand", "try_robot", "viewer")]
 """What goes by threads and sockets, which differ between versions of Python."""

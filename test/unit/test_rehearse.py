@@ -62,10 +62,14 @@ def test_nothing_is_found_in_the_lab_tour_with_drawn_faults(capsys):
     assert found(capsys, "lab_tour", "--runs", "20", "--failureRate", "0.1") == []
 
 
+TWO_KINDS = ["--kinds", "refused,unanswered"]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("words", [
-    ["lab_tour"], ["reception"], ["release_1_0_tour", "robotInterface:=release-1.0"],
-    ["release_1_0_reception", "robotInterface:=release-1.0", "tabletSuccessIs:=yes"]])
+    ["lab_tour"], ["reception", *TWO_KINDS],
+    ["release_1_0_tour", "robotInterface:=release-1.0", *TWO_KINDS],
+    ["release_1_0_reception", "robotInterface:=release-1.0", "tabletSuccessIs:=yes", *TWO_KINDS]])
 def test_nothing_is_found_in_the_delivered_missions_with_each_single_fault(words):
     assert cli.rehearse(cli.Plan(cli.read(words)), jobs=2).findings == []
 

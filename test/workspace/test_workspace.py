@@ -163,6 +163,7 @@ def test_no_package_of_the_system_is_shadowed(home, workspace):
         found.replace("'", '"'))) == "[]\n"
 
 
+@pytest.mark.parametrize("sourced", ["install"], indirect=True)  # as test_extensions in devel
 def test_another_packages_leaves(home, sourced):
     shell = Shell(home, str(sourced))
     text = shell.do("roslaunch greeter greeter.launch")

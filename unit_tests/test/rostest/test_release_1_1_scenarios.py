@@ -23,8 +23,6 @@ GIVEN = ("robotInterface:=release-1.1", "failureRate:=0")
 VISITOR, D6_1 = "mission:=release_1_1_visitor_tour", "mission:=d6_1_tour"
 TABLET = "/tabletEvent/prompt_and_get_response"
 RUNS = {  # name -> arguments in addition to GIVEN, the end of the pass, and how many stops it shows
-    "engages": ((VISITOR, "recogniseBy:=action"), "SUCCESS", 7),
-    "D6.1": ((D6_1,), "SUCCESS", 7),
     "5, goals that nobody handles": ((VISITOR, "recogniseBy:=idleAction"), "SUCCESS", 0),
     "7, the published parts": (
         (VISITOR, "recogniseBy:=action", "absentActions:=/textToSpeech/say_text",

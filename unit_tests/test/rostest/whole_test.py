@@ -21,6 +21,7 @@ from free_ports import free_port  # noqa: E402
 
 LIMIT = 120.0  # seconds for one test
 PASSED, FAILED, NOT_RUN = 0, 1, 2
+USUAL = "arrivalRate:=3000", "callTimes:=none", "groot2Port:=0", "monitorPort:=0"
 CLEAN = ("scenarioSpecification:=lab_tour", "failureRate:=0")
 
 
@@ -51,11 +52,10 @@ class WholeTest(unittest.TestCase):
 
 
 def run_test(*arguments, **environment):
-    """Run ``runTest`` with these arguments, and with a high rate of messages and calls that take no
-    time unless they say otherwise."""
+    """Run ``runTest`` with these arguments and, unless they say otherwise, with a high rate of
+    messages, calls that take no time, and without a viewer."""
     names = {argument.partition(":=")[0] for argument in arguments}
-    arguments += tuple(usual for usual in ("arrivalRate:=3000", "callTimes:=none")
-                       if usual.partition(":=")[0] not in names)
+    arguments += tuple(usual for usual in USUAL if usual.partition(":=")[0] not in names)
     with tempfile.TemporaryDirectory() as folder:
         report = os.path.join(folder, "report.dat")
         environment = {**os.environ, "ROS_MASTER_URI": "http://localhost:{}".format(free_port()),

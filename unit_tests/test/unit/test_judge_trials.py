@@ -27,7 +27,7 @@ def test_a_visitor_may_leave_while_the_gesture_before_the_goodbye_is_tried_again
 
 
 @pytest.mark.parametrize("names, most",
-                         [([VOICE], 5), pytest.param(list(judge_trials.STAGES), 100, marks=MORE)])
+                         [([VOICE], 5), pytest.param(list(judge_trials.STAGES), 60, marks=MORE)])
 def test_a_broken_controller_is_failed_with_the_node_named(names, most):
     outcomes = judge_trials.sharpness(judge_trials.chosen(1, most, names=names), jobs=1)
     shown = [outcome for outcome in outcomes if outcome.is_visible]
