@@ -14,8 +14,9 @@ OF_ONE_PYTHON = ["test_{}.py".format(name) for name in (
     "report", "run_list", "shared_faults", "situations", "tampered", "tasks", "tutorial")]
 """What reads files, looks at pages or plays many visits with code that other files run as well."""
 SLOW_TOO = ["test_{}.py".format(name) for name in (
-    "conformance", "groot2", "node", "server", "ticks_on_demand", "try_robot", "viewer")]
-"""What goes by threads and sockets, which differ between versions of Python."""
+    "conformance", "connection", "groot2", "master", "server", "service_client", "signals", "sinks",
+    "subscriber", "ticks_on_demand", "viewer", "watchdog")]
+"""The engine, and what goes by threads and sockets, which differ between versions of Python."""
 UNIT = "not long and not slow"  # the tests of make unit
 LIMIT = 900.0  # seconds
 

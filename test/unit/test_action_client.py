@@ -256,6 +256,7 @@ def test_a_goal_is_sent_when_its_server_connects_in_time(master, monkeypatch):
     assert carried(None) == Answer()
 
 
+@pytest.mark.slow
 def test_a_goal_is_looked_at_now_and_then(master, monkeypatch):
     monkeypatch.setattr(action_client, "RETRY_INTERVAL", 0.05)
     began = time.monotonic()

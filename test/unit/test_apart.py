@@ -45,6 +45,7 @@ def test_slow_work_is_told_once(monkeypatch):
     assert len(told) == 1
 
 
+@pytest.mark.slow
 def test_the_wait_takes_no_processor_time():
     wake, looks = WakeUp(), []
     wake.emit()  # for another reason

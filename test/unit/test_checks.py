@@ -513,6 +513,7 @@ def test_a_text_where_an_element_is_due_is_told_at_its_place():
         "this text is dropped: " + said for said in places.values()]
 
 
+@pytest.mark.slow
 def test_texts_without_end_are_no_trouble():
     found = timed(main("<Sequence>{}</Sequence>".format("a <Navigate/>" * 20000)))
     assert 0 < len(found.faults) <= MOST_FINDINGS

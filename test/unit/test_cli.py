@@ -234,6 +234,7 @@ def test_each_port_of_a_mission_leaf_has_its_type_and_a_description(capsys):
                       for port in ports if not port.get("type") or not port.text] == []
 
 
+@pytest.mark.slow
 def test_a_project_has_the_palette_and_the_missions_of_the_data_folder(tmp_path, capsys):
     path = tmp_path / "projects" / "tours & more.btproj"
     path.parent.mkdir()
@@ -300,6 +301,7 @@ def test_a_project_has_the_missions_of_other_packages(tmp_path, monkeypatch):
     assert 'path="{}"'.format(os.path.join("greeter", "data", "greet.xml")) in path.read_text()
 
 
+@pytest.mark.slow
 def test_a_project_that_cannot_be_written_is_one_line(tmp_path):
     done = run("exportNodeModel", "--project", str(tmp_path / "none" / "x.btproj"))
     assert (done.returncode, done.stderr.count(b"\n")) == (1, 1)
@@ -387,6 +389,7 @@ def test_the_executable_tells_by_its_exit_code(file):
     assert os.access(os.path.join(EXECUTABLES, "validateMission"), os.X_OK)
 
 
+@pytest.mark.slow
 def test_a_terminal_that_knows_no_umlauts_gets_no_traceback(file):
     done = run("validateMission", file(GOOD.replace("Main", "Hôtel"), "ü.xml"),
                PYTHONIOENCODING="ascii")
@@ -394,6 +397,7 @@ def test_a_terminal_that_knows_no_umlauts_gets_no_traceback(file):
     assert b"\\xfc.xml: can be run" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_palette_executable():
     done = run("exportNodeModel")
     assert (done.returncode, done.stderr) == (0, b"") and b'<Action ID="Navigate">' in done.stdout
@@ -507,6 +511,7 @@ def test_an_older_py_trees_is_told_in_one_line(tmp_path, command, arguments):
             command, tmp_path / "py_trees"))
 
 
+@pytest.mark.slow
 def test_the_status_in_the_terminal_needs_no_py_trees(tmp_path):
     done = run_with_py_trees(tmp_path, "0.7.6",
                              [os.path.join(EXECUTABLES, "missionStatus"), "--help"])

@@ -175,6 +175,7 @@ def test_a_place_that_cannot_exist_is_trouble(host, port):
         Connection().open(host, port, {"callerid": "/a"}, 1.0)
 
 
+@pytest.mark.slow
 def test_a_name_server_that_hangs_is_waited_for_within_the_limit_and_asked_once(monkeypatch):
     asked, answer = [], threading.Event()
     real = socket.getaddrinfo

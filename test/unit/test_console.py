@@ -276,6 +276,7 @@ def test_what_another_node_answers_is_one_line():
     assert str(Trouble(Cause.HANDLER_EXCEPTION, ODD)).isprintable()
 
 
+@pytest.mark.slow
 def test_a_line_has_the_time_of_what_it_tells_and_not_that_of_its_writing(told, console):
     records, is_written = [], threading.Event()
 

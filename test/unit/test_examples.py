@@ -28,6 +28,7 @@ def test_own_leaves_run_a_file_of_groot2():
     assert done.stdout == "SUCCESS {'at': Spot(x=0.0, y=0.0), 'battery': 0} 0\n", done.stderr
 
 
+@pytest.mark.slow
 def test_a_wrong_text_of_an_own_type_is_a_line_with_its_place(tmp_path):
     with open(os.path.join(EXAMPLES, "plain_python.xml"), encoding="utf-8") as file:
         text = file.read().replace('to="2.5;1"', 'to="2.5;north"')
@@ -39,6 +40,7 @@ def test_a_wrong_text_of_an_own_type_is_a_line_with_its_place(tmp_path):
                                                   line)) and "north" in done.stderr
 
 
+@pytest.mark.slow
 def test_py_trees_tools_show_a_mission_to_its_end():
     done = ran("py_trees_tools.py", os.path.join(EXAMPLES, "py_trees_tools.xml"))
     pictures = done.stdout.split("\n\n")

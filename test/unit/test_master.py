@@ -73,6 +73,7 @@ def test_a_master_that_was_just_silent_is_asked_only_for_what_was_never_found(ma
     assert len(master.calls) - before == (not is_known)
 
 
+@pytest.mark.slow
 def test_a_service_that_its_node_has_withdrawn_is_forgotten(master):
     directory, master.services[SAY] = Directory(), THERE
     knows_us(master)
@@ -100,6 +101,7 @@ def test_each_round_without_an_answer_counts_until_one_is_complete(master):
     assert refreshed(directory)[0] == 0
 
 
+@pytest.mark.slow
 def test_where_publishers_are_also_of_a_master_that_fell_silent_after_its_list(master):
     directory = Directory()
     master.publishers[FACES] = ["/a", "/b", "/gone"]
@@ -223,6 +225,7 @@ def test_of_a_master_that_has_forgotten_this_node_the_known_services_are_former_
     assert not registering.forgotten
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unanswered, expected", [(0, [("unregisterSubscriber", FACES, US)]),
                                                   (1, [])])
 def test_at_its_end_the_node_unregisters_if_the_master_answers(master, registering, unanswered,

@@ -125,6 +125,7 @@ def test_a_commands_own_output_is_replaced(call, tmp_path, capfd):
     assert link.is_symlink() and set(tmp_path.iterdir()) - before == {path}
 
 
+@pytest.mark.slow
 def test_the_output_of_another_command_is_not_replaced(tmp_path, capfd):
     commands = Called(tmp_path)
     for first in COMMANDS:
@@ -190,6 +191,7 @@ def test_ctrl_c_leaves_no_half_of_a_file(tmp_path, sign):
     assert path.read_text() == NEW and list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_standard_output_takes_a_report(tmp_path, capfd):
     commands = Called(tmp_path)
     for output in ("/dev/stdout", "/dev/fd/1"):

@@ -86,6 +86,7 @@ def test_a_record_that_a_process_writes_stays_however_old_it_is(tmp_path):
     assert len(below(tmp_path)) == 19
 
 
+@pytest.mark.slow
 def test_the_record_of_a_living_node_is_locked_and_that_of_a_killed_one_is_not(tmp_path):
     code = ("import sys, time\n" "from behavior_controller.run.record.recorder import RecordFiles\n"
             "record = RecordFiles(sys.argv[1], print)\n" "print(record.path, flush=True)\n"
@@ -136,6 +137,7 @@ def test_a_record_in_a_relative_folder_is_named_so_that_all_find_it(tmp_path, mo
     assert [record.path] == runs(str(tmp_path / "my records"))
 
 
+@pytest.mark.slow
 def test_the_next_run_in_the_same_folder_leaves_the_record_of_the_one_before(tmp_path):
     (tmp_path / "mission.jsonl").write_text("of an earlier version")
     first, second = (recorded(tmp_path, visitor_who(says=says)) for says in ("yes", "no"))
@@ -229,6 +231,7 @@ def test_the_oldest_visits_go_first_and_the_rest_is_replayed_and_shown(tmp_path,
         assert file.read().count("\n") == 1
 
 
+@pytest.mark.slow
 def test_of_one_visit_that_is_larger_than_all_files_the_end_is_kept(tmp_path, small):
     expected = whole(tmp_path, 1)
     path = small(tmp_path, 1, 5000, 200_000)
@@ -307,6 +310,7 @@ def test_a_file_of_a_user_beside_a_record_is_no_part_of_it(tmp_path):
     assert events_of(path) == before
 
 
+@pytest.mark.slow
 def test_files_of_another_run_and_what_is_no_file_are_no_part_of_a_run(tmp_path, small):
     path = small(tmp_path / "one", 2, 100_000, 10 ** 9)
     other = files.parts(small(tmp_path / "other", 4, 30_000, 10 ** 9))
@@ -497,6 +501,7 @@ def test_a_record_that_is_removed_while_it_is_written_goes_on(tmp_path, monkeypa
     assert replay(read_record(record.path)).divergence == ""
 
 
+@pytest.mark.slow
 def test_a_further_file_that_cannot_be_made_is_tried_again(tmp_path, small, monkeypatch):
     expected, made, told = whole(tmp_path, 2), files._created, Told()
     failures = iter([True, True])

@@ -357,6 +357,7 @@ def test_a_scene_counts_its_faults_and_knows_how_it_goes_without(tmp_path):
     assert runner.evaluate(Scenario("engages")).switched == ((SetAttention("scanning"), 2),)
 
 
+@pytest.mark.slow
 def test_a_service_that_fails_for_good_fails_at_each_later_call(tmp_path):
     body = '<RetryUntilSuccessful num_attempts="-1"><WelcomeSpeech/></RetryUntilSuccessful>'
     scene = Scenario("engages", planned=(PlannedFault("textToSpeech", 1, "exception", True),))
@@ -551,6 +552,7 @@ def test_numbers_are_allowed_up_to_their_bounds():
     assert cli.read(["m"]).jobs == len(os.sched_getaffinity(0))
 
 
+@pytest.mark.slow
 def test_a_planned_fault_that_no_call_meets_is_reported(capsys):
     planned = "knowledgeBase:1:refused,robotNavigation:99:crash"
     cli.main(["lab_tour", "--visitors", "engages", "--planned", planned, "--jobs", "1"])
@@ -1180,6 +1182,7 @@ ACCEPT = """    asks = SetLights
 ANSWERS = 'as they are", simulated_answer=lambda request: Answer(response=request.colour))'
 
 
+@pytest.mark.slow
 def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
     changed = greeter(tmp_path, (LEAVES, "    asks = SetLights\n", ACCEPT),
                       (INTERFACE, "NO_EFFECT, ", "NO_EFFECT, Answer, "),
@@ -1210,6 +1213,7 @@ def test_a_leaf_that_does_not_return_is_an_exception_in_its_code(tmp_path):
     assert places is not None and int(places.group(1)) in (line, line + 1), text
 
 
+@pytest.mark.slow
 def test_an_alarm_that_was_set_before_a_play_comes_after_it():
     alarm = threading.Event()
     limit = signal.alarm(0)  # of whoever runs the tests

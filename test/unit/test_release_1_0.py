@@ -1030,6 +1030,7 @@ def test_a_mission_that_is_too_large_to_be_followed_still_loads(body):
     assert Rig(file(body), robotInterface=RELEASE).tree.warnings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", ["<Sequence>" * 149 + "<IsVisitorPresent/>" + "</Sequence>" * 149,
                                   "<Sequence>" + "<IsVisitorPresent/>" * 1999 + "</Sequence>"])
 def test_the_largest_missions_are_followed(body):

@@ -189,6 +189,7 @@ def test_each_visit_has_a_section_with_its_outcome_and_its_exhibits(day, told):
     assert any(re.match(ended, row) for row in rows)
 
 
+@pytest.mark.slow
 def test_eight_visitors_take_less_than_half_a_megabyte(told):
     assert len(told.text.encode()) < 500_000
     assert told.text.count('<details class="visit"') == 9  # and what was before the first visit

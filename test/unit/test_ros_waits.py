@@ -61,6 +61,7 @@ def plan_with(wake, **values):
     return load.load(chosen, SimulatedClock(wake.emit), wake)
 
 
+@pytest.mark.slow
 def test_while_the_safe_state_is_awaited(master, wake, console, monkeypatch):
     """One service answers and the other hangs: the answer wakes the wait once."""
     plan = plan_with(wake)
@@ -106,6 +107,7 @@ def test_while_the_simulated_time_is_awaited(master, wake, monkeypatch):
     assert CountedWakeUp.waits < 20
 
 
+@pytest.mark.slow
 def test_while_an_answer_is_awaited_after_it_was_told_how_far_the_robot_is(wake):
     clock, call = Clock(), Call(Say("hello"), wake.emit, lambda: None)
     clock.call_after(0.3, lambda: call.finish(Answer()))

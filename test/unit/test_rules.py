@@ -219,6 +219,7 @@ def test_the_reference_is_what_make_derived_writes_with_a_section_for_each_code(
     assert list(REFERENCE) == ["", *sorted(RULES, key=lambda code: RULES[code].is_warning)]
 
 
+@pytest.mark.slow
 def test_the_reference_explains_a_code_with_what_is_told():
     fault, = told(examples()[rules.UNKNOWN_NODE.code][0].text)
     line = '\nNo node type has this name. `<Sequense><Sleep msec="5"/></Sequense>`\n\n'

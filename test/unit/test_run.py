@@ -408,6 +408,7 @@ def test_a_clock_that_is_set_back_hides_nothing():
     assert run.at(99.0) == State() and run.at(100.0).visit_count == 1
 
 
+@pytest.mark.slow
 def test_a_moment_of_a_long_run_costs_no_more_than_some_hundred_events(monkeypatch):
     run = after(*[Noticed("info", "so")] * 20_000)
     folded = []

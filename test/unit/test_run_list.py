@@ -75,6 +75,7 @@ def test_a_record_that_ends_in_a_visit_tells_of_it(place):
     assert visit.seconds == pytest.approx(killed.ended - visit.began, abs=0.06)  # from its arrival
 
 
+@pytest.mark.slow
 def test_a_node_that_died_is_an_outage_until_it_is_back(place):
     first, second, _ = listed_of(place)
     for digest, number in ((first, 8), (second, 1)):

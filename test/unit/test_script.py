@@ -479,6 +479,7 @@ def random_script(source):
     return source.choice(("", " ")).join(words)
 
 
+@pytest.mark.slow
 def test_random_scripts_fail_cleanly_or_run():
     source = random.Random(4)
     outcomes = {"ran": 0, ScriptSyntaxError: 0, ScriptError: 0}

@@ -148,6 +148,7 @@ def test_idle_connections_are_capped_and_make_room(show):
         each.close()
 
 
+@pytest.mark.slow
 def test_a_browser_that_is_served_keeps_its_place(show, monkeypatch):
     monkeypatch.setattr(server, "SHORTEST_IDLE", 0.3)
     shown = show(one_leaf("<Sleep msec='9000'/>"))
@@ -364,6 +365,7 @@ def test_the_end_reaches_a_browser_before_the_server_closes(show, monkeypatch, s
     assert ended == said if said else ended
 
 
+@pytest.mark.slow
 def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
     earlier = set(threading.enumerate())
     shown = show(Rig())

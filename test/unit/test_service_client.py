@@ -244,6 +244,7 @@ def test_after_a_handshake_that_means_nothing_the_next_call_connects_anew(robot)
 # ------------------------------------------------------------------------------------------- time
 
 
+@pytest.mark.slow
 def test_a_server_that_never_shakes_hands_was_not_asked(robot):
     robot.talks(hang)
     robot.deadline = 0.3
@@ -401,6 +402,7 @@ def test_what_this_computer_could_not_ask_is_no_failure_of_the_server(robot):
     assert not seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("request_, least", [(SetAttention("disabled"), 0.4), (Say("a"), 0.0)])
 def test_the_safe_state_has_its_seconds_of_the_process_however_fast_the_simulated_time_goes(
         robot, request_, least):
@@ -479,6 +481,7 @@ def test_a_message_goes_to_a_subscriber_that_is_there_or_comes_in_time(publishin
     assert [data[-5:] for data in other.messages] == [b"hello"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_cut", [False, True])
 def test_without_a_subscriber_nothing_is_published(publishing, is_cut):
     began = time.monotonic()

@@ -53,16 +53,19 @@ def told(reads, has_terminal, numbers):
         return lines + node.stdout.read().splitlines()
 
 
+@pytest.mark.slow
 def test_a_hang_up_has_the_files_read_again_until_the_terminal_is_gone():
     hang_ups = [signal.SIGHUP, signal.SIGHUP]
     assert told(True, True, hang_ups) == ["ready", "read again", "read again", "stopped"]
 
 
+@pytest.mark.slow
 def test_a_node_without_a_terminal_reads_its_files_at_each_hang_up():
     numbers = [signal.SIGHUP, signal.SIGHUP, signal.SIGTERM]
     assert told(True, False, numbers) == ["ready", "read again", "read again", "stopped"]
 
 
+@pytest.mark.slow
 def test_a_hang_up_before_the_mission_has_begun_is_told_and_ignored():
     assert told(False, False, [signal.SIGHUP, signal.SIGINT]) == [
         "ready", "SIGHUP ignored: the mission has not begun", "stopped"]

@@ -341,6 +341,7 @@ def test_the_node_waits_for_the_first_time(clock_topic, monkeypatch, is_publishe
     master.close()
 
 
+@pytest.mark.slow
 def test_a_publisher_that_sends_no_time_is_told(clock_topic, monkeypatch):
     master = Master()
     monkeypatch.setenv("ROS_MASTER_URI", master.uri)

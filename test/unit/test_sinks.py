@@ -109,6 +109,7 @@ def test_a_thousand_items_wait_if_nothing_else_is_said():
     assert len(gate.written) == 1002
 
 
+@pytest.mark.slow
 def test_what_is_just_being_written_is_waited_for():
     gate, sink = gated(most=4)
     began = time.monotonic()
@@ -119,6 +120,7 @@ def test_what_is_just_being_written_is_waited_for():
     assert gate.written == [0] and time.monotonic() - began < 5.0
 
 
+@pytest.mark.slow
 def test_a_blocked_sink_takes_no_time_from_the_others():
     blocked, other = gated(most=4)[1], gated(most=4)
     other[0].open.set()

@@ -196,6 +196,7 @@ def test_a_service_stands_in_for_its_action_and_is_told_to(master):
     assert [each.state for each in found] == ["awaited", "ready"]
 
 
+@pytest.mark.slow
 def test_of_an_action_whose_service_cannot_be_used_that_is_told(master):
     master.services[DRIVE.name] = "rosrpc://127.0.0.1:1"
     with pytest.raises(NodesMissing, match="not reachable: the master lists it"):

@@ -794,6 +794,7 @@ def test_wrong_arguments_are_told_without_a_traceback(code, arguments):
     assert done.code == code and 0 < done.error.count("\n") <= 4
 
 
+@pytest.mark.slow
 def test_a_terminal_without_the_signs_and_a_full_disk():
     variables = dict(os.environ, PYTHONPATH=SOURCE, PYTHONIOENCODING="ascii")
     with server(http(sent(*GOOD))) as port, open("/dev/full", "w") as full:

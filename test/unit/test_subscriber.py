@@ -207,6 +207,7 @@ def test_a_publisher_that_is_no_longer_listed_is_left_when_its_connection_ends(r
     assert buffer.is_connected and list(buffer._links) == [other.uri]
 
 
+@pytest.mark.slow
 def test_a_publisher_of_another_type_counts_for_nothing(reading):
     wrong = Publisher(SPEECH, "/wrong", type="std_msgs/Int8", md5sum="27ffa0c9c4b8fb84")
     right = Publisher(SPEECH, "/right")
@@ -226,6 +227,7 @@ def test_a_publisher_of_another_type_counts_for_nothing(reading):
     right.close()
 
 
+@pytest.mark.slow
 def test_a_flood_of_another_type_is_read_at_intervals(reading, monkeypatch):
     """Unread, it would block its publisher."""
     monkeypatch.setattr(subscriber, "RETRY_INTERVAL", 0.1)
@@ -255,6 +257,7 @@ def test_a_connection_that_breaks_is_made_again(reading, spoil):
     until(lambda: values(buffer) == ["before", "after"])
 
 
+@pytest.mark.slow
 def test_a_publisher_that_refuses_or_publishes_no_longer_is_tried_again(reading):
     buffer, publisher = reading(SPEECH), Publisher(SPEECH)
     publisher.requestTopic = lambda *_: (-1, "no longer", 0)

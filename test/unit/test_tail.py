@@ -80,6 +80,7 @@ def test_a_run_that_cannot_be_read_is_named(tmp_path):
     record.close()
 
 
+@pytest.mark.slow
 def test_the_newest_files_tell_what_is_so_and_miss_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "FILE_BYTES", 50_000)
     path = recorded(tmp_path, visitor_who(says="yes"))

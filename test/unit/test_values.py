@@ -196,6 +196,7 @@ def test_what_is_passed_over_after_a_number(type_name, text, rest):
     assert values.unread(text, type_name) == rest
 
 
+@pytest.mark.slow
 def test_huge_texts_take_no_time():
     began = time.thread_time()
     for text in ("1" * 1000000, "1" * 1000000 + ".5", "0" * 1000000 + "1", "x" * 1000000):

@@ -102,6 +102,7 @@ def test_a_server_that_goes_and_one_that_returns_are_told_once(master, watch):
                   (SPEECH.name, False, "gone"))
 
 
+@pytest.mark.slow
 def test_a_connection_is_kept_as_long_as_the_server_is_there(master, watch, monkeypatch):
     made = []
 
@@ -160,6 +161,7 @@ def test_one_that_may_lack_is_told_when_it_has_gone(master, watch):
     watched.tells((SPEECH.name, False, "gone"))
 
 
+@pytest.mark.slow
 def test_a_server_that_shakes_no_hands_is_gone(master, watch, monkeypatch):
     monkeypatch.setattr(watchdog, "RECONNECT_LIMIT", 0.3)
     server, watched = Service(master, SPEECH), watch()
@@ -200,8 +202,9 @@ def test_a_service_and_its_action_stand_in_for_each_other(master, watch, offered
     (0, 0, ("/other",), []),
     (0, 0, (SPEECH.name,),
      [(False, "is a new one, or its memory was cleared: it does not know " "textToSpeech")])])
-def test_the_master(master, watch, directory, unanswered, slow, forgotten, expected):
-    watched = watch()
+def test_the_master(master, watch, monkeypatch, unanswered, slow, forgotten, expected):
+    directory, watched = Directory(), watch()  # in which no thread of a subscriber counts rounds
+    monkeypatch.setattr(watchdog, "DIRECTORY", directory)
     watched.monitor.include([SPEECH], may_lack=True)
     directory.unanswered, directory.slow_answers = unanswered, slow
     directory.fault = "does not answer"

@@ -107,6 +107,7 @@ def test_an_address_where_no_node_answers_is_no_living_node(master, uri):
     claims.check_test(of({}))
 
 
+@pytest.mark.slow
 def test_a_master_that_hangs_is_one_line_in_time(given, monkeypatch):
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))

@@ -565,6 +565,7 @@ SHORT_PASS = 1.0
 """Seconds from the end of a short pass to the next one, and to its pause."""
 
 
+@pytest.mark.slow
 def test_the_pause_after_passes_that_fail_for_a_spent_budget_doubles_until_one_succeeds():
     """10 s at first and 25 s at most; the first pass spends the budget."""
     with policy("budget 1 600\npause 10 25\n* * 0 0 giveUp\n"):

@@ -241,6 +241,7 @@ def test_without_its_key_the_arm_is_the_default_and_not_what_was_read_before(mon
         "the controller has another text than the file"]
 
 
+@pytest.mark.slow
 def test_a_visitor_is_not_lost_in_the_mode_that_says_nothing_of_visitors():
     """Fault 3: the release asks for another mode than its missions set, and gives no tour."""
     of_test = of_tour("release_1_0_tour")
@@ -250,6 +251,7 @@ def test_a_visitor_is_not_lost_in_the_mode_that_says_nothing_of_visitors():
     assert (end, len(names)) == ("SUCCESS", 7) and objections(of_test) == ()
 
 
+@pytest.mark.slow
 def test_the_published_parts_give_the_whole_tour():
     """Fault 7: speech by the service alone, no way to switch recognition, no tablet."""
     of_test = of_tour("release_1_1_visitor_tour", recognise_by="action", absent_actions=(SPEECH,),

@@ -98,6 +98,7 @@ def test_under_run_test_the_report_waits_for_the_end_of_roslaunch(tmp_path, caps
     assert test_node.read_verdict(str(tmp_path / "run")) == (1, "the report")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit, is_short", [(120.0, True), (200.0, False)])
 def test_the_time_that_a_test_needs_is_told_before_the_start(limit, is_short):
     """A silent visitor is asked four times, and has 10 s for an answer."""
@@ -118,6 +119,7 @@ def test_a_run_without_an_end_has_no_verdict(tmp_path):
     assert test_node.read_verdict(str(tmp_path)) is None
 
 
+@pytest.mark.slow
 def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(tmp_path, monkeypatch):
     def stand_still(*_):
         time.sleep(0.4)

@@ -105,6 +105,7 @@ def test_a_request_without_sense_is_refused_at_once():
             if line.call and line.time < played.ended] == [False, True]
 
 
+@pytest.mark.slow
 def test_a_speech_that_is_late_for_its_words_is_slow_until_one_is_in_time_again():
     played = play(of_text(SAY), planned_faults=(PlannedFault("textToSpeech", 1, "unanswered"), ),
                   mission_runs=2)

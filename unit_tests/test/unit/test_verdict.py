@@ -358,6 +358,7 @@ def test_retries_that_come_late_every_time(seconds, number, is_late):
     assert bool(retried) is is_late and all("Navigate" in text for text in retried)
 
 
+@pytest.mark.slow
 def test_what_disturbed_the_test_comes_before_what_followed_from_it():
     of_test = facts()
     cut = of_test._replace(run=Run(list(of_test.run.lines)[:40]), cut_off="it was disturbed")

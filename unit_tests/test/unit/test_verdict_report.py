@@ -223,6 +223,7 @@ def test_a_planned_fault_whose_call_was_not_made_is_named():
         "planned in vain: robotNavigation:99:crash, since that call was not made"]
 
 
+@pytest.mark.slow
 def test_a_budget_that_is_spent_is_the_cause():
     shown = Report(facts(failure_rate=0.5, mission_runs=2), "title")
     assert any("the budget of 30 recoveries in 600 s is spent" in line for line in shown.visitors)
@@ -256,6 +257,7 @@ def test_the_coverage_counts_the_leaves_and_the_branches_of_nodes_with_several_c
     assert summary_lines(of_test)[-1] == "coverage: 2 of 3 leaves of the mission ran"
 
 
+@pytest.mark.slow
 def test_the_page_marks_the_point_of_difference_in_the_story():
     def silent(line):
         is_first = isinstance(line.event, Asked) and isinstance(line.event.request, Say)
@@ -272,6 +274,7 @@ def test_the_page_marks_the_point_of_difference_in_the_story():
     assert Report(of_test._replace(run=Run()), "title").page() == ""
 
 
+@pytest.mark.slow
 def test_the_page_of_a_controller_that_was_killed_says_so():
     of_test = facts()
     cut = Run(line for line in of_test.run.lines if not isinstance(line.event, RunFinished))
