@@ -165,9 +165,6 @@ FLAWED = [
      [as_fallback("LabTour")]),
     ("a Fallback of the way home", calm(), "not-home", [as_fallback("GoHome")])]
 
-SEARCHED = {"a Fallback of the steps of a drive", "a Fallback of the steps at the end"}
-"""The tours in which every visitor waits until the limit of a pass."""
-
 SOUND = [
     ("pointing before describing", [(FIRST + POINT, POINT + FIRST)]),
     ("one description alone", [(SECOND, "")]),

@@ -627,7 +627,7 @@ def unfolded(checked):
         waiting.extend(reversed(children))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nothing_wrong_is_told_of_the_recorded_traces():
     """2,000 trees run by BehaviorTree.CPP itself: the estimate allows every result; "never reached"
     never runs. No entry is missing: all are given by the host."""
