@@ -34,7 +34,7 @@ def used(depth: int = 1) -> Dict[str, Set[str]]:
 
 
 def reached(uses: Dict[str, Set[str]], folder: str) -> Set[str]:
-    """Return the folders that ``folder`` uses, also through others."""
+    """Return the folders, or modules, that one of them uses, also through others."""
     found: Set[str] = set()
     waiting = [folder]
     while waiting:

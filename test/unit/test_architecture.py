@@ -262,10 +262,9 @@ def test_no_two_public_classes_have_one_name():
 
 def test_a_simulated_node_starts_without_the_engine():
     """A launch starts ten of them."""
-    reached, new = set(), {"unit_tests.robot.ros_nodes"}
-    while new:
-        reached |= new
-        new = {other for name in new for other in imports(name)} & set(MODULES) - reached
+    uses = {name: imports(name) for name in MODULES}
+    reached = folder_uses.reached(uses, "unit_tests.robot.ros_nodes")
+    assert PRODUCT + ".wakeup" in reached
     assert [name for name in reached if name.startswith(PRODUCT + ".bt")] == []
 
 
