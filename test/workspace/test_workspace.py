@@ -47,7 +47,6 @@ class Shell:
 
     def __init__(self, home, *sourced):
         self.environment = {
-            "ROS_LANG_DISABLE": "gencpp:geneus:genlisp:gennodejs",  # which take half the time
             "HOME": str(home), "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
             "ROS_HOSTNAME": "localhost", "ROS_HOME": str(home / "ros"), "PYTHONUNBUFFERED": "1",
             "ROS_MASTER_URI": "http://localhost:{}".format(free_port())}
