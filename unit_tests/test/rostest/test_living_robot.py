@@ -11,14 +11,13 @@ import rospy
 import rostest
 
 from first_message import wait_for_first_message
-from launched import LIMIT, Launched
+from launched import LIMIT, Launched, USUAL
 
 GOAL = "/robotNavigation/set_goal"
 NAVIGATION = ("robotNavigation", GOAL)
 TEST = ("rosrun", "unit_tests", "runTest")
-QUICK = ("scenario:=declines", "callTimes:=none", "failureRate:=0", "arrivalRate:=3000",
-         "groot2Port:=0", "monitorPort:=0", "startupTimeout:=90"
-         )  # ten processes start at once, perhaps on a busy machine
+# ten processes start at once, perhaps on a busy machine
+QUICK = ("scenario:=declines", "failureRate:=0", "startupTimeout:=90", *USUAL)
 WAITS = ("scenario:=silent",) + QUICK[1:]
 STAND_IN = os.path.join(os.path.dirname(os.path.abspath(__file__)), "stand_in.py")
 

@@ -15,13 +15,14 @@ from behavior_controller.run.history import Run
 from behavior_controller.run.record.reader import read_record
 from unit_tests.judge.verdict import QUESTIONS
 
+from launched import USUAL
+
 HERE = os.path.dirname(os.path.realpath(__file__))
 sys.path.append(os.path.join(HERE, "../../../test/rostest"))
 from free_ports import free_port  # noqa: E402
 
 LIMIT = 120.0  # seconds for one test
 PASSED, FAILED, NOT_RUN = 0, 1, 2
-USUAL = "arrivalRate:=3000", "callTimes:=none", "groot2Port:=0", "monitorPort:=0"
 CLEAN = ("scenarioSpecification:=lab_tour", "failureRate:=0")
 
 
